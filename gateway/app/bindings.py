@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 
@@ -12,8 +13,6 @@ from gateway.app.watchdog import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, networks
-from gateway.clients.any_protocol.acceptor import AnyAcceptor
-from gateway.clients.any_protocol.web import Web
 from gateway.clients.equinox import J2000
 from gateway.clients.late import LateAcceptor
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
@@ -33,6 +32,10 @@ from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import Elsewhere, WebDevice
 from gateway.transport.wires import SerialTransport, Transport
+
+if TYPE_CHECKING:
+    from gateway.clients.any_protocol.acceptor import AnyAcceptor
+    from gateway.clients.any_protocol.web import Web
 
 Cutting = Callable[[], Framer]
 
@@ -102,7 +105,7 @@ def _nobody(words: str) -> None:
 
 
 #: What accepts the connections of a surface.
-Acceptor = ConnectionAcceptor | AnyAcceptor | LateAcceptor
+Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor | LateAcceptor"
 
 
 class Acceptors:
@@ -136,6 +139,8 @@ class Acceptors:
             return LateAcceptor(number, entry, lambda: self._one(number, endpoint, surface, self._warn))
         if endpoint.protocol != ANY:
             return self._one(number, endpoint, surface, self._warn)
+        from gateway.clients.any_protocol.acceptor import AnyAcceptor
+
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
         for protocol in spoken(ANY):
             part = settled(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))

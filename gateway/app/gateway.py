@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 from gateway.app.bindings import (
     Acceptor,
@@ -23,7 +25,6 @@ from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import settled
 from gateway.app.control import Control
 from gateway.app.control.orders import orders
-from gateway.app.control.requests import Desk
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.mount_claim import MountClaim
@@ -46,6 +47,9 @@ from gateway.transport import Listener
 from gateway.transport.listening import SERVED
 from gateway.transport.web_port import WebDevice
 from gateway.transport.wires import on_the_wire
+
+if TYPE_CHECKING:
+    from gateway.app.control.requests import Desk
 
 
 class Gateway:
@@ -84,8 +88,6 @@ class Gateway:
         self.past = PreviousRun(SavedState(FORMAT))
         self.keeping: StateStore | None = None
         self.control: Control | None = None
-        #: Where wishes from the command line are taken.
-        self.desk: Desk | None = None
         self.claim: MountClaim | None = None
         #: How everything comes in that comes from outside.
         self.entrance = Entrance()
@@ -171,7 +173,6 @@ class Gateway:
             self.keeping.attach(self.controller)
         if self.watched is not None:
             tell_of_motions(self.controller, self.watched)
-        self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
         self.controller.before_motion.announce = self.entrance.waiting(self.controller.before_motion.announce)
         made = Acceptors(self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web)
         self.faces = made.faces
@@ -195,14 +196,12 @@ class Gateway:
         """Let ``mount-gateway stop`` and its like in."""
         assert self.controller is not None and self.keeping is not None
         where = [self.keeping.directory, *folders()[0]]
-        desk = self.desk
-        assert desk is not None
         self.control = Control(
             where,
             self.keeping.name,
             str(self.mount),
             orders(self.controller, self.keeping, self.entrance),
-            lambda line: self.entrance.wish(line, desk.carry_out),
+            lambda line: self.entrance.wish(line, self.desk.carry_out),
             self.config.name or "",
         )
         try:
@@ -227,6 +226,14 @@ class Gateway:
             if face.fit is not None:
                 face.model.update(face.fit(equatorial, self.controller.driver.german, self.controller.driver.gps))
         self.fitted.set()
+
+    @cached_property
+    def desk(self) -> Desk:
+        """Where wishes from the command line are taken: made when the first one comes, not at the start."""
+        from gateway.app.control.requests import Desk
+
+        assert self.controller is not None
+        return Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
 
     def programs(self) -> list[str]:
         """The hosts of the programs that are here."""

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.control import ControlEndpoint
-from gateway.app.control.endpoints import doors
+from gateway.app.control.endpoints import ControlEndpoint, doors
 from gateway.app.state.file import MarkerContent, read_mark
 from gateway.system import processes
+from gateway.system.files import directory
 from gateway.system.runtime_folders import folders, of_others, user, user_name
 
 
@@ -33,6 +33,11 @@ class Scope(Struct, frozen=True):
 
     folder: Path
     alone: bool = False
+
+
+def scope_of(state: str | None) -> Scope:
+    """The folder that somebody has named, or systemd, and no other then; else the usual one of this user."""
+    return Scope(directory(state), alone=bool(state or os.environ.get("STATE_DIRECTORY")))
 
 
 def unseen(scope: Scope) -> list[processes.Process]:

@@ -17,6 +17,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 UNIX_AT_J2000 = 946728000.0  # 2000-01-01 12:00, as a Unix time
 SIDEREAL_RATE = 360.0 * 1.002737909350795 / 86400.0  # degrees of mean sidereal time in a second of UT1
+SIDEREAL_ARCSECONDS = 15.041067  # the same in arcseconds, with the digits that makers and programs reckon with
 _TT_MINUS_UTC = 69.184  # since 2017; ten seconds of error here cost less than a milliarcsecond below
 _CENTURY = 36525.0 * 86400.0
 

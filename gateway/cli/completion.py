@@ -28,7 +28,6 @@ Once, for your own user:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     completion = commands.add_parser(
         "completion",
         help="a script that completes commands and flags in your shell",

@@ -9,7 +9,6 @@ from gateway.cli.serve.settings import add_settings, settings
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     config = commands.add_parser(
         "config", help="the configuration in effect, or an example of gateway.toml",
         description="Prints what run would go by, and where each value comes from.",

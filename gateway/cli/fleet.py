@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from gateway.fleet.access import Access
 
 PORT = 4090
+#: The keys of ``[mqtt]`` that are flags here.
+KEYS = ("prefix", "password-file", "ca")
 EXAMPLES = """\
 Examples:
   mount-gateway fleet --mqtt mqtt://broker.local
@@ -27,7 +29,8 @@ The page is for browsers of this computer. From elsewhere: ssh -L 4090:127.0.0.1
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
+    from gateway.app.config.describing import keys
+
     fleet = commands.add_parser(
         "fleet", help="a page with all mounts on an MQTT broker, and STOP for all of them",
         description="Shows every mount on an MQTT broker in the browser: what it does, where it points, whether it is "
@@ -35,12 +38,9 @@ def add(commands: Commands) -> None:
         epilog=EXAMPLES,
     )  # fmt: skip
     fleet.add_argument("--mqtt", metavar="URL", required=True, help="mqtt://[USER@]HOST:PORT, or mqtts:// with TLS")
-    fleet.add_argument("--prefix", default="mount-gateway", help="what the topics begin with (default mount-gateway)")
-    fleet.add_argument(
-        "--password-file", metavar="FILE",
-        help="a file with the password (default: the environment variable MOUNT_GATEWAY_MQTT_PASSWORD)",
-    )  # fmt: skip
-    fleet.add_argument("--ca", metavar="FILE", help="mqtts: the certificates that the broker's is signed by")
+    for key in keys("mqtt"):
+        if key.name in KEYS:
+            fleet.add_argument(f"--{key.name}", default=key.default, metavar=key.shown, help=key.help)
     fleet.add_argument("--port", type=int, default=PORT, help=f"of the page, on this computer (default {PORT})")
     fleet.set_defaults(run=_fleet)
 

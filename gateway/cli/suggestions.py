@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 
 from gateway.core.errors import UserError
+from gateway.core.spelling import alike
 
 #: argparse's words for a mistake, and ours.
 _PLAINLY = (
@@ -71,7 +71,7 @@ def command(word: str, commands: Sequence[str]) -> UserError:
         return UserError(f"{word!r} is no command; did you mean mount-gateway run {word}?")
     if "@" in word:
         return UserError(f"{word!r} is no command; did you mean mount-gateway run --mount {word}?")
-    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *get_close_matches(word.lower(), commands, 1)]
+    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *alike(word.lower(), commands)]
     right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
     return UserError(f"there is no command {word!r}; {right}")
 
@@ -107,7 +107,7 @@ def extra(words: Sequence[str], asked: argparse.ArgumentParser, others: Iterable
         right = f"{' and '.join(has[:2])} {'has' if len(has) == 1 else 'have'} it"
     elif key := _key(word):
         right = key
-    elif close := get_close_matches(word, own, 1, 0.75):
+    elif close := alike(word, own, least=0.75):
         right = f"did you mean {close[0]}?"
     return UserError(f"{name} has no flag {word}; {right}")
 
@@ -118,8 +118,8 @@ def _flags(parser: argparse.ArgumentParser) -> set[str]:
 
 def _key(flag: str) -> str:
     """Where a key is written that is no flag; empty for what is no key either."""
-    from gateway.app.config.describing import named
+    from gateway.app.config.describing import named, title
 
-    titles = {"mount": "[mount]", "surface": "[[surface]]", "console": "[console]"}
-    title = next((title for table, title in titles.items() if named(table, flag[2:])), "")
-    return title and (f"{flag[2:]} is written in gateway.toml, under {title}; mount-gateway config --example shows how")
+    table = next((table for table in ("mount", "surface", "console") if named(table, flag[2:])), "")
+    where = f"{flag[2:]} is written in gateway.toml, under {title(table)}; mount-gateway config --example shows how"
+    return where if table else ""

@@ -141,10 +141,6 @@ class ConnectionAcceptor:
         """The port is open, and has its real number."""
         self.presets.where = where
 
-    def programs(self) -> int:
-        """How many they are."""
-        return len(self.here())
-
     def _leave(self, host: str, client: CommandProcessor, visit: ClientConnection, left: Callable[[], None]) -> None:
         self._visits.discard(visit)
         left()

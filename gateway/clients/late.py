@@ -47,9 +47,5 @@ class LateAcceptor:
         """The programs that are connected."""
         return [] if self._made is None else self._made.connections()
 
-    def programs(self) -> int:
-        """How many they are."""
-        return len(self.here())
-
     def located(self, where: str) -> None:
         """It has no place of its own."""

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from gateway.clients.strangers import IDLE
 from gateway.core.wire_log import show
 from gateway.protocols.base.frames import Framer
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
-#: Bytes between commands that ask for nothing in either protocol.
-IDLE = b"#\r\n\0 ?"
 #: Seconds in which a command of the surface's own protocol has to follow.
 PATIENCE = 3.0
 #: A host is told of once more where it has used the right protocol meanwhile, after so many seconds.

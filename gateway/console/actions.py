@@ -6,15 +6,13 @@ outside.
 
 from __future__ import annotations
 
-import secrets
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from gateway.app.control import commands
+from gateway.app.control.messages import draw
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway
 from gateway.console import requests
+from gateway.console.places import where
 from gateway.core.operations import Direction
 
 _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released"}
@@ -29,43 +27,31 @@ async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
 
 async def carry_out(gateway: Gateway, command: commands.Wish) -> tuple[bool, str]:
     """-> whether it was done or begun, and words."""
-    assert gateway.desk is not None
     answer = await gateway.entrance.wish(commands.written(command), gateway.desk.carry_out)
     word, _, rest = answer.partition(" ")
     return word == DONE, rest
 
 
-def number() -> str:
-    """A number that no other order has."""
-    return secrets.token_hex(8)
-
-
-def command(request: requests.Act, who: str, where: Callable[[requests.Aimed], commands.Where]) -> commands.Wish:
-    """The order that a request stands for, where it is one of those without a further state."""
-    return MAKE[type(request)](request, number(), who, where)
-
-
-def _aimed(kind: Any) -> Callable[..., Any]:
-    return lambda request, number, who, where: kind(number, where(request), who=who)
-
-
-def _plain(kind: Any) -> Callable[..., Any]:
-    return lambda request, number, who, where: kind(number, who=who)
-
-
-MAKE: Mapping[type[Any], Callable[..., commands.Wish]] = {
-    requests.Goto: _aimed(commands.Goto),
-    requests.Sync: _aimed(commands.Sync),
-    requests.Park: _plain(commands.Park),
-    requests.Unpark: _plain(commands.Unpark),
-    requests.Wake: _plain(commands.Unpark),
-    requests.Home: _plain(commands.Home),
-    requests.Track: lambda request, number, who, where: commands.Track(number, request.on, request.rate, who=who),
-    requests.Time: lambda request, number, who, where: commands.TellTime(number, request.unix, request.offset, who=who),
-    requests.Site: lambda request, number, who, where: commands.TellSite(
-        number, request.latitude, request.longitude, who=who
-    ),
-}
+async def command(request: requests.Command, who: str) -> commands.Wish:
+    """The order that a request stands for. Raises UserError for an object that nobody knows."""
+    number = draw()
+    match request:
+        case requests.Goto():
+            return commands.Goto(number, await where(request), who=who)
+        case requests.Sync():
+            return commands.Sync(number, await where(request), who=who)
+        case requests.Track():
+            return commands.Track(number, request.on, request.rate, who=who)
+        case requests.Time():
+            return commands.TellTime(number, request.unix, request.offset, who=who)
+        case requests.Site():
+            return commands.TellSite(number, request.latitude, request.longitude, who=who)
+        case requests.Park():
+            return commands.Park(number, who=who)
+        case requests.Home():
+            return commands.Home(number, who=who)
+        case requests.Unpark() | requests.Wake():
+            return commands.Unpark(number, who=who)
 
 
 class Jogging:
@@ -84,7 +70,7 @@ class Jogging:
         """Press one; the opposite one is let go."""
         for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
             await self.let_go(other)
-        known = number()
+        known = draw()
         self._held[direction] = known, rate
         done, words = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
         if not done and self._held.get(direction, ("", 0))[0] == known:

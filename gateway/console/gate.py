@@ -10,9 +10,7 @@ from __future__ import annotations
 import hmac
 from collections.abc import Mapping
 
-from gateway.system.own_names import host_of, known_host
-
-__all__ = ["HEADERS", "from_elsewhere", "known_host", "same_origin", "same_token"]
+from gateway.system.own_names import host_of
 
 #: Everything the page needs comes from here; nothing else is loaded, framed or run.
 HEADERS = {
@@ -39,6 +37,12 @@ def same_origin(origin: str | None, host: str | None) -> bool:
 def from_elsewhere(headers: Mapping[str, str]) -> bool:
     """Whether the browser itself says that another site's page sends this."""
     return headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
+
+
+def of_the_page(headers: Mapping[str, str], path: str) -> bool:
+    """Whether a request comes from the page itself; for the page everybody may ask who typed its address."""
+    own = same_origin(headers.get("Origin"), headers.get("Host"))
+    return own and (path == "/" or not from_elsewhere(headers))
 
 
 def same_token(given: str | None, token: str) -> bool:

@@ -10,10 +10,9 @@ from gateway.app.recording.format import unescape
 from gateway.clients.any_protocol.deciding import decide
 from gateway.clients.strangers import IDLE
 from gateway.console.gate import same_token
-from gateway.console.places import Unknown
 from gateway.console.recording import Recording
 from gateway.console.shown.publisher import Publisher
-from gateway.core.about import VERSION
+from gateway.core.errors import UserError
 from gateway.core.operations import GetIdentity, Identity
 from gateway.protocols.registry import ANY, PROTOCOLS, spoken
 from gateway.protocols.wireformat.command_set import load
@@ -26,8 +25,6 @@ EXPLAIN = 20.0
 class Mounts:
     """``pin`` is what lets a page act; empty where every page may."""
 
-    version = VERSION
-
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
         self.gateways, self.pin = list(gateways), pin
         self.recordings = [Recording(gateway) for gateway in self.gateways]
@@ -39,9 +36,9 @@ class Mounts:
         return self.gateways[0].clock()
 
     def gateway(self, index: int) -> Gateway:
-        """Raises Unknown."""
+        """Raises UserError."""
         if not 0 <= index < len(self.gateways):
-            raise Unknown(f"there is no mount {index} here")
+            raise UserError(f"there is no mount {index} here")
         return self.gateways[index]
 
     def admits(self, pin: str) -> bool:

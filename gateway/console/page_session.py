@@ -9,17 +9,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine
 from typing import Any, Protocol
 
 import msgspec
 
+from gateway.app.control.commands import Spot
+from gateway.app.control.requests import of_date
 from gateway.console import actions, requests
 from gateway.console.mounts import Mounts
-from gateway.console.places import Unknown, known, look_up, verdict, where
+from gateway.console.places import known, look_up, verdict
 from gateway.console.shown.frame import Frame, talk
-from gateway.core import operations as op
-from gateway.core.errors import UserError
+from gateway.core.about import VERSION
+from gateway.core.background import BackgroundTasks
+from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
 
 #: Seconds without a sign of life after which arrows are let go; how often that is looked at, and held ones said again.
@@ -53,7 +55,7 @@ class PageSession:
         #: The number of the next row of the conversation; None while it is not shown.
         self._row: int | None = None
         self._jogging = [actions.Jogging(gateway, self._who) for gateway in mounts.gateways]
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = BackgroundTasks()
 
     # --- what the page sees -----------------------------------------------------------------------------------------
 
@@ -64,7 +66,7 @@ class PageSession:
         guard = self._loop.create_task(self._look_after_arrows())
         try:
             await self._send({"hello": {
-                "version": mounts.version, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
+                "version": VERSION, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
                 "now": mounts.now(),
             }})  # fmt: skip
             last = 0
@@ -77,8 +79,8 @@ class PageSession:
             subscription.end()
             self._listen(False)
             await asyncio.shield(self._let_go())
-            for task in (guard, *self._tasks):
-                task.cancel()
+            guard.cancel()
+            self._tasks.cancel()
 
     async def _show(self, frame: Frame) -> None:
         """What has changed since the last time; all there is, where the page has not taken the frame before."""
@@ -106,20 +108,15 @@ class PageSession:
             if not any(jogging.any for jogging in self._jogging):
                 continue
             if now - self._heard > SILENT:
-                self._spawn(self._let_go())
+                self._tasks.spawn(self._let_go())
             elif now - self._said > HOLD_ON:
                 self._said = now
                 for jogging in self._jogging:
-                    self._spawn(jogging.hold_on())
+                    self._tasks.spawn(jogging.hold_on())
 
     async def _let_go(self) -> None:
         for jogging in self._jogging:
             await jogging.let_go()
-
-    def _spawn(self, work: Coroutine[Any, Any, Any]) -> None:
-        task: asyncio.Task[None] = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
 
     # --- what the page asks for -------------------------------------------------------------------------------------
 
@@ -129,19 +126,19 @@ class PageSession:
         try:
             request = requests.read(text)
         except ValueError as error:
-            self._spawn(self._answer(0, False, f"the console does not understand this: {error}"))
+            self._tasks.spawn(self._answer(0, False, f"the console does not understand this: {error}"))
             return
         if isinstance(request, requests.Beat):
             return
         if len(self._tasks) >= AT_ONCE and not isinstance(request, requests.Stop | requests.LetGo):
-            self._spawn(self._answer(request.id, False, "too much at once; wait a moment"))
+            self._tasks.spawn(self._answer(request.id, False, "too much at once; wait a moment"))
             return
-        self._spawn(self._carry_out(request))
+        self._tasks.spawn(self._carry_out(request))
 
-    async def _carry_out(self, request: requests.Any) -> None:
+    async def _carry_out(self, request: requests.Asked) -> None:
         try:
             await self._do(request)
-        except (UserError, Unknown) as error:
+        except (UserError, Fault) as error:
             await self._answer(request.id, False, str(error))
         except ConnectionError:
             pass
@@ -149,7 +146,7 @@ class PageSession:
             self._mounts.gateways[0].wire_log.note("console", f"internal error, please report it: {error!r}")
             await self._answer(request.id, False, f"internal error, please report it: {error!r}")
 
-    async def _do(self, request: requests.Any) -> None:
+    async def _do(self, request: requests.Asked) -> None:
         mounts, gateways = self._mounts, self._mounts.gateways
         if isinstance(request, requests.Stop):
             chosen = gateways if request.mount == -1 else [mounts.gateway(request.mount)]
@@ -183,9 +180,7 @@ class PageSession:
                 found = await look_up(controller, request.name)
                 await self._answer(request.id, True, "", found)
             case requests.Ask():
-                goal = op.Equatorial(request.ra, request.dec)
-                if request.j2000:
-                    goal = await controller.perform(op.ToEquinoxOfDate(request.ra, request.dec))
+                goal = await of_date(controller, Spot(request.ra, request.dec, request.j2000))
                 await self._answer(request.id, True, "", verdict(controller, goal))
             case requests.Search():
                 await self._answer(request.id, True, "", {"found": await known(request.text)})
@@ -195,8 +190,7 @@ class PageSession:
             case requests.Record():
                 await self._record(request)
             case _:
-                place = await where(request) if isinstance(request, requests.Aimed) else None
-                command = actions.command(request, self._who, lambda aimed: place)  # type: ignore[arg-type,return-value]
+                command = await actions.command(request, self._who)
                 await self._answer(request.id, *await actions.carry_out(gateway, command))
 
     def _listen(self, on: bool) -> None:

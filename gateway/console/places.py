@@ -11,8 +11,9 @@ import math
 from typing import Any
 
 from gateway.app.control import objects
-from gateway.app.control.commands import Body, Spot, Where
+from gateway.app.control.commands import Spot, Where
 from gateway.app.control.refusals import no
+from gateway.app.control.requests import of_date
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.console.requests import Aimed
 from gateway.console.shown.view import place
@@ -22,10 +23,6 @@ from gateway.mount.controller import MountController
 
 #: Names that are suggested while somebody types.
 SUGGESTED = 12
-
-
-class Unknown(Exception):
-    """There is no such object or mount; the words say what there is instead."""
 
 
 async def where(aimed: Aimed) -> Where:
@@ -43,9 +40,9 @@ async def find(name: str) -> Where:
 
 
 async def look_up(controller: MountController, name: str) -> dict[str, Any]:
-    """An object's places, what it is, and whether the mount may go there. Raises UserError."""
+    """An object's places, what it is, and whether the mount may go there. Raises UserError, Fault."""
     found = await asyncio.to_thread(objects.describe, name)
-    goal = await _goal(controller, found.where)
+    goal = await of_date(controller, found.where)
     return {"name": found.name, "kind": found.kind, "magnitude": found.magnitude, **verdict(controller, goal)}
 
 
@@ -53,22 +50,6 @@ async def known(text: str) -> list[dict[str, str]]:
     """Objects whose names begin like what was typed so far."""
     found = await asyncio.to_thread(objects.beginning, text, SUGGESTED) if text.strip() else []
     return [{"name": name} for name in found]
-
-
-async def _goal(controller: MountController, where: Where) -> op.Equatorial:
-    """A place of date. Raises UserError."""
-    reads: op.Operation
-    if isinstance(where, Body):
-        reads = op.MoonPlace() if where.name == "Moon" else op.PlanetPlace(where.name)
-    elif where.j2000:
-        reads = op.ToEquinoxOfDate(where.ra, where.dec)
-    else:
-        return op.Equatorial(where.ra, where.dec)
-    try:
-        goal: op.Equatorial = await controller.perform(reads)
-    except Fault as fault:
-        raise UserError(str(fault)) from None
-    return goal
 
 
 def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:

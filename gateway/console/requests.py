@@ -155,10 +155,11 @@ class Record(Act, frozen=True, tag="record"):
     on: bool = True
 
 
-Any = (
-    Beat | Talk | Pin | LookUp | Ask | Search | Explain | Stop | Hold | Release | Jog | LetGo | Goto | Sync | Park
-    | Unpark | Home | Wake | Track | Time | Site | Record
-)  # fmt: skip
+#: What becomes an order to the mount as it is.
+Command = Goto | Sync | Park | Unpark | Home | Wake | Track | Time | Site
+#: What is carried out, and answered.
+Asked = Talk | Pin | LookUp | Ask | Search | Explain | Stop | Hold | Release | Jog | LetGo | Record | Command
+Any = Beat | Asked
 _DECODER = msgspec.json.Decoder(Any)
 
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import html
 import secrets
 import socket
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -22,20 +21,17 @@ from gateway.clients.access import Access
 from gateway.console import gate
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
+from gateway.console.pages import Pages, guarded, listen, runner_of
 from gateway.diagnostics.metrics.exposition import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
-from gateway.system.web_log import web_log
+from gateway.system.own_names import known_host
+from gateway.transport.listening import in_brackets
 
 PAGE = Path(__file__).parent / "page"
-#: What the page consists of, by ending.
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
-         ".svg": "image/svg+xml", ".webmanifest": "application/manifest+json", ".png": "image/png"}  # fmt: skip
 #: The longest message of a page in bytes; pages that may be open at a time; seconds between two heartbeats.
 LONGEST, MOST_PAGES, HEARTBEAT = 16384, 64, 10.0
 #: Ports that are tried after the first.
 OTHERS = 50
-
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Console:
@@ -47,7 +43,7 @@ class Console:
         self._mounts = Mounts(gateways, pin)
         self._access, self._names, self._doors = access, tuple(names), doors
         self._token = secrets.token_urlsafe(24)
-        self._files = _files()
+        self._files = Pages({path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")})
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
         self._runner: web.AppRunner | None = None
@@ -57,32 +53,26 @@ class Console:
     @property
     def where(self) -> str:
         """What to type into a browser on this computer."""
-        host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(
-            self.host, f"[{self.host}]" if ":" in self.host else self.host
-        )
+        host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, in_brackets(self.host))
         return f"http://{host}:{self.port}/"
 
     async def open(self, host: str, port: int, others: int = OTHERS) -> None:
         """Listen on a port, or on the next free one of ``others``. Raises OSError."""
-        app = web.Application(middlewares=[self._gate()], client_max_size=1024)
+        app = web.Application(middlewares=[guarded(self._refused)], client_max_size=1024)
         self._served = self._serve_programs(app)
         app.add_routes([
             web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._figures),
-            web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._file),
+            web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
-        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
-        await self._runner.setup()
+        self._runner = await runner_of(app)
         for attempt in range(others + 1):
             try:
-                site = web.TCPSite(self._runner, host, port + attempt if port else 0, backlog=128)
-                await site.start()
-                break
+                self.host, self.port = host, await listen(self._runner, host, port + attempt if port else 0)
+                return
             except OSError:
                 if attempt == others or not port:
                     await self.close()
                     raise
-        assert site._server is not None
-        self.host, self.port = host, int(site._server.sockets[0].getsockname()[1])  # type: ignore[attr-defined]
 
     def _serve_programs(self, app: web.Application) -> list[Callable[[], None]]:
         """Programs that speak HTTP are answered at the same port -> what ends that."""
@@ -119,41 +109,20 @@ class Console:
 
     # --- the gate ---------------------------------------------------------------------------------------------------
 
-    def _gate(self) -> Any:
-        @web.middleware
-        async def admit(request: web.Request, handler: Handler) -> web.StreamResponse:
-            local = request.transport.get_extra_info("sockname") if request.transport else None
-            refused = self._refused(request, str(local[0]) if local else "")
-            if refused:
-                response: web.StreamResponse = web.Response(status=403, text=f"{refused}\n")
-            else:
-                try:
-                    response = await handler(request)
-                except web.HTTPException as error:
-                    response = web.Response(status=error.status, text=f"{error.reason}\n")
-            if not response.prepared:
-                response.headers.update(gate.HEADERS)
-            return response
-
-        return admit
-
-    def _refused(self, request: web.Request, local: str) -> str:
+    def _refused(self, request: web.Request) -> str:
         """Why a request is not served; nothing where it is."""
         headers = request.headers
         if not self._access.admits(request.remote or ""):
             return "This address is not in the console's allow list."
-        if not gate.known_host(headers.get("Host"), local, self._names):
+        if not known_host(headers.get("Host"), _door(request)[0], self._names):
             return "This gateway is not called that; add the name to [console] names if it is."
-        if not gate.same_origin(headers.get("Origin"), headers.get("Host")):
-            return "Only the console's own page may ask for this."
-        if request.path != "/" and gate.from_elsewhere(headers):
+        if not gate.of_the_page(headers, request.path):
             return "Only the console's own page may ask for this."
         return ""
 
     def _only_looks(self, request: web.Request) -> bool:
         """Whether whoever asks may change nothing: here, or at the port where the request has come in."""
-        local = request.transport.get_extra_info("sockname") if request.transport else None
-        rules = [self._access, *([self._doors[local[1]]] if local and local[1] in self._doors else [])]
+        rules = [self._access, self._doors.get(_door(request)[1], self._access)]
         return any(rule.only_looks(request.remote or "") for rule in rules)
 
     def _acts(self, request: web.Request) -> bool:
@@ -162,17 +131,7 @@ class Console:
     # --- what is served ---------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        body, kind = self._files["index.html"]
-        can = "act" if self._acts(request) else "look"
-        filled = body.replace(b"{{token}}", html.escape(self._token).encode()).replace(b"{{can}}", can.encode())
-        return web.Response(body=filled, content_type=kind, charset="utf-8", headers={"Cache-Control": "no-store"})
-
-    async def _file(self, request: web.Request) -> web.StreamResponse:
-        found = self._files.get(request.match_info["path"])
-        if found is None:
-            raise web.HTTPNotFound
-        body, kind = found
-        return web.Response(body=body, content_type=kind, charset="utf-8", headers={"Cache-Control": "no-cache"})
+        return self._files.index(token=self._token, can="act" if self._acts(request) else "look")
 
     async def _figures(self, request: web.Request) -> web.StreamResponse:
         if (text := await self._metrics.text()) is None:
@@ -234,10 +193,7 @@ class _Socket:
         await self._ws.send_str(text)
 
 
-def _files() -> dict[str, tuple[bytes, str]]:
-    """The page's files by path, read once: what is not among them is not served, whatever a path may say."""
-    return {
-        path.relative_to(PAGE).as_posix(): (path.read_bytes(), TYPES[path.suffix])
-        for path in sorted(PAGE.rglob("*"))
-        if path.is_file() and path.suffix in TYPES
-    }
+def _door(request: web.Request) -> tuple[str, int]:
+    """The address and the port at which a request has come in."""
+    local = request.transport.get_extra_info("sockname") if request.transport else None
+    return (str(local[0]), int(local[1])) if local else ("", 0)

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class BackgroundTasks:
-    """``spawn`` begins one, ``close`` ends them all."""
+    """``spawn`` begins one, ``cancel`` and ``close`` end them all."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -26,8 +26,12 @@ class BackgroundTasks:
         task.add_done_callback(self._tasks.discard)
         return task
 
-    async def close(self) -> None:
-        """Cancel what still runs, and wait until it is over."""
+    def cancel(self) -> None:
+        """End what still runs, and wait for none of it."""
         for task in self._tasks:
             task.cancel()
+
+    async def close(self) -> None:
+        """End what still runs, and wait until it is over."""
+        self.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)

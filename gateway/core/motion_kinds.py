@@ -16,8 +16,6 @@ MOTIONS = (
     *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
     op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
-#: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
-LATEST = (op.Move, op.MoveAxis, op.TrackRate)
 #: What ends a motion before anything else is begun, and what then begins anew when it was half done.
 ENDS = (op.StopAxis, op.AbortSlew)
 BEGUN_ANEW = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)

@@ -40,6 +40,8 @@ class Word(NamedTuple):
     text: str
 
 
+#: The side of the mount. Any other side is a program, or a part of the gateway itself.
+MOUNT = "mount"
 #: The note that says from when on the sky is no longer approximate.
 SKY_READY = "astronomy is exact from now on"
 
@@ -81,7 +83,7 @@ class WireLog:
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision in words."""
-        if side == "mount" and text != SKY_READY:
+        if side == MOUNT and text != SKY_READY:
             self.lately.append(Word(self.clock(), side, text))
         self.put(side, "!", note=text)
 

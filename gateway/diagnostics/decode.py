@@ -11,10 +11,9 @@ from itertools import groupby
 from gateway.app.recording.format import BOOKKEEPING
 from gateway.core.errors import UserError
 from gateway.diagnostics.captures import Chunk
-from gateway.diagnostics.log.conversation import Cutting, Side
+from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.layout import Row, plain
 from gateway.diagnostics.log.printing import happened
-from gateway.protocols.base.reply_rules import Replies
 
 #: So many commands that no protocol has are shown of one side.
 NOISE = 1000
@@ -26,10 +25,8 @@ class NoConversation(UserError):
     """What was to be decoded is nothing that a client says to a mount."""
 
 
-def decode(
-    found: Iterable[Chunk], talk: Callable[[str], tuple[str, Cutting, Replies]], began: float | None
-) -> Iterator[str]:
-    """Lines of text. ``talk`` tells of a side its protocol, its framing, its dialogue; ``began`` is Unix seconds.
+def decode(found: Iterable[Chunk], of: Callable[[str], Side], began: float | None) -> Iterator[str]:
+    """Lines of text. ``of`` makes what understands a side, by its name; ``began`` is Unix seconds.
 
     Of what is no command only so much is shown. Raises NoConversation where that is most of a capture without times.
     """
@@ -38,7 +35,7 @@ def decode(
         if chunk.arrow == "r" or chunk.arrow in BOOKKEEPING:
             continue
         if chunk.side not in talks or chunk.arrow in "+~":
-            talks[chunk.side] = Side(*talk(chunk.side))
+            talks[chunk.side] = of(chunk.side)
         side = talks[chunk.side]
         if chunk.arrow not in "<>":
             if chunk.arrow == "-":

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any, Protocol, TypeVar
 
-from gateway.app.bindings import speech
 from gateway.app.config import parse_endpoint
-from gateway.app.recording.format import MOUNT, Recording
+from gateway.app.recording.format import Recording
 from gateway.clients.any_protocol.deciding import may_change
+from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Side
 from gateway.protocols.registry import ANY, spoken
 
@@ -83,7 +83,7 @@ class RecordedSides:
 
     def side(self, name: str) -> Side:
         """Somebody whose bytes are to be understood."""
-        return Side(self.protocol(name), *speech(self.protocol(name)))
+        return Side(self.protocol(name))
 
 
 def protocol_of(settings: dict[str, Any]) -> str:

@@ -10,13 +10,12 @@ import json
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from gateway.core.wire_log import SKY_READY, Entry, show
+from gateway.core.wire_log import MOUNT, SKY_READY, Entry, show
 
 #: Arrows of the wire log that are told, and what they are called.
 KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
 #: Events at once, and in a second after that; characters of one.
 BURST, RATE, LONGEST = 20.0, 5.0, 500
-MOUNT = "mount"
 
 
 class Events:

@@ -7,24 +7,25 @@ carried out again at every connection.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection, Coroutine
-from typing import Any
+from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import EVERY
 from gateway.app.control import commands
+from gateway.app.control.messages import draw
 from gateway.app.gateway import Gateway
 from gateway.console import actions
 from gateway.console.places import find
+from gateway.core.background import BackgroundTasks
 from gateway.core.errors import UserError
 
 WHO = "mqtt"
 #: Characters of an order; seconds between two stops on the line, however many are asked for.
 LONGEST, BETWEEN = 100, 0.25
 #: What is understood, beside stop.
-PLAIN: dict[str, Callable[[str], commands.Wish]] = {
-    "park": lambda number: commands.Park(number, who=WHO),
-    "wake": lambda number: commands.Unpark(number, who=WHO),
-    "home": lambda number: commands.Home(number, who=WHO),
+PLAIN: dict[str, type[commands.Park | commands.Unpark | commands.Home]] = {
+    "park": commands.Park,
+    "wake": commands.Unpark,
+    "home": commands.Home,
 }
 GOTO = "goto"
 
@@ -40,7 +41,7 @@ class Orders:
         self._loop = asyncio.get_running_loop()
         self._last_stop = -1e9
         self._later: asyncio.TimerHandle | None = None
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = BackgroundTasks()
         self._busy = False
 
     def take(self, payload: bytes, retained: bool, to: str) -> None:
@@ -66,19 +67,13 @@ class Orders:
         elif self._busy:
             self._refuse(text, "another order is being taken; send it again in a moment")
         else:
-            self._spawn(self._carry_out(text, word, rest))
+            self._tasks.spawn(self._carry_out(text, word, rest))
 
     def close(self) -> None:
         """Nothing is obeyed any more."""
         if self._later is not None:
             self._later.cancel()
-        for task in self._tasks:
-            task.cancel()
-
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
-        task = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._tasks.cancel()
 
     def _refuse(self, text: str, why: str) -> None:
         self._gateway.wire_log.refused(WHO, f"{text}: {why}")
@@ -93,7 +88,7 @@ class Orders:
 
     def _stop_now(self) -> None:
         self._later, self._last_stop = None, self._loop.time()
-        self._spawn(self._stopped())
+        self._tasks.spawn(self._stopped())
 
     async def _stopped(self) -> None:
         done, words = await actions.order(self._gateway, "stop")
@@ -102,8 +97,8 @@ class Orders:
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
-            number = actions.number()
-            wish = commands.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number)
+            number = draw()
+            wish = commands.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
             done, words = await actions.carry_out(self._gateway, wish)
         except UserError as error:
             done, words = False, str(error)

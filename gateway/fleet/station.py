@@ -34,14 +34,13 @@ class _Shown:
 
     def __init__(self, station: Station, gateway: Gateway) -> None:
         self.gateway, self.name = gateway, gateway.config.name or UNNAMED
-        self._station, self._state, self._identity = station, {}, (None,)
+        self._station = station
+        self._state: dict[str, Any] = {}
+        self._identity: tuple[object, ...] = (None,)
         topic = station.topics.of(self.name, "event")
         self.events = Events(lambda told: station.link.publish(Message(topic, told)), gateway.clock)
-        self.orders = Orders(gateway, station.config.orders, station.doubt, self._has_become)
+        self.orders = Orders(gateway, station.config.orders, lambda: station.presence.clash, self._has_become)
         gateway.wire_log.sinks.append(self.events.put)
-
-    _state: dict[str, Any]
-    _identity: tuple[object, ...]
 
     def _has_become(self, kind: str, words: str) -> None:
         self.events.tell(kind, WHO, words)
@@ -63,8 +62,7 @@ class _Shown:
     def close(self) -> None:
         """Nothing is told or obeyed any more."""
         self.orders.close()
-        if self.events.put in self.gateway.wire_log.sinks:
-            self.gateway.wire_log.sinks.remove(self.events.put)
+        self.gateway.wire_log.leave(self.events.put)
 
 
 class Station:
@@ -81,10 +79,10 @@ class Station:
     ) -> None:
         self.config, self._broker, self._say, self._warn = config, access.broker, say, warn
         self.topics = Topics(config.prefix, config.id or own_id())
-        self._presence = Presence(self.topics, self._publish, warn)
+        self.presence = Presence(self.topics, lambda message: self.link.publish(message), warn)
         own = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
         self.link = BrokerLink(
-            access, own, self._hear, self._told, self._presence.greeting, self._presence.parting, connect
+            access, own, self._hear, self._told, self.presence.greeting, self.presence.parting, connect
         )
         self._shown = {(shown := _Shown(self, gateway)).name: shown for gateway in gateways}
         self._there: bool | None = None
@@ -103,13 +101,6 @@ class Station:
             shown.close()
         await self.link.close()
 
-    def doubt(self) -> str:
-        """Why only stops are obeyed; empty where all is well."""
-        return self._presence.clash
-
-    def _publish(self, message: Message) -> None:
-        self.link.publish(message)
-
     async def _look_on(self) -> None:
         while True:
             for shown in list(self._shown.values()):
@@ -122,7 +113,7 @@ class Station:
             await asyncio.sleep(EVERY_SECOND)
 
     def _hear(self, heard: Heard) -> None:
-        if self._presence.hear(heard):
+        if self.presence.hear(heard):
             return
         to = [*self.topics.parts(heard.topic), ""]
         if to[0] == EVERY:

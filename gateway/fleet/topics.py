@@ -12,7 +12,7 @@ import socket
 from msgspec import Struct
 
 from gateway.app.config.checks import EVERY
-from gateway.app.config.sections.mqtt import PART
+from gateway.app.config.declaring import WORD
 
 #: What a mount without a name is called.
 UNNAMED = "mount"
@@ -67,5 +67,5 @@ class Topics(Struct, frozen=True):
 
 def own_id() -> str:
     """The name of this computer, as a topic can hold it."""
-    name = "-".join(re.findall(PART, socket.gethostname())) or "gateway"
+    name = "-".join(re.findall(WORD, socket.gethostname())) or "gateway"
     return f"{name}-computer" if name == EVERY else name

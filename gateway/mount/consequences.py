@@ -27,13 +27,11 @@ class Consequences:
         wanted: WantedState,
         astrometry: SiteAstrometry,
         safety: Safety,
+        reconciler: Reconciler,
     ) -> None:
         self._driver, self._now, self._gate = context.driver, context.now, gate
         self._cache, self._told, self._wanted, self._astrometry = cache, told, wanted, astrometry
         self._watch, self._ends, self._synced = safety.watch, safety.ends, safety.synced
-
-    def listen(self, reconciler: Reconciler) -> None:
-        """From now on."""
         reconciler.begins.connect(self._begins)
         reconciler.done.connect(self._done)
         reconciler.stop_sent.connect(self._stop_sent)

@@ -8,7 +8,7 @@ they are not; while any client polls, the cache is refreshed, so a hundred polle
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
 from typing import Any, TypeVar, cast
 
 from gateway.astro.ephemeris.sky import Sky
@@ -27,7 +27,7 @@ from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
-from gateway.mount.readings.cache import Kind, ReadingsCache
+from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
@@ -44,20 +44,22 @@ from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
 from gateway.mount.site.site_clock import BestSources, SiteClock
-from gateway.protocols.base.driver import Driver
+from gateway.protocols.base.driver import Driver, FollowUps
 
 _T = TypeVar("_T")
 
 
 class MountController:
     """``perform`` carries out any operation, ``begin`` one that nobody waits for; ``impossible`` says why nothing can
-    come of one; ``peek`` answers a read at once when that needs no exchange.
+    come of one. ``peek`` answers a read at once when that needs no exchange, ``read`` waits for one where it does, and
+    ``anew`` asks the mount however fresh the last answer is; ``fresh_until`` says how long answers may be told again,
+    and ``touch`` that they were.
     """
 
     def __init__(
         self,
         driver: Driver,
-        follow_ups: dict[type[Any], Callable[[Any, Any], Any]],
+        follow_ups: FollowUps,
         line: MountLink,
         sky: Sky,
         site_clock: SiteClock,
@@ -75,7 +77,7 @@ class MountController:
         self.sources = BestSources(site_clock)
         astrometry = self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
-        self.suns = SunAvoidance(sky, self.sources, wire_log, policy.limits.sun, context.milestones.settled.is_set)
+        self.suns = SunAvoidance(context, sky, self.sources)
         # Exchanges with the mount.
         gate = HibernationGate(context, wanted)
         self.verifier = ReplyVerifier(line, self.now, driver.hurry)
@@ -88,19 +90,21 @@ class MountController:
         reader = self.reader = Reader(
             context, line, runner, self.fair_scheduler, cache, at_hand, told, wanted, movement, astrometry
         )
+        self.read, self.anew = reader.read, reader.anew
+        self.touch, self.fresh_until = cache.touch, told.fresh_until
         runner.stirs.connect(told.stirs)
         self.own = OwnAnswers(context, runner, self.fair_scheduler, site_clock)
         sync = SyncSettings(context, line, runner, cache, reader, movement, site_clock)
         self.settings = SiteAndClock(context, line, runner, site_clock, self.told_astrometry, sync)
         # Keeping it within its limits, and moving it.
         safety = self.safety = Safety(context, line, cache, reader, movement, astrometry, self.sources, self.suns, sync)
-        self.hold, self.watch, self.ends = safety.hold, safety.watch, safety.ends
+        self.hold, self.watch, self.ends, self.doubts = safety.hold, safety.watch, safety.ends, safety.doubts
         self.before_motion = BeforeMotion()
         carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
-        Consequences(context, gate, cache, told, wanted, astrometry, safety).listen(reconciler)
+        Consequences(context, gate, cache, told, wanted, astrometry, safety, reconciler)
         safety.watch.must_stop.connect(self._stop_now)
         safety.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
@@ -112,9 +116,7 @@ class MountController:
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
         TrackingAtLimit(context, cache, reader, safety.watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
-        self.supervisor = Supervisor(
-            wanted, self.presence, policy.silence, policy.silence_closed, self.orders.perform, context.note
-        )
+        self.supervisor = Supervisor(context, wanted, self.presence, self.orders.perform)
         reconciler.done.connect(self.supervisor.look_after)
         self.identification = Identification(
             context, line, runner, gate, cache, reader, self.own, site_clock, sync, reconciler, self.ends, safety.doubts
@@ -167,11 +169,6 @@ class MountController:
         return self.context.policy
 
     @property
-    def closed(self) -> bool:
-        """Whether nothing is begun any more."""
-        return self.context.closed
-
-    @property
     def moving(self) -> bool:
         """Whether anything moves that a stop should end."""
         return self.movement.anything
@@ -192,32 +189,12 @@ class MountController:
         """How many stops there were: a motion that was asked for before the last one is not begun."""
         return self.wanted.value.stops
 
-    def doubts(self) -> str:
-        """What does not fit together of what the mount has said and the configuration; nothing where all fits."""
-        return self.safety.doubts()
-
     # --- reading --------------------------------------------------------------------------------------------------
 
     def peek(self, operation: op.Operation[_T]) -> _T:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
         told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
         return cast(_T, told)
-
-    def fresh_until(self, kinds: list[Kind]) -> float:
-        """The loop time until which the answers of these reads may be told."""
-        return self.told_position.fresh_until(kinds)
-
-    def touch(self, kinds: list[Kind], now: float) -> None:
-        """A client was served a repeated reply: it is polling what that was made of all the same."""
-        self.cache.touch(kinds, now)
-
-    async def read(self, operation: op.Operation[_T]) -> _T:
-        """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
-        return cast(_T, await self.reader.read(operation))
-
-    async def anew(self, operation: op.Operation[_T]) -> _T:
-        """A read from the mount, however fresh the last answer is. Raises Fault."""
-        return cast(_T, await self.reader.anew(operation))
 
     async def come_to_rest(self, seconds: float = SIGHT) -> None:
         """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be."""

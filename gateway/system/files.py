@@ -28,8 +28,14 @@ def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
             file.flush()
             os.fsync(file.fileno())
     os.replace(beside, path)
-    if flush and os.name == "posix":
-        number = os.open(path.parent, os.O_RDONLY)
+    if flush:
+        flush_folder(path.parent)
+
+
+def flush_folder(folder: Path) -> None:
+    """Have the names in a folder outlive a power cut, where the system can be asked for that. Raises OSError."""
+    if os.name == "posix":
+        number = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(number)
         finally:

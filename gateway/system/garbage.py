@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 
 #: New objects between two looks, in the three generations: at the start, and Python's own.
-AT_START, USUAL = (50_000, 10, 10), (700, 10, 10)
+AT_START, USUAL = (200_000, 10, 10), (700, 10, 10)
 
 
 def starting() -> None:

@@ -23,7 +23,6 @@ class Taken(Exception):
 
     def __init__(self, pid: int | None) -> None:
         super().__init__(f"process {pid}" if pid else "another process")
-        self.pid = pid
 
 
 class PidLock:
@@ -133,11 +132,6 @@ class Claim:
     def left(self) -> bool:
         """Whether a process of this user had it and was killed."""
         return any(lock.left for lock in self._locks)
-
-    @property
-    def paths(self) -> list[Path]:
-        """The files that name this process."""
-        return [lock.path for lock in self._locks]
 
     def release(self) -> None:
         """Others may have it."""

@@ -11,6 +11,8 @@ from gateway.core.errors import UserError
 
 #: Connections that may wait to be accepted: programs that open one per command come in crowds.
 BACKLOG = 512
+#: How the addresses begin to which programs come over a network.
+LISTENING = ("tcp://", "rfc2217://")
 #: In the place of an address: what is spoken over HTTP is served by the web server of somebody else.
 SERVED = "web"
 
@@ -70,7 +72,7 @@ def split_address(where: str) -> tuple[str, int]:
 
 def networked(where: str) -> bool:
     """Whether whoever comes in there comes over a network."""
-    return where.startswith(("tcp://", "rfc2217://")) or where == SERVED
+    return where.startswith(LISTENING) or where == SERVED
 
 
 def in_brackets(host: str) -> str:

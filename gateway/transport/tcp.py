@@ -16,9 +16,7 @@ from typing import cast
 
 from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused, Taker
 from gateway.transport.intake import LATE, SHARE, SKIM, Pace, unrepeated
-from gateway.transport.listening import in_brackets, listen, split_address
-
-__all__ = ["TcpPort", "exposed", "split_address"]
+from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
 
 #: Unread replies a connection may pile up before it is given up.
 SLOW_READER = 65536
@@ -235,7 +233,7 @@ class TcpPort:
 
 def exposed(where: str) -> bool:
     """Whether ``SCHEME://HOST:PORT``, as a port tells it, can be reached from another computer."""
-    if not where.startswith(("tcp://", "rfc2217://")):
+    if not where.startswith(LISTENING):
         return False
     try:
         return not ipaddress.ip_address(split_address(where)[0]).is_loopback

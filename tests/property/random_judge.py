@@ -82,6 +82,8 @@ class Judge:
         self.bridge, self.sim, self.protocol = bridge, bridge.sim, protocol
         self.lowest, self.highest, self.circle, self.latency = lowest, highest, circle, latency
         self.complaints: list[str] = []
+        #: Who was not answered, and the reason, which the log tells once: so late it would be taken for another's.
+        self.unanswered: set[tuple[str, str]] = set()
         self.worst = {"low": 0.0, "high": 0.0, "sun": 0.0}
         self.looks = 0
         self.began = bridge.clock()
@@ -126,6 +128,10 @@ class Judge:
     def believed(self) -> tuple[float, float]:
         return folded(*self.sim.mechanics.believed(self.bridge.clock()))
 
+    def by_axis(self) -> bool:
+        """Whether the altitude axis decides, whatever was synced: an alt-az NexStar that tells where its axes are."""
+        return self.protocol == "nexstar" and self.sim.mechanics.build.name == "ALTAZ" and self.bridge.driver.knows("z")
+
     def turned(self, before: tuple[float, float], after: tuple[float, float]) -> float:
         """How far the axis turned that turned most."""
         return max(abs((q - p + 180.0) % 360.0 - 180.0) for p, q in zip(before, after, strict=True))
@@ -145,7 +151,7 @@ class Judge:
         speed_of_axes = self.turned(before[1], axes) / elapsed
         jumped = moved > 2.0 * speed_of_axes * elapsed + 0.1  # by a sync; a look later it is seen where it leads
         speed = moved / elapsed
-        altitude = self.altitude(*here)
+        altitude = folded(0.0, axes[1])[1] if self.by_axis() else self.altitude(*here)
         beyond = {
             "low": self.lowest - altitude,
             "high": altitude - self.highest,
@@ -185,6 +191,8 @@ class Judge:
     def _hear(self, entry: Any) -> None:
         if entry.arrow == "!" and "internal error" in entry.note:
             self.complain(entry.note)
+        if entry.arrow == "!" and entry.note.startswith("no reply to"):
+            self.unanswered.add((entry.side, entry.note))
         if entry.side != "mount" and entry.arrow == ">" and self._unsettles.match(entry.data):
             self.strict = False
         if entry.side == "mount" and entry.arrow == ">" and entry.data:

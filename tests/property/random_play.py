@@ -197,10 +197,15 @@ class _Player:
             silent = silent or self._may_be_silent()
         if _whole(visitor, step):
             return
-        if silent or self._may_be_silent():  # what it says is late, if it comes at all
+        if silent or self._may_be_silent() or self._withheld(number, step.data):  # it is late, if it comes at all
             self.spoilt[number] = self.bridge.clock() + SPOILT
         else:
             self.judge.complain(f"{step.data!r} got {visitor.heard!r}, not {step.shapes!r}")
+
+    def _withheld(self, number: int, data: bytes) -> bool:
+        """Whether the log has the reason why this program gets no reply to this."""
+        begins = f"no reply to {data!r}: the mount has not answered"
+        return any(side == f"127.0.0.{number + 1}" and note.startswith(begins) for side, note in self.judge.unanswered)
 
     async def clear(self, number: int) -> None:
         """After noise: ask what has one answer, as programs do, until it comes."""

@@ -19,8 +19,11 @@ _LX200_BYTES = re.compile(rb"[\x20-\x7f\xdf]*")
 _LX200_REQUEST = re.compile(rb"\x06|[:$][\x20-\x22\x24-\x7e\xdf]+#")
 #: NexStar settings are acknowledged even where they do nothing.
 _ACKNOWLEDGED = b"RrBbSsTWHI"
+#: What a StarSense of version 1.20 says behind the tracking mode: its version.
+_LONG_MODE = b"\x01\x14#"
 #: What the manual's file leaves out, which has one state and one answer: a sync refused, the target in low precision.
-_LX200_ALSO = {"CM": "#", "Gr": "[0-2][0-9]:[0-5][0-9](:[0-5][0-9]|\\.[0-9])#"}
+#: And what the manual has no word for: a baud rate that there is not.
+_LX200_ALSO = {"SB": "0", "CM": "#", "Gr": "[0-2][0-9]:[0-5][0-9](:[0-5][0-9]|\\.[0-9])#"}
 
 
 def _shapes() -> dict[str, list[str]]:
@@ -55,6 +58,10 @@ def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
             return ""
         if frame[0] in _ACKNOWLEDGED and reply == b"#":
             return ""
+        if frame[:1] in (b"M", b"P") and not reply.strip(b"#"):
+            return ""  # stops that came together are carried out once and acknowledged in one packet
+        if frame == b"t" and reply[1:] == _LONG_MODE:
+            return ""
     if found is None:
         return f"a reply to what is no command: {reply!r}"
     command = found[0]
@@ -70,6 +77,8 @@ def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
 
 def of_request(protocol: CommandSet, data: bytes) -> str:
     """What is wrong with a request to a mount: it must be one whole command of the protocol, in range."""
+    if protocol.name == "lx200" and data == b"#":
+        return ""  # ends what an earlier write may have left half
     found = protocol.find(data)
     if found is None or not any(_decodes(picture, data) for picture in found[0].requests):
         return f"the mount was sent {data!r}"

@@ -14,8 +14,8 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.astro.spherical import SIDEREAL_RATE, wrap180
-from gateway.protocols.lx200.driver.speeds import SIDEREAL, Abilities, instead_of_tracking, nearest
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS, SIDEREAL_RATE, wrap180
+from gateway.protocols.lx200.driver.speeds import Abilities, instead_of_tracking, nearest
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.wireformat.command_set import load
@@ -99,7 +99,7 @@ def over_meade(model: str, variable: tuple[float, ...] = VARIABLE, keys: tuple[i
                 code = round(abs(asked) * 4)
                 for device in (16, 17):
                     named = (
-                        instead_of_tracking(able, asked / 3600.0, SIDEREAL / 3600.0).degrees
+                        instead_of_tracking(able, asked / 3600.0, SIDEREAL_ARCSECONDS / 3600.0).degrees
                         if device == 16
                         else nearest(able, abs(asked) / 3600.0).degrees * (1 if asked > 0 else -1)
                     )
@@ -162,7 +162,9 @@ def over_nexstar(model: str, version: str, first: bytes, guides: tuple[float, ..
                     rows.append(Row(name, f":Mg{direction.decode()} at :Rg", guide, guide, abs(turned) * 900.0))
                 rows.append(Row(name, ":RG at :Rg", guide, guide, await south(b":RG#", 4.0)))
             if ancient:
-                rows.append(Row(name, ":RG", SIDEREAL / 2, SIDEREAL / 2, await south(b":RG#", 30.0), 0.4))
+                rows.append(
+                    Row(name, ":RG", SIDEREAL_ARCSECONDS / 2, SIDEREAL_ARCSECONDS / 2, await south(b":RG#", 30.0), 0.4)
+                )
             for command, key in ((b":RC#", 4), (b":RM#", 7), (b":RS#", 9)):
                 asked = min(key_speed(table, key), float(table["degrees"][-1])) * 3600.0
                 within = STEPPED if ancient and key == 9 else WITHIN

@@ -10,8 +10,7 @@ from typing import Any
 
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
-from gateway.app.recording.host_clock import HostClock
-from gateway.app.recording.recorded_gateway import record_whole
+from gateway.app.recording.recorded_gateway import HostClock, record_whole
 from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.app.simulated import make_simulator

@@ -9,7 +9,7 @@ except ``Splitter``, which remembers the half command that it has been given.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from msgspec import Struct
 
@@ -17,6 +17,7 @@ from gateway.core.errors import GatewayError
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.template import FrameTemplate
 
 
 class FrameError(GatewayError, ValueError):
@@ -65,7 +66,7 @@ def encode(protocol: str, name: str, /, **values: object) -> bytes:
     command = _command(protocol, name)
     if strange := sorted(values.keys() - command.request.fields.keys()):
         raise FrameError(f"{name} ({command.help}) has no {strange[0]}; it has {_listed(command.request.fields)}")
-    return _filled(command, lambda: command.request.encode(values))
+    return _filled(command, command.request, values)
 
 
 def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
@@ -97,7 +98,7 @@ def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **valu
     command = _command(protocol, name)
     for form, template in command.replies:
         if form.fault is None and form.when in (None, precision) and values.keys() == template.fields.keys():
-            return _filled(command, lambda chosen=template: chosen.encode(values))  # type: ignore[misc]
+            return _filled(command, template, values)
     forms = [_listed(template.fields) for form, template in command.replies if form.fault is None]
     raise FrameError(f"{name} ({command.help}) has no reply with {_listed(values)}; {' or '.join(forms) or 'none'}")
 
@@ -133,16 +134,15 @@ def _command(protocol: str, name: str) -> Command:
     return command
 
 
-def _filled(command: Command, fill: Callable[[], bytes]) -> bytes:
+def _filled(command: Command, template: FrameTemplate, values: Mapping[str, object]) -> bytes:
     """Fill in a form, and say in words what is missing or does not fit."""
     try:
-        return fill()
+        return template.encode(values)
     except KeyError as missing:
         raise FrameError(f"{command.name} ({command.help}) needs {missing.args[0]}") from None
     except (TypeError, ValueError) as error:
         raise FrameError(f"{command.name} ({command.help}): {error}") from None
 
 
-def _listed(names: object) -> str:
-    words = [str(name) for name in names]  # type: ignore[attr-defined]
-    return ", ".join(words) or "no values"
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no values"

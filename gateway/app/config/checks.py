@@ -20,12 +20,12 @@ from gateway.app.config.sections.broker import parse_broker
 from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken
+from gateway.transport.listening import LISTENING, split_address
+from gateway.transport.tcp import exposed
 
 #: What stands in the place of a gateway's name where all of them are meant.
 EVERY = "all"
 _EVERY_ADDRESS = ("0.0.0.0", "::")
-#: What a surface listens on, rather than opens.
-_LISTENING = ("tcp://", "rfc2217://")
 
 
 class Mistake(NamedTuple):
@@ -89,9 +89,7 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
                 words = f"{at}: {spec.title} is spoken over HTTP; write {spec.name}@tcp://127.0.0.1:{spec.usual_port}"
                 yield Mistake(place, words)
                 continue
-            if place[0] == "surface" and where.startswith(_LISTENING):
-                from gateway.transport.tcp import split_address
-
+            if place[0] == "surface" and where.startswith(LISTENING):
                 split_address(where)
         except UserError as error:
             yield Mistake(place, str(error))
@@ -145,7 +143,7 @@ def _access(config: Config) -> Iterator[Mistake]:
             if not isinstance(value, list):
                 continue
             place: Place = ("surface", number, key)
-            if not parse_endpoint(surface.at).where.startswith(("tcp://", "rfc2217://")):
+            if not parse_endpoint(surface.at).where.startswith(LISTENING):
                 words = "true or false" if key == "read-only" else "it on a surface at tcp://"
                 yield Mistake(place, f"nobody comes from a network here; write {words}")
                 continue
@@ -160,8 +158,6 @@ def _access(config: Config) -> Iterator[Mistake]:
 
 def _nobody(where: str, allowed: Networks) -> str:
     """Why nobody can connect; empty where somebody can."""
-    from gateway.transport.tcp import exposed, split_address
-
     host, port = split_address(where)
     if exposed(where) or Access(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
         return ""
@@ -179,8 +175,6 @@ def _console(config: Config) -> Iterator[Mistake]:
         try:
             if not console.at.startswith("tcp://"):
                 raise UserError(f"{console.at!r}: write tcp://127.0.0.1:4080, or off")
-            from gateway.transport.tcp import split_address
-
             split_address(console.at)
         except UserError as error:
             yield Mistake(("console", 0, "at"), str(error))
@@ -224,9 +218,7 @@ def _taken_twice(config: Config) -> Iterator[Mistake]:
 
 def _address(where: str, listening: bool) -> tuple[str, str]:
     """What must differ: (host, port) of what listens, else the thing and nothing."""
-    if listening and where.startswith(_LISTENING):
-        from gateway.transport.tcp import split_address
-
+    if listening and where.startswith(LISTENING):
         host, port = split_address(where)
         return host.replace("localhost", "127.0.0.1"), f"tcp {port}"
     if "://" in where:

@@ -14,4 +14,7 @@ def key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, 
     return Meta(description=words, extra={"shown": shown, "example": example, "flag": flag}, **limits)
 
 
+#: What a name may be made of: no blank, no slash, no wildcard.
+WORD = r"[A-Za-z0-9_.-]+"
+Word = Annotated[str, Meta(pattern=f"^{WORD}$", title="a word of letters, digits and _ . -")]
 Plain = Annotated[str, Meta(pattern=r"^[ -\"$-~]+$", title="plain text without #")]

@@ -45,6 +45,11 @@ def keys(table: str) -> tuple[Key, ...]:
     return tuple(_key(field, hints[field.name]) for field in msgspec.structs.fields(struct) if _meta(hints[field.name]))
 
 
+def title(table: str) -> str:
+    """How the file writes the head of a table."""
+    return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
+
+
 def named(table: str, name: str) -> Key | None:
     """The key of that name in a table; None where there is none."""
     return next((key for key in keys(table) if key.name == name), None)

@@ -5,7 +5,6 @@ An endpoint is ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a place is ``LAT,LON`` in d
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 
 import msgspec
@@ -14,6 +13,7 @@ from gateway.app.config.called import named, suggestion
 from gateway.app.config.places import right
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
+from gateway.core.spelling import alike
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams
 
@@ -98,7 +98,7 @@ def _version(spec: ProtocolSpec, text: str) -> str:
 
 def nearest(word: str, choices: Sequence[str]) -> str:
     """What a mistyped word was probably meant to be, else all that it could be."""
-    close = difflib.get_close_matches(word, choices, 1)
+    close = alike(word, choices)
     return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
 
 

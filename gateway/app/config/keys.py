@@ -13,14 +13,13 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from gateway.app.config.declaring import OFF, Plain, key
+from gateway.app.config.declaring import OFF, Plain, Word, key
 from gateway.app.config.sections.console import ConsoleConfig
 from gateway.app.config.sections.mqtt import MqttConfig
 from gateway.mount.safety.limits import Limits
 
 _Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Longitude = Annotated[float, Meta(ge=-180.0, le=360.0)]
-_Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.-]+$", title="a word of letters, digits and _ . -")]
 
 
 class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
@@ -37,7 +36,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         ),
     ]
     name: Annotated[
-        _Name | None, key("a name for the mount, needed with several mounts", "NAME", "pier", flag=False)
+        Word | None, key("a name for the mount, needed with several mounts", "NAME", "pier", flag=False)
     ] = None
     baud: Annotated[int, key("speed of the mount's serial port (baud)", "BAUD", ge=300, le=921600)] = 9600
     site: Annotated[

@@ -16,6 +16,7 @@ from gateway.core.errors import MappingError
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
+from gateway.transport.listening import LISTENING
 
 #: A hand control that programs take for the newest there is, whatever its number: it counts anew.
 NEWEST = (99,)
@@ -92,7 +93,7 @@ def recognisable(surface: SurfaceConfig) -> dict[bytes, str]:
     unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
-    if surface.client != "auto" or not endpoint.where.startswith(("tcp://", "rfc2217://")):
+    if surface.client != "auto" or not endpoint.where.startswith(LISTENING):
         return {}
     return {
         row.first.encode("latin-1"): key

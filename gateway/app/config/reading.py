@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import tomli
 
-from gateway.app.config.characters import misspelt
 from gateway.app.config.checks import Mistake, mistakes
-from gateway.app.config.describing import keys, named
+from gateway.app.config.describing import keys, named, title
 from gateway.app.config.endpoints import misplaced, nearest
 from gateway.app.config.keys import TABLES, Config
 from gateway.app.config.lines import Place, line_of
@@ -30,6 +30,10 @@ _HINTS = {
 
 #: What word processors and web pages make of plain quotes.
 _CURLY = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
+
+#: What no name and no path has, and is refused wherever it is written, before anything is opened or shown: a NUL ends
+#: one early, an escape sequence rewrites a terminal.
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 #: What the parser gives up at that TOML itself allows.
 _BEYOND: dict[type[Exception], str] = {
@@ -121,9 +125,22 @@ def _broken_off(text: str) -> int:
     return bisect_left(range(1, len(lines)), True, key=given_up) + 1
 
 
+def _misspelt(tables: object, place: Place = ()) -> Iterator[Mistake]:
+    """Every text in tables that has a control character, and where it is."""
+    if isinstance(tables, str):
+        if found := _CONTROL.search(tables):
+            yield Mistake(place, f"there is a control character (U+{ord(found.group()):04X}) in it; write it without")
+    elif isinstance(tables, dict):
+        for key, value in tables.items():
+            yield from _misspelt(value, (*place, key))
+    elif isinstance(tables, list):
+        for number, value in enumerate(tables):
+            yield from _misspelt(value, (*place, number))
+
+
 def make_config(tables: dict[str, object], source: Source) -> Config:
     """Plain tables, ``mount`` being a list of them -> what they say. Raises UserError that names place and key."""
-    for place, words in misspelt(tables):
+    for place, words in _misspelt(tables):
         raise _line(source, Mistake(place[:3] if place[0] in TABLES else place[:1], words))
     try:
         config = msgspec.convert(tables, Config)
@@ -151,7 +168,7 @@ def _mistake(tables: dict[str, object], source: Source, place: Place, field: str
     if what == "unknown":
         home = next((name for name in TABLES if name != table and named(name, field)), None)
         known = [key.name for key in keys(table)] + ([] if table else ["mount", "surface"])
-        hint = nearest(field, known) if home is None else f"it belongs under {_title(home)}"
+        hint = nearest(field, known) if home is None else f"it belongs under {title(home)}"
         return _line(source, Mistake((*place, field), f"there is no such key; {hint}"))
     key = named(table, field)
     if key is None or (table == "mount" and not source.text):
@@ -166,7 +183,7 @@ def _wrong(tables: dict[str, object], source: Source, table: str, place: Place) 
     """A value of the wrong type or out of its range, or something else in the place of a table."""
     key = named(table, str(place[2] if table and len(place) > 2 else place[0]))
     if key is None:
-        return _line(source, Mistake(place, f"write {_title(table)} and KEY = VALUE under it"))
+        return _line(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
     whole = place[:3] if table else place[:1]
     value = _value(tables, whole)
     return _line(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped(key.name, value)}"))
@@ -195,13 +212,9 @@ def _line(source: Source, mistake: Mistake) -> UserError:
         return UserError(
             f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else f"{where}: {mistake.words}"
         )
-    title = f"{_title(str(table))} " if table in TABLES else ""
+    head = f"{title(str(table))} " if table in TABLES else ""
     name = key if isinstance(key, str) and (len(mistake.place) > 2 or key not in TABLES) else ""
-    return UserError(f"{where}: {f'{title}{name}'.strip()}: {mistake.words}")
-
-
-def _title(table: str) -> str:
-    return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
+    return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.words}")
 
 
 def _show(value: object) -> str:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.app.config.describing import Key, keys
+from gateway.app.config.describing import Key, keys, title
 from gateway.app.config.keys import Config, SurfaceConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.programs import settled, wanted_by
@@ -81,16 +81,11 @@ def _sample(table: str) -> Iterator[str]:
 def table() -> str:
     """Every key as a Markdown table."""
     lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
-    for name, title in (
-        ("", ""),
-        ("mount", "`[mount]`"),
-        ("surface", "`[[surface]]`"),
-        ("console", "`[console]`"),
-        ("mqtt", "`[mqtt]`"),
-    ):
+    for name in ("", "mount", "surface", "console", "mqtt"):
+        head = f"`{title(name)}`" if name else ""
         for key in keys(name):
             default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
-            lines.append(f"| {title} | `{key.name}` | {key.words} | {key.right} | {default} |")
+            lines.append(f"| {head} | `{key.name}` | {key.words} | {key.right} | {default} |")
     return "\n".join(lines) + "\n"
 
 

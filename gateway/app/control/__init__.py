@@ -5,8 +5,6 @@ writes the port and a secret into endpoint files that only its user can read, in
 folder. Requests and answers are text, sealed with the secret, so that nobody else can forge either.
 """
 
-from gateway.app.control.client import ask
-from gateway.app.control.endpoints import ControlEndpoint, doors, sweep
 from gateway.app.control.server import Control
 
-__all__ = ["Control", "ControlEndpoint", "ask", "doors", "sweep"]
+__all__ = ["Control"]

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 #: How long ago something may have happened, seconds; how many are told.
 LATELY, MOST = 60.0, 10
-WORDS = {op.Direction.NORTH: "north", op.Direction.SOUTH: "south", op.Direction.EAST: "east",
-         op.Direction.WEST: "west"}  # fmt: skip
 
 
 def look(controller: MountController, name: str, mount: str, programs: int, rate: Rate | None = None) -> StatusLine:
@@ -101,7 +99,7 @@ def _goto(controller: MountController, operation: op.Operation) -> str:
 
 def _arrow(operation: op.Move | op.MoveAxis, axis: int) -> str:
     if isinstance(operation, op.Move):
-        return f"an arrow {WORDS[operation.direction]}"
+        return f"an arrow {operation.direction.word}"
     return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"
 
 

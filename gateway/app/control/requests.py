@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from gateway.app.control import commands
-from gateway.app.control.gather import WORDS, gather
+from gateway.app.control.gather import gather
 from gateway.app.control.refusals import no
 from gateway.app.status import State, on_the_sky
 from gateway.core import operations as op
@@ -44,6 +44,19 @@ class Begun:
         self.ended = asyncio.Event()
         #: The arrow that is held down, and the hand control's key.
         self.pressed: tuple[op.Direction, int] | None = None
+
+
+async def of_date(controller: MountController, where: commands.Where) -> op.Equatorial:
+    """A place that somebody named, as the mount counts. Raises Fault."""
+    if isinstance(where, commands.Body):
+        reads: op.Read[op.Equatorial] = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
+    elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
+        raise Invalid("There is no such place on the sky.")
+    elif where.j2000:
+        reads = op.ToEquinoxOfDate(where.ra % 360.0, where.dec)
+    else:
+        return op.Equatorial(where.ra % 360.0, where.dec)
+    return await controller.perform(reads)
 
 
 class Desk:
@@ -93,11 +106,11 @@ class Desk:
     async def _do(self, wish: Any, begun: Begun) -> str:
         match wish:
             case commands.Goto():
-                begun.goal = await self._place(wish.where)
+                begun.goal = await of_date(self._controller, wish.where)
                 await self._order(op.Goto(begun.goal.ra, begun.goal.dec), begun)
                 return f"it goes to {on_the_sky(begun.goal)}"
             case commands.Sync():
-                goal = await self._place(wish.where)
+                goal = await of_date(self._controller, wish.where)
                 await self._order(op.Sync(goal.ra, goal.dec), begun)
                 return f"it points to {on_the_sky(goal)} from now on"
             case commands.Park():
@@ -134,20 +147,6 @@ class Desk:
         except TimeoutError:
             raise Busy from None
 
-    async def _place(self, where: commands.Where) -> op.Equatorial:
-        """Of date. Raises Fault."""
-        if isinstance(where, commands.Body):
-            reads: op.Read[op.Equatorial] = (
-                op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
-            )
-        elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
-            raise Invalid("There is no such place on the sky.")
-        elif where.j2000:
-            reads = op.ToEquinoxOfDate(where.ra % 360.0, where.dec)
-        else:
-            return op.Equatorial(where.ra % 360.0, where.dec)
-        return await self._controller.perform(reads)
-
     async def _move(self, wish: commands.Move, begun: Begun) -> str:
         """Press, wait, release. Raises Fault."""
         controller, longest = self._controller, self._controller.policy.silence
@@ -166,7 +165,7 @@ class Desk:
                 await controller.perform(op.StopAxis(operation.axis), None, begun.life)
         if stopped:
             raise Stopped
-        return f"it was moved {WORDS[wish.direction]} for {lasted:.1f} s"
+        return f"it was moved {wish.direction.word} for {lasted:.1f} s"
 
     async def _press(self, wish: commands.Press, begun: Begun) -> str:
         """Begin to move, or go on. Raises Fault."""
@@ -176,10 +175,10 @@ class Desk:
         if begun.stops != self._controller.stops:
             raise Stopped
         if begun.pressed == (wish.direction, wish.key):
-            return f"it is moved {WORDS[wish.direction]}"
+            return f"it is moved {wish.direction.word}"
         begun.pressed = wish.direction, wish.key
         await self._order(op.Move(wish.direction, op.Rate(key=wish.key)), begun)
-        return f"it is moved {WORDS[wish.direction]}"
+        return f"it is moved {wish.direction.word}"
 
     async def _let_go(self, begun: Begun) -> str:
         """End what was pressed. Raises Fault."""

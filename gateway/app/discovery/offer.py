@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
-from gateway.transport.tcp import split_address
+from gateway.transport.listening import split_address
 
 EVERYWHERE = ("0.0.0.0", "::")
 SCHEMES = ("tcp", "rfc2217")

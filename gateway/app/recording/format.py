@@ -20,7 +20,6 @@ from gateway.core.wire_log import show
 MARK = "# mount-gateway recording "
 #: The format that is written by an event loop whose turns can be told apart, and the one before it.
 FORMAT, WITHOUT_TURNS = 2, 1
-MOUNT = "mount"
 #: Who says the last line of a recording that came to its end.
 RECORDER = "recording"
 #: How that line begins when the recording could not be written any more.

@@ -18,20 +18,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gateway.app.recording.format import (
-    FORMAT,
-    MARK,
-    MOUNT,
-    RECORDER,
-    STOPPED,
-    WITHOUT_TURNS,
-    escape,
-    is_recording,
-    part_of,
-)
+from gateway.app.recording.format import FORMAT, MARK, RECORDER, STOPPED, WITHOUT_TURNS, escape, is_recording, part_of
 from gateway.app.recording.turns import TurnLoop
 from gateway.core.errors import UserError, about_file
-from gateway.core.wire_log import Entry
+from gateway.core.wire_log import MOUNT, Entry
 
 #: A file that has grown to this many bytes is put aside; so many files are kept, the one being written among them.
 LONGEST, KEPT = 10_000_000, 20

@@ -8,6 +8,7 @@ repeats each callback. Times are whole microseconds, so that they survive being 
 from __future__ import annotations
 
 import asyncio
+import heapq
 import selectors
 import time
 from collections import deque
@@ -102,8 +103,6 @@ class TurnLoop(asyncio.SelectorEventLoop):
     def call_at(  # type: ignore[override]  # the library's own signature needs a newer Python to be written down
         self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
     ) -> asyncio.TimerHandle:
-        import heapq
-
         timer = _Timer(next(self._timers), when, callback, args, self, context)
         heapq.heappush(self._scheduled, timer)  # type: ignore[attr-defined]
         timer._scheduled = True  # type: ignore[attr-defined]

@@ -9,6 +9,8 @@ import contextlib
 import os
 from pathlib import Path
 
+from gateway.system.files import flush_folder
+
 NAME = "hold"
 WORDS = b"mount-gateway stop --hold: no mount of this folder is moved until mount-gateway stop --release.\n"
 
@@ -26,11 +28,8 @@ def hold(folder: Path) -> None:
         os.write(number, WORDS)
         os.fsync(number)
     os.close(number)
-    if os.name == "posix":
-        with contextlib.suppress(OSError):
-            number = os.open(folder, os.O_RDONLY)
-            os.fsync(number)
-            os.close(number)
+    with contextlib.suppress(OSError):
+        flush_folder(folder)
 
 
 def release(folder: Path) -> bool:

@@ -49,7 +49,7 @@ class PreviousRun(Struct, frozen=True):
 def recall(controller: MountController, past: PreviousRun) -> None:
     """Take up what an earlier run has remembered; what it left moving is stopped first."""
     controller.driver.recall(past.kept.mount, moving=False)
-    controller.safety.synced.recall(past.kept.synced)
+    controller.safety.synced.value = past.kept.synced
     if past.left is not None:
         controller.driver.recall(past.left.memory, moving=True)
         controller.reconciler.owe_stop()

@@ -6,12 +6,11 @@ OpenNGC's. A name that nobody has given is None; names that look like it are sug
 
 from __future__ import annotations
 
-from difflib import get_close_matches
-
 from gateway.astro.catalog import deepsky, stars
 from gateway.astro.catalog.files import NotInstalled
 from gateway.astro.catalog.objects import Entry
 from gateway.astro.catalog.star_names import ALSO, HIPPARCOS, PLACES, by_number
+from gateway.core.spelling import alike
 
 #: How like a name must be to be suggested, and how many are.
 ALIKE, SUGGESTED = 0.72, 3
@@ -64,7 +63,7 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS, *more)}
     typed = bare(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
-    close = [*longer, *get_close_matches(typed, spelled, SUGGESTED, ALIKE)]
+    close = [*longer, *alike(typed, spelled, SUGGESTED, ALIKE)]
     return [spelled[known] for known in dict.fromkeys(close)][:SUGGESTED]
 
 

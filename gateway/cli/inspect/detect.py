@@ -6,6 +6,7 @@ Exit code 0 when a mount was found, 1 when none was, 2 for a mistake.
 from __future__ import annotations
 
 import argparse
+import asyncio
 import contextlib
 import errno
 import os
@@ -23,7 +24,6 @@ NONE_FOUND = 1
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",
         description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "
@@ -54,7 +54,6 @@ def add(commands: Commands) -> None:
 def _detect(arguments: argparse.Namespace) -> int:
     import json
 
-    from gateway.cli.serve.serving import with_loop
     from gateway.diagnostics.detect import here, look_at_all, named
     from gateway.diagnostics.detect.advice import next_steps
     from gateway.diagnostics.detect.report import block, values
@@ -72,13 +71,7 @@ def _detect(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         many = f"{len(places)} ports" if len(places) > 1 else "1 port"
         print(f"looking at {many}, up to 25 s …", file=sys.stderr, flush=True)
-    findings: list[Finding] = []
-
-    async def serve() -> int:
-        findings.extend(await look_at_all(places))
-        return 0
-
-    with_loop(False, serve)
+    findings = asyncio.run(look_at_all(places))
     if arguments.json:
         print(json.dumps([values(finding, arguments.network) for finding in findings], indent=2))
     else:
@@ -105,11 +98,8 @@ def _write(path: Path, mounts: list[Finding], force: bool, network: bool) -> Non
         names = " and ".join(finding.place.url for finding in mounts)
         raise UserError(f"--write {path}: there are mounts on {names}; name the one that is meant")
     write_whole(path, toml(mounts[0], network), force)
-    who = (
-        "phones and other computers, too"
-        if network
-        else ("this computer only; --network lets phones and other computers in")
-    )
+    only_here = "this computer only; --network lets phones and other computers in"
+    who = "phones and other computers, too" if network else only_here
     print(f"wrote {path}, for programs on {who}\nstart it with: mount-gateway run --config {path}", file=sys.stderr)
 
 

@@ -22,7 +22,6 @@ Examples:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     doctor = commands.add_parser(
         "doctor", help="what of this computer could be in the way, and what to do",
         description="Looks at Python and packages, serial ports and who may use or has them, programs that disturb "

@@ -8,7 +8,6 @@ from gateway.cli.help import Commands
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     explain = commands.add_parser(
         "explain",
         help="what happens to one command, in words and bytes",

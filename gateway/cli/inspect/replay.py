@@ -10,7 +10,6 @@ from gateway.system import streams
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     replay = commands.add_parser(
         "replay",
         help="play a recording of run --record again and compare",

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 
 
-def add(commands: Any) -> None:
-    """Put the command into the parser."""
+def add(commands: Commands) -> None:
     report = commands.add_parser(
         "report",
         help="a recording as a page with plots",

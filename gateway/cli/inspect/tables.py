@@ -9,7 +9,6 @@ from gateway.core.errors import UserError
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     tables = commands.add_parser(
         "tables", help="what becomes of every command, per model",
         description="Prints as Markdown what becomes of every command of both protocols (mappings/README.md holds the "

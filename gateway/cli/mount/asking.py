@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import os
+import contextlib
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 from typing import TYPE_CHECKING
 
 from gateway.app.control.endpoints import ControlEndpoint
@@ -30,11 +30,9 @@ NOBODY = (
 )
 
 
-def add_which(command: argparse.ArgumentParser) -> None:
+def add_which(command: argparse.ArgumentParser, which: str = "which one, where several run") -> None:
     """The flags that say which gateway is meant."""
-    command.add_argument(
-        "--mount", metavar="NAME", help="which one, where several run: its name, its endpoint, or the part behind @"
-    )
+    command.add_argument("--mount", metavar="NAME", help=f"{which}: its name, its endpoint, or the part behind @")
     command.add_argument(
         "--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its state"
     )
@@ -48,15 +46,12 @@ def add_wait(command: argparse.ArgumentParser) -> None:
 def found(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """The gateways that run and are meant, or ``all_of_them`` that could be."""
     from gateway.app.control.endpoints import listened
-    from gateway.app.reach import Scope, look
-    from gateway.system.files import directory
+    from gateway.app.reach import look, scope_of
 
-    given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
-    seen = look(Scope(directory(arguments.state), alone=given))
     only = None if all_of_them else arguments.mount
     return [
         door
-        for _, door in seen.gateways
+        for _, door in look(scope_of(arguments.state)).gateways
         if listened(door) and (only is None or only in (door.name, door.mount, door.mount.partition("@")[2]))
     ]
 
@@ -65,29 +60,30 @@ def the_one(arguments: argparse.Namespace) -> ControlEndpoint | None:
     """The gateway that is meant; None where none runs, which is said. Raises UserError where it could be several."""
     doors = found(arguments)
     if len(doors) > 1:
-        names = " or ".join(sorted(f"--mount {door.name or door.mount}" for door in doors))
-        raise UserError(f"{len(doors)} mounts run here; say which one is meant: {names}")
+        raise UserError(f"{len(doors)} mounts run here; say which one is meant: {_flags(doors)}")
     if not doors:
         nobody(arguments)
         return None
     return doors[0]
 
 
+def _flags(doors: Iterable[ControlEndpoint]) -> str:
+    """What names each of these gateways."""
+    return " or ".join(sorted(f"--mount {door.name or door.mount}" for door in doors))
+
+
 def nobody(arguments: argparse.Namespace) -> None:
     """Say that no gateway runs."""
-    from gateway.app.reach import Scope, unseen
-    from gateway.system.files import directory
+    from gateway.app.reach import scope_of, unseen
     from gateway.system.runtime_folders import user_name
 
     others = found(arguments, all_of_them=True) if arguments.mount else []
     if others:
-        names = " or ".join(sorted(f"--mount {door.name or door.mount}" for door in others))
-        streams.warn(f"no gateway runs here for {arguments.mount}; write {names}", journal.ERROR)
+        streams.warn(f"no gateway runs here for {arguments.mount}; write {_flags(others)}", journal.ERROR)
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
     streams.warn(NOBODY.format(which=which), journal.ERROR)
-    given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
-    for process in unseen(Scope(directory(arguments.state), alone=given)):
+    for process in unseen(scope_of(arguments.state)):
         whose = user_name(process.user)
         streams.warn(
             f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or "
@@ -120,12 +116,18 @@ def told(answer: str) -> int:
     return 0
 
 
-def carried_out(work: Callable[[asyncio.Event], Coroutine[object, object, int]]) -> int:
-    """Run something that is handed an event which Ctrl-C sets -> the exit code."""
+def carried_out(
+    arguments: argparse.Namespace, work: Callable[[ControlEndpoint, asyncio.Event], Coroutine[object, object, int]]
+) -> int:
+    """Run something with the one gateway that is meant, and an event which Ctrl-C sets -> the exit code."""
     from gateway.cli.serve.signals import until_signal
 
+    door = the_one(arguments)
+    if door is None:
+        return 1
+
     async def run() -> int:
-        return await work(until_signal())
+        return await work(door, until_signal())
 
     return asyncio.run(run())
 
@@ -141,17 +143,29 @@ async def unless(done: asyncio.Event, work: Coroutine[object, object, str]) -> s
     return None
 
 
+async def over(done: asyncio.Event) -> bool:
+    """Let the time to the next look pass -> whether Ctrl-C has come."""
+    with contextlib.suppress(TimeoutError):
+        await asyncio.wait_for(done.wait(), EVERY)
+    return done.is_set()
+
+
 def wish_for(
-    arguments: argparse.Namespace, wish: Goto | Sync | Park | Unpark | Move, wait: bool, seconds: float = ANSWERED
+    arguments: argparse.Namespace,
+    make: Callable[[str], Goto | Sync | Park | Unpark | Move],
+    wait: bool = False,
+    seconds: float = ANSWERED,
 ) -> int:
-    """Have a request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
+    """Have a request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes.
+
+    ``make`` makes it, given the number by which it is known from then on.
+    """
     from gateway.app.control import commands
+    from gateway.app.control.messages import draw
 
-    door = the_one(arguments)
-    if door is None:
-        return 1
+    wish = make(draw())
 
-    async def work(done: asyncio.Event) -> int:
+    async def work(door: ControlEndpoint, done: asyncio.Event) -> int:
         answer = await unless(done, wished(door, commands.written(wish), seconds))
         if answer is not None and answer.startswith("done ") and wait:
             if sys.stdout.isatty():
@@ -162,7 +176,7 @@ def wish_for(
         told(await wished(door, commands.written(commands.End(wish.number))))
         return 1
 
-    return carried_out(work)
+    return carried_out(arguments, work)
 
 
 async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
@@ -178,12 +192,7 @@ async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> 
             if answer is None or not answer.startswith("under way"):
                 return answer
             screen.show(answer)
-            if await unless(done, _a_moment()) is None:
+            if await over(done):
                 return None
     finally:
         screen.clear()
-
-
-async def _a_moment() -> str:
-    await asyncio.sleep(EVERY)
-    return ""

@@ -15,7 +15,6 @@ Examples:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_wait, add_which
     from gateway.cli.mount.places import PLACES, add_place
 
@@ -33,8 +32,7 @@ def add(commands: Commands) -> None:
 
 def _goto(arguments: argparse.Namespace) -> int:
     from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
     from gateway.cli.mount.asking import wish_for
     from gateway.cli.mount.places import place
 
-    return wish_for(arguments, wishes.Goto(draw(), place(arguments)), arguments.wait)
+    return wish_for(arguments, lambda number: wishes.Goto(number, place(arguments)), arguments.wait)

@@ -15,7 +15,6 @@ Examples:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
 
     move = commands.add_parser(
@@ -39,14 +38,12 @@ def add(commands: Commands) -> None:
 
 
 def _move(arguments: argparse.Namespace) -> int:
-    from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
+    from gateway.app.control.commands import Move
     from gateway.cli.mount.asking import ANSWERED, wish_for
     from gateway.core.errors import UserError
     from gateway.core.operations import Direction
 
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
-    direction = Direction[arguments.direction.upper()]
-    wish = wishes.Move(draw(), direction, arguments.rate, arguments.seconds)
-    return wish_for(arguments, wish, wait=False, seconds=arguments.seconds + ANSWERED)
+    direction, rate, lasting = Direction[arguments.direction.upper()], arguments.rate, arguments.seconds
+    return wish_for(arguments, lambda number: Move(number, direction, rate, lasting), seconds=lasting + ANSWERED)

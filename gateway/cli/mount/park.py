@@ -8,7 +8,6 @@ from gateway.cli.help import Commands
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_wait, add_which
 
     park = commands.add_parser(
@@ -23,8 +22,7 @@ def add(commands: Commands) -> None:
 
 
 def _park(arguments: argparse.Namespace) -> int:
-    from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
+    from gateway.app.control.commands import Park
     from gateway.cli.mount.asking import wish_for
 
-    return wish_for(arguments, wishes.Park(draw()), arguments.wait)
+    return wish_for(arguments, Park, arguments.wait)

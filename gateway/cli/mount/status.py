@@ -21,7 +21,6 @@ Examples:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
 
     status = commands.add_parser(
@@ -69,12 +68,14 @@ async def _told(arguments: argparse.Namespace) -> int:
 
 def lines(state: State) -> Iterator[str]:
     """A mount's state for a person."""
-    from gateway.app.status import does, where
+    from gateway.app.status import OLD, does, where
 
     look = state.look
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
-    seen = where(look) + (f", {look.age:.0f} s ago" if look.position and look.age < 1e8 else "")
+    seen = where(look)  # with its age, where it is old
+    if look.position is not None and look.age <= OLD:
+        seen += f", {look.age:.0f} s ago"
     doing = "" if look.state in ("opening", "down") else does(look)  # nobody knows what it does now
     told = {
         "mount": [state.found or "has not said yet which one it is"],

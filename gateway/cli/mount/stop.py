@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import os
 import sys
 from pathlib import Path
 from typing import TextIO
@@ -27,17 +26,15 @@ Examples:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
+    from gateway.cli.mount.asking import add_which
+
     stop = commands.add_parser(
         "stop", help="stop the mount: of every running gateway, and of one that was killed",
         description="Ends every motion of every mount here, and looks at each until it rests. Exit code 0: every one "
                     "was seen at rest, 1: one could not be stopped or seen, or it cannot be known what runs.",
         epilog=EXAMPLES,
     )  # fmt: skip
-    stop.add_argument("--mount", metavar="NAME", help="only this one: its name, its endpoint, or the part behind @")
-    stop.add_argument(
-        "--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its state"
-    )
+    add_which(stop, "only this one")
     both = stop.add_mutually_exclusive_group()
     both.add_argument(
         "--hold",
@@ -50,15 +47,13 @@ def add(commands: Commands) -> None:
 
 
 def _stop(arguments: argparse.Namespace) -> int:
-    from gateway.app.reach import Scope
+    from gateway.app.reach import scope_of
     from gateway.app.stop_command import order_all
-    from gateway.system.files import directory
 
     word = "hold" if arguments.hold else "release" if arguments.release else "stop"
     if arguments.mount and word != "stop":
         raise UserError(f"stop --{word} is for all mounts of a state folder: leave --mount out")
-    given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
-    scope = Scope(directory(arguments.state), alone=given)
+    scope = scope_of(arguments.state)
     good, bad = [], []
     report = asyncio.run(order_all(scope, _as_gateways_have_it(arguments.mount), word))
     for mount, answer in report.outcomes:

@@ -8,7 +8,6 @@ from gateway.cli.help import Commands
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
     from gateway.cli.mount.places import PLACES, add_place
 
@@ -25,8 +24,7 @@ def add(commands: Commands) -> None:
 
 def _sync(arguments: argparse.Namespace) -> int:
     from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
     from gateway.cli.mount.asking import wish_for
     from gateway.cli.mount.places import place
 
-    return wish_for(arguments, wishes.Sync(draw(), place(arguments)), wait=False)
+    return wish_for(arguments, lambda number: wishes.Sync(number, place(arguments)))

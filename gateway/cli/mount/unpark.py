@@ -8,7 +8,6 @@ from gateway.cli.help import Commands
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
 
     unpark = commands.add_parser(
@@ -21,8 +20,7 @@ def add(commands: Commands) -> None:
 
 
 def _unpark(arguments: argparse.Namespace) -> int:
-    from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
+    from gateway.app.control.commands import Unpark
     from gateway.cli.mount.asking import wish_for
 
-    return wish_for(arguments, wishes.Unpark(draw()), wait=False)
+    return wish_for(arguments, Unpark)

@@ -24,7 +24,7 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
     """Open the page and say where it is; None where there is to be none, or where it cannot be opened."""
     if config.page is None:
         return None
-    from gateway.transport.tcp import split_address
+    from gateway.transport.listening import split_address
 
     console = await asyncio.to_thread(_made_ready)  # a quarter of a second that nobody is to wait for
     page = console(gateways, _access(config.page), config.page.pin or "", config.page.names, _doors(gateways))
@@ -58,7 +58,7 @@ def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 
 def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
     """The ports of surfaces where browsers come in, too, and who may do what there."""
-    from gateway.transport.tcp import split_address
+    from gateway.transport.listening import split_address
 
     return {
         split_address(port.where)[1]: reception.access

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.status import Rate, StatusLine, status
 from gateway.diagnostics.log.as_json import warning
-from gateway.diagnostics.log.layout import colours_of, painted
 from gateway.system import journal, streams
 from gateway.system.systemd import notify, wanted, watchdog
 
@@ -34,7 +33,11 @@ class Screen:
 
     def __init__(self, terminal: TextIO | None, night: bool = False, as_json: bool = False) -> None:
         self.terminal, self._as_json = terminal, as_json
-        self._colours = colours_of(terminal, night) if terminal is not None and night else {}
+        self._colours: dict[str, str] = {}
+        if terminal is not None and night:
+            from gateway.diagnostics.log.layout import colours_of
+
+            self._colours = colours_of(terminal, night)
         self._shown = 0
 
     @property
@@ -48,6 +51,8 @@ class Screen:
     def show(self, text: str) -> None:
         """Rewrite the line; not while somebody else has the terminal."""
         if self.terminal is not None and _in_front(self.terminal):
+            from gateway.diagnostics.log.layout import painted
+
             rest = min(self._shown, self.columns) - len(text)
             self._write(f"\r{painted(text, 'program', self._colours)}{' ' * rest}")
             self._shown = len(text)
@@ -117,8 +122,8 @@ def look(gateway: Gateway, rate: Rate) -> StatusLine:
     from gateway.app.control import gather
 
     assert gateway.controller is not None
-    programs = sum(reception.programs() for reception in gateway.receptions)
-    return gather.look(gateway.controller, gateway.config.name or "", str(gateway.mount), programs, rate)
+    here = len(gateway.programs())
+    return gather.look(gateway.controller, gateway.config.name or "", str(gateway.mount), here, rate)
 
 
 def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:

@@ -221,11 +221,10 @@ def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 
 def _log(config: Config, mount: MountConfig) -> Sink:
     """What shows the conversation of one mount, or as much of it as is asked for."""
-    from gateway.app.bindings import speech
     from gateway.diagnostics.log.printing import Rows, printer
 
     surfaces = [parse_endpoint(surface.at).protocol for surface in _surfaces(config, mount)]
-    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, speech, as_json.kept(config.log), mount.name or "")
+    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, as_json.kept(config.log), mount.name or "")
     if as_json.wanted(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)
     return printer(rows, sys.stderr, config.night)

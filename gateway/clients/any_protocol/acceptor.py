@@ -63,10 +63,6 @@ class AnyAcceptor:
         """The programs that are connected."""
         return [visit for one in self._speaking.values() for visit in one.connections()]
 
-    def programs(self) -> int:
-        """How many they are."""
-        return len(self.here())
-
     def located(self, where: str) -> None:
         """The port is open, and has its real number."""
         for one in self._speaking.values():

@@ -124,7 +124,7 @@ class CommandProcessor:
         if found is None:
             return False
         reply, kinds = found
-        controller.touch(kinds, now)
+        controller.touch(kinds, now)  # whoever is served so polls what the reply was made of all the same
         self.session.last = data
         if self.log.sinks:
             self.log.put(">", data)

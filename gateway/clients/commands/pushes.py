@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Sequence
 
 from gateway.core.errors import Fault
 from gateway.core.operations import Operation
-from gateway.protocols.base.subscription import Subscription
+from gateway.protocols.base.wants import Subscription
 
 
 class Pushes:

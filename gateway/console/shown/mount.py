@@ -6,7 +6,7 @@ The state is made in pieces. Between two of them programs are answered, and a st
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 from gateway.app.gateway import Gateway
@@ -83,7 +83,7 @@ class ShownMount:
         return self._bodies
 
 
-async def _gathered(found: Iterator[dict[str, Any]] | Iterable[dict[str, Any]], at_once: int) -> list[dict[str, Any]]:
+async def _gathered(found: Iterable[dict[str, Any]], at_once: int) -> list[dict[str, Any]]:
     """All of them, so many in one piece."""
     kept = []
     for count, one in enumerate(found, 1):

@@ -7,8 +7,7 @@ from typing import Any
 
 from gateway.app.gateway import Gateway
 from gateway.app.status import Rate
-from gateway.core.wire_log import Entry, show
-from gateway.diagnostics.log.printing import MOUNT
+from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.protocols.registry import ANY
 
 #: Sides whose last words are kept; bytes that are shown of them.

@@ -31,8 +31,9 @@ class Publisher:
         self.mounts = [ShownMount(gateway, index) for index, gateway in enumerate(gateways)]
         self._recordings = recordings
         self._loop = asyncio.get_running_loop()
-        self._frame = Frame(0, Content(), "")
         self._content = Content()
+        #: The newest; its number is 0 while there is none.
+        self.frame = Frame(0, self._content, "")
         self._pages: set[Subscription] = set()
         self._task: asyncio.Task[None] | None = None
         self._listening = 0
@@ -61,7 +62,7 @@ class Publisher:
 
     def _forget(self) -> None:
         self._content = Content()
-        self._frame = Frame(0, self._content, "")
+        self.frame = Frame(0, self._content, "")
         for mount in self.mounts:
             mount.look_away()
 
@@ -81,17 +82,12 @@ class Publisher:
         """Whether there will be another frame."""
         return self._task is not None
 
-    @property
-    def frame(self) -> Frame:
-        """The newest; its number is 0 while there is none."""
-        return self._frame
-
     async def _publish(self) -> None:
         while True:
             began = self._loop.time()
-            self._frame = await self._next()
+            self.frame = await self._next()
             for page in list(self._pages):
-                page.tell(self._frame)
+                page.tell(self.frame)
                 await turn()
             await asyncio.sleep(max(began + EVERY - self._loop.time(), PAUSE))
 
@@ -105,7 +101,7 @@ class Publisher:
         self._content = after = Content(states, self._recordings(), kept)
         await turn()
         changed = changes(before, after, new) if before.mounts else ""
-        return Frame(self._frame.number + 1, after, changed, self.since(first), first)
+        return Frame(self.frame.number + 1, after, changed, self.since(first), first)
 
     async def _take_rows(self) -> None:
         """What was said since the last frame, in words; no more of it than is kept for a page."""

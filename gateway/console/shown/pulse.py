@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from gateway.app.status import Rate
-from gateway.core.wire_log import Entry
-from gateway.diagnostics.log.printing import MOUNT
+from gateway.core.wire_log import MOUNT, Entry
 
 #: Answer times that are kept for a page that has just come.
 KEPT = 240

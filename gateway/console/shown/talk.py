@@ -10,12 +10,10 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.app.bindings import speech
-from gateway.app.config import parse_endpoint
 from gateway.app.gateway import Gateway
-from gateway.core.wire_log import Entry, show
+from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.diagnostics.log.layout import Row
-from gateway.diagnostics.log.printing import MOUNT, Rows
+from gateway.diagnostics.log.printing import Rows
 
 #: Rows that are kept for pages; things that were said and wait to be put into words. The oldest are dropped.
 MOST, WAITING = 400, 2000
@@ -37,7 +35,7 @@ class Talk:
 
     def _fresh(self) -> Rows:
         surfaces = [endpoint.protocol for endpoint in self._gateway.endpoints]
-        return Rows(parse_endpoint(self._gateway.config.at).protocol, surfaces, speech)
+        return Rows(self._gateway.mount.protocol, surfaces)
 
     def listen(self, on: bool) -> None:
         """Somebody is shown it from now on, or nobody any more."""

@@ -16,6 +16,11 @@ class Direction(Enum):
     WEST = "w"
 
     @property
+    def word(self) -> str:
+        """``north`` and so on, for sentences."""
+        return self.name.lower()
+
+    @property
     def axis(self) -> int:
         """1 = right ascension / azimuth, 2 = declination / altitude."""
         return 2 if self in (Direction.NORTH, Direction.SOUTH) else 1

@@ -75,7 +75,7 @@ def lasting_name(device: str, folder: Path = LASTING) -> str:
     return next((str(link) for link in links if os.path.realpath(link) == real), device)
 
 
-def holder(url: str, processes: Path = Path("/proc")) -> str:
+def holder(url: str) -> str:
     """The program that has a port open, ``name (process 123)``; empty where nobody has or nobody can tell.
 
     Locks are asked for as well when the port is opened; this finds programs that take none, before anything is done to
@@ -84,7 +84,7 @@ def holder(url: str, processes: Path = Path("/proc")) -> str:
     real = os.path.realpath(url)
     if "://" in url or real.startswith("/dev/pts/"):
         return ""
-    for process in sorted(processes.glob("[0-9]*")):
+    for process in sorted(Path("/proc").glob("[0-9]*")):
         try:
             if any(os.readlink(file) == real for file in (process / "fd").iterdir()):
                 return f"{(process / 'comm').read_text().strip()} (process {process.name})"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 
+from gateway.diagnostics.detect.identify import Mount
 from gateway.diagnostics.detect.scan_port import USUAL, Finding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
@@ -55,7 +56,7 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
         f"{mount.product}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
         "; ".join(f"{name}: {words}" for name, words in mount.ways.items()),
         f"equinox: {EQUINOX[mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
-        *hints(finding),
+        *hints(mount),
         "for programs on this computer:",
         f"  {command(finding)}",
         "for phones and other computers, too (anybody in your network can then move the mount):",
@@ -72,10 +73,8 @@ EQUINOX = {
 }  # fmt: skip
 
 
-def hints(finding: Finding) -> list[str]:
+def hints(mount: Mount) -> list[str]:
     """What a person should know or add before the first run."""
-    mount = finding.mount
-    assert mount is not None
     found = []
     if mount.aligned is False:
         found.append("not aligned yet: align it at the hand control, it does no gotos before")
@@ -96,10 +95,9 @@ def endpoint(finding: Finding) -> str:
     return f"{mount.protocol}{model}@{place.name}"
 
 
-def surface(finding: Finding, network: bool) -> str:
+def surface(mount: Mount, network: bool) -> str:
     """Where programs connect: from this computer only, or from the network, too."""
-    assert finding.mount is not None
-    spoken = other_surface(finding.mount.protocol)
+    spoken = other_surface(mount.protocol)
     return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
 
@@ -109,7 +107,7 @@ def command(finding: Finding, network: bool = False) -> str:
     words = ["mount-gateway", "run", "--mount", endpoint(finding)]
     if finding.baud not in (None, USUAL):
         words += ["--baud", str(finding.baud)]
-    return shlex.join([*words, "--surface", surface(finding, network)])
+    return shlex.join([*words, "--surface", surface(finding.mount, network)])
 
 
 def toml(finding: Finding, network: bool = False) -> str:
@@ -124,7 +122,7 @@ def toml(finding: Finding, network: bool = False) -> str:
         rows.append(f'# equinox = "auto"  # j2000 for this version, by {PROTOCOLS[mount.protocol].j2000_by}')
     if not mount.tells_place:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']
-    rows += ["", "[[surface]]", f"at = {json.dumps(surface(finding, network))}"]
+    rows += ["", "[[surface]]", f"at = {json.dumps(surface(mount, network))}"]
     if network:
         rows += [f"# {ANYBODY}", '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect']
     else:
@@ -132,7 +130,7 @@ def toml(finding: Finding, network: bool = False) -> str:
             "# in its place, for programs of every protocol, and for your browser:",
             f'# at = "{ANY}@tcp://127.0.0.1:{ANY_PORT}"',
             f"# in its place, for phones and other computers, too; {ANYBODY}",
-            f"# at = {json.dumps(surface(finding, True))}",
+            f"# at = {json.dumps(surface(mount, True))}",
         ]
     return "\n".join(rows) + "\n"
 

@@ -6,9 +6,8 @@ was looked at. ``bad`` is only what keeps a gateway from working as it should: `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
-from typing import NamedTuple
 
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Result, Said
 from gateway.diagnostics.doctor.places import gateways, listeners, meddlers, ports, state_folder
@@ -25,13 +24,6 @@ WITHOUT = {
 }
 #: Seconds in a day; days before their end at which data count as old.
 DAY, SOON = 86400.0, 60.0
-
-
-class Check(NamedTuple):
-    """What it is called, and how it is done."""
-
-    name: str
-    look: Callable[[Facts], Iterator[Said]]
 
 
 def python(facts: Facts) -> Iterator[Said]:
@@ -118,20 +110,21 @@ def _day(unix: float, form: str = "%Y-%m-%d") -> str:
     return datetime.fromtimestamp(unix, UTC).strftime(form)
 
 
-CHECKS = (
-    Check("python", python),
-    Check("packages", packages),
-    Check("extras", extras),
-    Check("ports", ports),
-    Check("meddlers", meddlers),
-    Check("clock", clock),
-    Check("astronomy", astronomy),
-    Check("network", listeners),
-    Check("state", state_folder),
-    Check("gateways", gateways),
-)
+#: By what they are called, in the order in which they are told.
+CHECKS: dict[str, Callable[[Facts], Iterator[Said]]] = {
+    "python": python,
+    "packages": packages,
+    "extras": extras,
+    "ports": ports,
+    "meddlers": meddlers,
+    "clock": clock,
+    "astronomy": astronomy,
+    "network": listeners,
+    "state": state_folder,
+    "gateways": gateways,
+}
 
 
-def examine(facts: Facts, checks: Sequence[Check] = CHECKS) -> list[Result]:
+def examine(facts: Facts) -> list[Result]:
     """What all checks say, in their order."""
-    return [Result(check.name, state, found, do) for check in checks for state, found, do in check.look(facts)]
+    return [Result(name, *said) for name, look in CHECKS.items() for said in look(facts)]

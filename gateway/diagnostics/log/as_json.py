@@ -6,16 +6,15 @@ can take it. In systemd's journal its level stands before it, which the journal 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.core.wire_log import Entry, show
-from gateway.diagnostics.log.layout import Row
 from gateway.system import journal
 
 if TYPE_CHECKING:
+    from gateway.diagnostics.log.layout import Row
     from gateway.diagnostics.log.printing import Rows
 
 #: What the value of ``log`` begins with when this form is wanted; behind a hyphen stands what is left out.
@@ -63,6 +62,8 @@ def _line(
     time: float, mount: str | None, side: str, kind: str, words: str,
     direction: str | None = None, refused: bool = False, data: bytes = b"",
 ) -> str:  # fmt: skip
+    import json  # whoever asks for no such log does not wait for it at the start
+
     told = {
         "time": datetime.fromtimestamp(time, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z",
         "mount": mount,

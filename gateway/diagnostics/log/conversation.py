@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+from gateway.app.bindings import speech
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import in_words, steady
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.frames import Framer, Unterminated
-from gateway.protocols.base.reply_rules import Replies
+from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.wireformat.command_set import load
 
 #: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs no other one,
@@ -24,9 +24,6 @@ from gateway.protocols.wireformat.command_set import load
 APART = 0.2
 #: Commands of one side whose replies may still be due, and bytes that may still become a reply.
 DUE, LONGEST = 256, 4096
-
-#: What cuts a protocol's commands out.
-Cutting = Callable[[], Framer]
 
 
 class Heard(NamedTuple):
@@ -55,9 +52,10 @@ def _briefly(meaning: str) -> str:
 class Side:
     """One side, and the replies that are still due to it."""
 
-    def __init__(self, protocol: str, framing: Cutting, dialogue: Replies) -> None:
+    def __init__(self, protocol: str) -> None:
         self._now = 0.0
-        self.protocol, self._framer, self._dialogue = protocol, framing(), dialogue
+        framing, self._dialogue = speech(protocol)
+        self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
         #: What is told without having been asked for.

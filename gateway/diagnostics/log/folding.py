@@ -10,6 +10,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from gateway.core.wire_log import show
+from gateway.diagnostics.log.conversation import Heard
 from gateway.diagnostics.log.layout import Row
 
 #: Seconds after which it is told how often a question was asked meanwhile.
@@ -25,16 +26,12 @@ HOSTS = 64
 
 
 class Told(Struct, frozen=True):
-    """A line that may be shown, and what it is of: see ``Heard`` in ``conversation``; ``asked`` is what is answered;
-    what is ``pushed`` was not asked for."""
+    """A line that may be shown, and what it is of; ``asked`` is what is answered."""
 
     row: Row
-    host: str = ""
-    asks: bool = False
-    fails: bool = False
-    values: tuple[object, ...] = ()
-    asked: bytes = b""
-    pushed: bool = False
+    host: str
+    heard: Heard
+    asked: bytes
 
 
 #: The arrows of a connection that comes, and of what it then turns out to speak.
@@ -66,8 +63,8 @@ class Folding:
     succeeds.
     """
 
-    def __init__(self, kept: str = "all", every: float = EVERY) -> None:
-        self._kept, self._every = kept, every
+    def __init__(self, kept: str = "all") -> None:
+        self._kept = kept
         self._parties: dict[str, _Party] = {}
         self._gone: dict[str, _Party] = {}
 
@@ -128,9 +125,9 @@ class Folding:
     def _request(self, told: Told) -> list[Row]:
         party = self._party(told)
         rows = self._unanswered(party)
-        if told.fails:
+        if told.heard.fails:
             return [*rows, *self._shown(party, told)]
-        if not told.asks:
+        if not told.heard.asks:
             if self._kept == "refusals":
                 party.held.append(told.row)
                 return rows
@@ -143,36 +140,36 @@ class Folding:
 
     def _reply(self, told: Told) -> list[Row]:
         party = self._party(told)
-        if told.fails:
+        if told.heard.fails:
             return self._shown(party, told)
-        if self._kept == "refusals" or (told.asks and self._kept == "changes"):
+        if self._kept == "refusals" or (told.heard.asks and self._kept == "changes"):
             party.held = [row for row in party.held if row.arrow in COMING]
             return []
-        if told.pushed:
+        if told.heard.pushed:
             return self._unasked(party, told)
-        run = party.runs.get(told.asked) if told.asks else None
+        run = party.runs.get(told.asked) if told.heard.asks else None
         if run is None:
             return self._shown(party, told)
         asked = next((row for row in party.held if row.arrow == ">"), None)
-        new, run.values = run.values != told.values, told.values
+        new, run.values = run.values != told.heard.values, told.heard.values
         if asked is None or new:
             counted = self._count(told.asked, run, asked) if asked is not None else []
             run.since = told.row.time
             return [*counted, *self._held(party), told.row]
         party.held.remove(asked)
         run.count, run.last = run.count + 1, told.row.words
-        return self._count(told.asked, run, told.row) if told.row.time - run.since >= self._every else []
+        return self._count(told.asked, run, told.row) if told.row.time - run.since >= EVERY else []
 
     def _unasked(self, party: _Party, told: Told) -> list[Row]:
         """What is told again and again: shown once, then counted."""
         run = party.runs.get(UNASKED)
-        if run is None or run.values != told.values:
+        if run is None or run.values != told.heard.values:
             counted = [] if run is None else self._count(UNASKED, run, told.row)
             run = party.runs[UNASKED] = _Run(told.row.time)
-            run.values = told.values
+            run.values = told.heard.values
             return [*counted, *self._held(party), told.row]
         run.count, run.last = run.count + 1, told.row.words
-        return self._count(UNASKED, run, told.row) if told.row.time - run.since >= self._every else []
+        return self._count(UNASKED, run, told.row) if told.row.time - run.since >= EVERY else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """A request that was held back and has had no answer when the next one comes: that is worth knowing."""

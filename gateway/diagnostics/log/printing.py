@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TextIO
 
 from gateway.clients.wrong_preset import other
-from gateway.core.wire_log import Entry, show
-from gateway.diagnostics.log.conversation import Cutting, Heard, Side
+from gateway.core.wire_log import MOUNT, Entry, show
+from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.log.folding import Folding, Told
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
-from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.registry import ANY, guess
 from gateway.system import journal
 
@@ -20,16 +19,12 @@ SILENT = ("raw", "r", "v")
 #: What arrows mean that are no bytes.
 EVENTS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
 
-MOUNT = "mount"
-#: A protocol -> how its commands are cut out, and how its replies are taken apart.
-Speech = Callable[[str], tuple[Cutting, Replies]]
-
 
 class Rows:
     """Entries -> what is to be told of them. ``surfaces`` are the protocols of the surfaces, in their order."""
 
-    def __init__(self, mount: str, surfaces: Sequence[str], speech: Speech, shown: str = "all", name: str = "") -> None:
-        self._mount, self._surfaces, self._speech, self._name = mount, surfaces, speech, name
+    def __init__(self, mount: str, surfaces: Sequence[str], shown: str = "all", name: str = "") -> None:
+        self._mount, self._surfaces, self._name = mount, surfaces, name
         self._shown = shown
         self._folding = Folding(shown)
         self._sides: dict[str, Side] = {}
@@ -54,11 +49,11 @@ class Rows:
         if entry.arrow == ">":
             self._asked[entry.side] = bytes(entry.data)
         elif entry.arrow == "~":
-            self._sides[entry.side] = self._new(entry.note.partition(",")[0])
+            self._sides[entry.side] = Side(entry.note.partition(",")[0])
         elif entry.arrow == "-":
             self._sides.pop(entry.side, None)
             self._asked.pop(entry.side, None)
-        return self._folding.take(Told(row, host, heard.asks, heard.fails, heard.values, asked, heard.pushed))
+        return self._folding.take(Told(row, host, heard, asked))
 
     def _begin(self, entry: Entry) -> None:
         """A program has come to a surface, whose number the entry tells."""
@@ -66,10 +61,7 @@ class Rows:
         if number.isdecimal() and 0 < int(number) <= len(self._surfaces):
             protocol = self._surfaces[int(number) - 1]
             if protocol != ANY:  # else it is told when it is known
-                self._sides[entry.side] = self._new(protocol)
-
-    def _new(self, protocol: str) -> Side:
-        return Side(protocol, *self._speech(protocol))
+                self._sides[entry.side] = Side(protocol)
 
     def _heard(self, entry: Entry) -> Heard:
         """What an entry says, in words."""
@@ -81,7 +73,7 @@ class Rows:
             return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
         if side is None:
             protocol = self._mount if entry.side == MOUNT else guess(entry.data) or self._mount
-            side = self._sides[entry.side] = self._new(protocol)
+            side = self._sides[entry.side] = Side(protocol)
         if entry.arrow == "x":
             foreign = other(side.protocol, entry.data)
             words = f"; {foreign} has such a command" if foreign else ""

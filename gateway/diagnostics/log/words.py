@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 
 from gateway.core.wire_log import show
+from gateway.protocols.wireformat import sexagesimal
 from gateway.protocols.wireformat.command_set import load
 
 
@@ -98,11 +99,6 @@ def _sexagesimal(ticks: int) -> tuple[int, int, int]:
     return whole, minutes, seconds
 
 
-def _hours(degrees: float) -> str:
-    """``05:34:32``, of degrees."""
-    return "{:02d}:{:02d}:{:02d}".format(*_sexagesimal(round(degrees * 240.0) % 86400))
-
-
 def _angle(degrees: float) -> str:
     return "{:02d}°{:02d}'{:02d}\"".format(*_sexagesimal(round(abs(degrees) * 3600.0)))
 
@@ -132,7 +128,7 @@ def _clock(seconds: float) -> str:
 
 #: What a form makes of a value: degrees, seconds since midnight, or hours.
 FORMS: dict[str, Callable[[Any], str]] = {
-    "hours": _hours,
+    "hours": sexagesimal.hours,
     "signed": _signed,
     "turn": _turn,
     "north": _north,

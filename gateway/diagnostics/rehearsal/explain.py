@@ -10,7 +10,7 @@ from functools import cache
 
 from msgspec.structs import replace
 
-from gateway.app.bindings import shows_itself, speech
+from gateway.app.bindings import shows_itself
 from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
 from gateway.astro.ephemeris.sky import Sky
@@ -181,7 +181,7 @@ def _hint(client: str, mount: str, frame: bytes) -> str:
 
 def shown(play: Play, face: str, mount: str) -> list[str]:
     """A play as lines: what it means, what goes to the mount up to the reply, what changes the mount after it."""
-    program, driven = Side(face, *speech(face)), Side(mount, *speech(mount))
+    program, driven = Side(face), Side(mount)
     lines: list[str] = []
     answered, last, again = False, "", 0
     for event in play.events:

@@ -10,7 +10,6 @@ from gateway.core import operations as op
 from gateway.core.operations import Operation
 from gateway.diagnostics.log.words import FORMS
 
-_SIDES = {"n": "north", "s": "south", "e": "east", "w": "west"}
 #: Speeds by their names, as hand controls call them.
 _RATES = {"guide": "guiding speed", "center": "centring speed", "find": "finding speed", "max": "full speed"}
 _MODES = {
@@ -146,10 +145,10 @@ _TOLD: dict[type[Operation], Callable[[Any], str]] = {
     op.GotoHorizontal: lambda one: f"go to {_horizon(one)}{_limits(one)}",
     op.GotoAxes: lambda one: f"turn the motors to {one.az:g}° and {one.alt:g}°",
     op.Sync: lambda one: f"the mount points at {_place(one)} now",
-    op.Move: lambda one: f"move {_SIDES[one.direction.value]} {_rate(one.rate)}, until it is stopped{_limits(one)}",
+    op.Move: lambda one: f"move {one.direction.word} {_rate(one.rate)}, until it is stopped{_limits(one)}",
     op.MoveAxis: lambda one: f"turn {_axis(one.axis)} {_sense(one.sense)} {_rate(one.rate)}, until it is stopped",
     op.StopAxis: lambda one: f"stop {_axis(one.axis)}",
-    op.Pulse: lambda one: f"guide {_SIDES[one.direction.value]} for {one.ms} ms",
+    op.Pulse: lambda one: f"guide {one.direction.word} for {one.ms} ms",
     op.PulseAxis: lambda one: f"guide with {_axis(one.axis)} {_sense(one.sense)} for {one.ms} ms"
                               + ("" if one.rate is None else f" at {one.rate:g} of the sidereal rate"),
     op.SetTracking: _tracking,

@@ -8,9 +8,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from gateway.app.recording.format import MOUNT, Event
+from gateway.app.recording.format import Event
 from gateway.core.errors import Fault
-from gateway.core.wire_log import WireLog
+from gateway.core.wire_log import MOUNT, WireLog
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import Request, RequestQueue

@@ -16,15 +16,15 @@ import msgspec
 
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
-from gateway.app.recording.format import MOUNT, WITHOUT_TURNS, Event, Recording
+from gateway.app.recording.format import WITHOUT_TURNS, Event, Recording
 from gateway.app.state.store import PreviousRun
 from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import UserError
-from gateway.core.wire_log import SKY_READY, Entry, WireLog
+from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
-from gateway.diagnostics.replay.retracing import Retracing
+from gateway.diagnostics.replay.retracing import AFTERWARDS, Retracing
 from gateway.diagnostics.replay.told import Difference, Told
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
@@ -33,8 +33,6 @@ from gateway.transport.wires import SimulatedTransport
 
 #: Turns of the event loop in which everything has come to rest that one event has set going.
 TURNS = 60
-#: What the gateway is given to end after the last event, seconds.
-AFTERWARDS = 1.0
 
 
 class Outcome(NamedTuple):
@@ -150,7 +148,6 @@ def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
 
 async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
-    from gateway.app.bindings import speech
     from gateway.app.simulated import DEFAULT_SITE, make_simulator
     from gateway.diagnostics.log.layout import plain
     from gateway.diagnostics.log.printing import Rows
@@ -166,7 +163,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
     gateway = _gateway(recording, clock)
 
-    rows = Rows(gateway.mount.protocol, [endpoint.protocol for endpoint in gateway.endpoints], speech)
+    rows = Rows(gateway.mount.protocol, [endpoint.protocol for endpoint in gateway.endpoints])
 
     def put(entry: Entry) -> None:
         for row in rows.take(entry):

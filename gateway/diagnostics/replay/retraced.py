@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from gateway.app.recording.entrance import Entrance
-from gateway.app.recording.format import MOUNT, RECORDER, Event, Recording
+from gateway.app.recording.format import RECORDER, Event, Recording
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.core.errors import UserError
+from gateway.core.wire_log import MOUNT
 from gateway.transport.wires import OnData, OnLost
 
 #: Requests that were others than then: so many are told of.

@@ -12,14 +12,14 @@ from collections import deque
 
 from gateway.app.control.orders import stopped
 from gateway.app.gateway import Gateway
-from gateway.app.recording.format import MOUNT, Event, Recording
+from gateway.app.recording.format import Event, Recording
 from gateway.app.recording.turns import BASE
-from gateway.core.wire_log import SKY_READY
+from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
 from gateway.diagnostics.replay.told import Difference, Told, surface_and_host
 from gateway.mount.link.line import MountLink
 
-#: What the gateway is given to end after the last turn, seconds.
+#: What the gateway is given to end after the last event, seconds.
 AFTERWARDS = 1.0
 
 
@@ -136,7 +136,7 @@ class Retracing:
                 self._tasks.append(self._loop.create_task(gateway.controller.stop()))
             case "o":
                 self._tasks.append(self._loop.create_task(stopped(gateway.controller)))
-            case "c" if gateway.desk is not None:
+            case "c":
                 wish = gateway.desk.carry_out(event.data.decode("latin-1"))
                 self._tasks.append(self._loop.create_task(wish))
             case "h" | "u":

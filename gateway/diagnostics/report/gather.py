@@ -10,10 +10,10 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.app.recording.format import BOOKKEEPING, MOUNT, RECORDER, Event, Recording
+from gateway.app.recording.format import BOOKKEEPING, RECORDER, Event, Recording
 from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import UserError
-from gateway.core.wire_log import SKY_READY
+from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.recorded_sides import RecordedSides
 from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, Site

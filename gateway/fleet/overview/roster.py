@@ -46,14 +46,13 @@ class Event(Struct, frozen=True):
 
 
 class Roster:
-    """``clock`` gives Unix seconds. ``told`` counts what has come."""
+    """``clock`` gives Unix seconds."""
 
     def __init__(self, prefix: str, clock: Callable[[], float]) -> None:
         self._topics, self._clock = Topics(prefix, "+"), clock
         self._available: dict[str, bool] = {}
         self._states: dict[_Name, tuple[State, float]] = {}
         self._ends: dict[_Name, tuple[Event, float]] = {}
-        self.told = 0
 
     @property
     def subscriptions(self) -> list[str]:
@@ -63,7 +62,6 @@ class Roster:
 
     def hear(self, heard: Heard) -> None:
         """Something was told on the broker."""
-        self.told += 1
         match self._topics.parts(heard.topic):
             case [gateway, "availability"] if gateway in self._available or len(self._available) < MOST:
                 self._available[gateway] = heard.payload == ONLINE

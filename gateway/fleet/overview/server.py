@@ -7,24 +7,23 @@ only the served page holds. A stop counts as sent when the broker has passed it 
 from __future__ import annotations
 
 import asyncio
-import html
 import secrets
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from aiohttp import web
 from msgspec import Struct
 
 from gateway.console import gate
-from gateway.console.server import PAGE, TYPES
+from gateway.console.pages import Pages, guarded, listen, runner_of
+from gateway.console.server import PAGE
 from gateway.fleet.access import Access
 from gateway.fleet.client import Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
 from gateway.fleet.topics import Heard, Message, Topics
-from gateway.system.web_log import web_log
+from gateway.system.own_names import known_host
 
 OWN = Path(__file__).parent / "page"
 #: What is taken from the console's page.
@@ -33,8 +32,6 @@ SHARED = ("css/tokens.css", "css/base.css", "js/first.js", "js/core/dom.js", "ic
 PASSED_ON, FLOOD = 3.0, 5000
 #: Said where a stop did not get through.
 UNSENT = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
-
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,7 +57,8 @@ class Overview:
         subscriptions = [*self._roster.subscriptions, *self._commands]
         self._link = BrokerLink(access, subscriptions, self._hear, self._told, connect=connect, flood=FLOOD)
         self._token = secrets.token_urlsafe(24)
-        self._files = _files()
+        own = {path.name: path for path in OWN.iterdir()}
+        self._files = Pages(own | {name: PAGE / name for name in SHARED})
         self._there, self._why = False, "the broker has not answered yet"
         self._passed_on: dict[str, asyncio.Event] = {}
         self._runner: web.AppRunner | None = None
@@ -68,22 +66,18 @@ class Overview:
 
     async def open(self, port: int) -> None:
         """Listen on this computer. Raises OSError."""
-        app = web.Application(middlewares=[self._gate()], client_max_size=1024)
+        app = web.Application(middlewares=[guarded(self._refused)], client_max_size=1024)
         app.add_routes([
             web.get("/", self._index), web.get("/fleet.json", self._mounts), web.post("/stop", self._stop),
-            web.get("/{path:.+}", self._file),
+            web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
-        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
-        await self._runner.setup()
-        site = web.TCPSite(self._runner, "127.0.0.1", port)
+        self._runner = await runner_of(app)
         try:
-            await site.start()
+            taken = await listen(self._runner, "127.0.0.1", port)
         except OSError:
             await self._runner.cleanup()
             raise
-        assert site._server is not None
-        bound = site._server.sockets[0].getsockname()[1]  # type: ignore[attr-defined]
-        self.where = f"http://127.0.0.1:{bound}/"
+        self.where = f"http://127.0.0.1:{taken}/"
         self._link.start()
 
     async def close(self) -> None:
@@ -124,47 +118,19 @@ class Overview:
 
     # --- the gate ---------------------------------------------------------------------------------------------------
 
-    def _gate(self) -> Any:
-        @web.middleware
-        async def admit(request: web.Request, handler: Handler) -> web.StreamResponse:
-            try:
-                if self._foreign(request):
-                    raise web.HTTPForbidden(reason="Only the page of this overview may ask for this.")
-                response = await handler(request)
-            except web.HTTPException as error:
-                response = web.Response(status=error.status, text=f"{error.reason}\n")
-            response.headers.update(gate.HEADERS)
-            return response
-
-        return admit
-
-    def _foreign(self, request: web.Request) -> bool:
-        """Whether it comes from elsewhere, or asks for what only the page may without the page's token."""
+    def _refused(self, request: web.Request) -> str:
+        """Why a request is not served: it comes from elsewhere, or lacks the token for what only the page may have."""
         headers = request.headers
-        if not gate.known_host(headers.get("Host"), "127.0.0.1"):
-            return True
-        if not gate.same_origin(headers.get("Origin"), headers.get("Host")):
-            return True
-        if request.path != "/" and gate.from_elsewhere(headers):
-            return True
-        guarded = request.path in ("/fleet.json", "/stop")
-        return guarded and not gate.same_token(headers.get("X-Token"), self._token)
+        ours = known_host(headers.get("Host"), "127.0.0.1") and gate.of_the_page(headers, request.path)
+        private = request.path in ("/fleet.json", "/stop")
+        if ours and (not private or gate.same_token(headers.get("X-Token"), self._token)):
+            return ""
+        return "Only the page of this overview may ask for this."
 
     # --- what is served ---------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        filled = self._files["index.html"][0].replace(b"{{token}}", html.escape(self._token).encode())
-        return web.Response(
-            body=filled, content_type="text/html", charset="utf-8", headers={"Cache-Control": "no-store"}
-        )
-
-    async def _file(self, request: web.Request) -> web.StreamResponse:
-        found = self._files.get(request.match_info["path"])
-        if found is None:
-            raise web.HTTPNotFound
-        return web.Response(
-            body=found[0], content_type=found[1], charset="utf-8", headers={"Cache-Control": "no-cache"}
-        )
+        return self._files.index(token=self._token)
 
     async def _mounts(self, request: web.Request) -> web.StreamResponse:
         told = {"there": self._there, "why": self._why, "mounts": self._roster.mounts()}
@@ -180,9 +146,3 @@ class Overview:
         why = await self.send_stop(stop)
         told = {"sent": not why, "words": UNSENT.format(why=why) if why else "stop sent"}
         return web.Response(body=msgspec.json.encode(told), content_type="application/json")
-
-
-def _files() -> dict[str, tuple[bytes, str]]:
-    """The files by path, read once: what is not among them is not served."""
-    paths = {path.name: path for path in OWN.iterdir() if path.suffix in TYPES} | {name: PAGE / name for name in SHARED}
-    return {name: (path.read_bytes(), TYPES[path.suffix]) for name, path in paths.items()}

@@ -120,10 +120,6 @@ class MountLink:
         self._state = "down"
         self.queue.fail_all()
 
-    def expect_urgent(self, when: float) -> None:
-        """Something urgent will be due at this loop time: reads that would delay it are held back."""
-        self.queue.expect_urgent(when)
-
     def distrust(self) -> None:
         """Another process has spoken on the wire: the line is proven to be in step before it is used again."""
         self._spoken_on = True

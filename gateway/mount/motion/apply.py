@@ -168,12 +168,16 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """What is pressed from now on is newer than this; guide pulses and deferred gotos are over."""
-    waiting = tuple(
-        other for other in wanted.pending if pulses(other) is None or other.follow_up or other.number == wanted.active
-    )
-    wanted = _without_older_gotos(replace(wanted, gotos=wanted.gotos + 1, pending=waiting))
-    return _asked(wanted, order, now, slewing)
+    """What is pressed from now on is newer than this."""
+    pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _gives_way(one))
+    return _asked(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
+
+
+def _gives_way(order: Order) -> bool:
+    """Whether a newer goto ends it: a goto that waits for the mount to hear, and a guide pulse."""
+    if isinstance(order.operation, GOTOS):
+        return order.at > 0.0
+    return pulses(order) is not None and not order.follow_up
 
 
 def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -217,16 +221,6 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     )
     order = replace(order, rank=FIRST if order.overtakes and not order.hammered else IN_ORDER)
     return interrupted(replace(wanted, pending=(*wanted.pending, order)), order)
-
-
-def _without_older_gotos(wanted: Wanted) -> Wanted:
-    """Before a newer goto: those that wait for the mount to hear are over."""
-    pending = tuple(
-        one
-        for one in wanted.pending
-        if not (isinstance(one.operation, GOTOS) and one.at > 0.0 and one.number != wanted.active)
-    )
-    return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
 
 def axis_ended(operation: op.Operation) -> int | None:

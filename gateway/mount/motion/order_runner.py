@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from math import inf
 from typing import Any
 
@@ -15,9 +15,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import MOTION, SETTING, STOP
 from gateway.mount.motion.wanted import IN_ORDER, Movement, Order
 from gateway.mount.safety.admission.motions import Admission
-
-#: The driver's own operations, by their type.
-FollowUps = Mapping[type[Any], Callable[[Any, Any], Any]]
+from gateway.protocols.base.driver import FollowUps
 
 
 async def _nobody() -> None:

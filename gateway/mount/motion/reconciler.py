@@ -273,7 +273,7 @@ class Reconciler:
         if isinstance(value, op.Pulsed):
             self._want(outcomes.pulsed(self.wanted, order, value, next(self.numbers), now))
             if not value.ends:
-                self._link.expect_urgent(now + value.seconds)
+                self._link.queue.expect_urgent(now + value.seconds)
         if order.follow_up and not ends_focus(operation):
             self.lasting.emit(None)
         else:

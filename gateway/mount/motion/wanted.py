@@ -12,20 +12,8 @@ from math import inf
 
 from msgspec import Struct
 
+from gateway.core import operations as op
 from gateway.core.motion_kinds import ENDS, GOTOS
-from gateway.core.operations import (
-    Focus,
-    Goto,
-    GotoAxes,
-    GotoHorizontal,
-    Home,
-    Move,
-    MoveAxis,
-    Operation,
-    Park,
-    Slewing,
-    Wake,
-)
 from gateway.core.signals import Signal
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.rules.dead_man import HostActivity
@@ -48,7 +36,7 @@ class Order(Struct, frozen=True):
     """
 
     number: int
-    operation: Operation
+    operation: op.Operation
     by: HostActivity | None = None
     rank: int = IN_ORDER
     since: float = 0.0
@@ -71,7 +59,7 @@ class Order(Struct, frozen=True):
 class AxisMotion(Struct, frozen=True):
     """One axis moves by hand: as told, by whom, since when, and how fast, degrees a second."""
 
-    operation: Move | MoveAxis
+    operation: op.Move | op.MoveAxis
     by: HostActivity | None
     since: float
     speed: float
@@ -91,7 +79,7 @@ class ByHand(Struct, frozen=True):
 class Slew(Struct, frozen=True):
     """A goto with both of its axes: as it was sent, by whom, since when."""
 
-    operation: Goto | GotoHorizontal | GotoAxes | Park | Home
+    operation: op.Goto | op.GotoHorizontal | op.GotoAxes | op.Park | op.Home
     by: HostActivity | None
     since: float
 
@@ -103,7 +91,7 @@ class Theirs(Struct, frozen=True):
 class FocusMotion(Struct, frozen=True):
     """The focuser moves; a stop of the mount leaves it alone."""
 
-    operation: Focus
+    operation: op.Focus
     by: HostActivity | None
     since: float
 
@@ -126,7 +114,7 @@ class Press(Struct, frozen=True):
 class Halted(Struct, frozen=True):
     """A halt that is done: when, how much had been asked for, how many equal ones were done before it."""
 
-    operation: Operation
+    operation: op.Operation
     at: float
     asked: int
     repeats: int
@@ -153,7 +141,7 @@ class Wanted(Struct, frozen=True):
     asked: int = 0
 
     @property
-    def by_hand(self) -> dict[int, Move | MoveAxis]:
+    def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
         """What moves by hand, axis by axis."""
         motion, found = self.motion, {}
         if isinstance(motion, ByHand):  # written out: it is asked for a dozen times with every look at the mount
@@ -180,7 +168,7 @@ class WantedState:
         self.changed: Signal[Wanted] = Signal()
 
     @property
-    def by_hand(self) -> dict[int, Move | MoveAxis]:
+    def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
         """What moves by hand, axis by axis."""
         return self.value.by_hand
 
@@ -188,11 +176,6 @@ class WantedState:
     def axes(self) -> set[int]:
         """The axes that move by hand."""
         return set(self.value.by_hand)
-
-    @property
-    def stops(self) -> int:
-        """How many stops there were: a motion that was asked for before the last one is not begun."""
-        return self.value.stops
 
     @property
     def gotos(self) -> int:
@@ -217,14 +200,14 @@ class WantedState:
     @property
     def waking(self) -> bool:
         """Whether the mount was asked to wake, and has not acknowledged it yet."""
-        return any(isinstance(order.operation, Wake) for order in self.value.pending)
+        return any(isinstance(order.operation, op.Wake) for order in self.value.pending)
 
 
 class Moving(Struct, frozen=True):
     """``by_hand`` is by axis; ``ending`` whether a stop or a halt was asked for and is not acknowledged."""
 
     slewing: bool
-    by_hand: Mapping[int, Move | MoveAxis]
+    by_hand: Mapping[int, op.Move | op.MoveAxis]
     ending: bool = False
 
     @property
@@ -242,7 +225,7 @@ class Movement:
     @property
     def slewing(self) -> bool:
         """Whether the mount is seen to carry out a goto."""
-        return bool(self._cache.value(Slewing))
+        return bool(self._cache.value(op.Slewing))
 
     @property
     def anything(self) -> bool:

@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Silence, Unsupported
+from gateway.core.shared_work import heed
 from gateway.mount.context import Context
 from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
@@ -78,8 +79,7 @@ class OwnAnswers:
     def _asked(self, operation: op.Own, task: asyncio.Task[bytes]) -> None:
         if self._asking.get(operation) is task:
             del self._asking[operation]
-        if not task.cancelled():
-            task.exception()  # whoever still waits gets it; nobody waiting is no error
+        heed(task)
 
     async def _ask(self, operation: op.Own) -> bytes:
         await self._context.milestones.known.wait()

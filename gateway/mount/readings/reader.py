@@ -7,11 +7,11 @@ from other reads.
 from __future__ import annotations
 
 import asyncio
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
-from gateway.core.shared_work import result_of
+from gateway.core.shared_work import heed, result_of
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.fair_scheduler import FairScheduler
@@ -25,6 +25,7 @@ from gateway.mount.readings.telling import read_in_time
 from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.site.astrometry import SiteAstrometry
 
+_T = TypeVar("_T")
 #: How soon it is noticed that the mount has begun to move, seconds.
 A_MOMENT = 0.2
 #: Seconds that whoever asks whether a goto is over waits, at most, until that is known; and for the mount's first word.
@@ -51,12 +52,8 @@ class Reader:
         movement: Movement,
         astrometry: SiteAstrometry,
     ) -> None:
-        self._context, self._driver, self._now, self._milestones = (
-            context,
-            context.driver,
-            context.now,
-            context.milestones,
-        )
+        self._context, self._milestones = context, context.milestones
+        self._driver, self._now = context.driver, context.now
         self._link, self._runner, self._fair = link, runner, fair
         self._cache, self._at_hand, self._told = cache, at_hand, told
         self._wanted, self._movement, self._astrometry = wanted, movement, astrometry
@@ -85,10 +82,10 @@ class Reader:
         """The answer for a program, in time or the last one. Raises Fault where there is nothing to tell."""
         return await read_in_time(operation, self._told, self.asked, self._movement)
 
-    async def read(self, operation: op.Operation) -> Any:
+    async def read(self, operation: op.Operation[_T]) -> _T:
         """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
         value = self._at_hand.tell(operation)
-        return await self.asked(operation) if value is MISSING else value
+        return cast(_T, await self.asked(operation) if value is MISSING else value)
 
     async def asked(self, operation: op.Operation) -> Any:
         """The answer of the exchange under way, or of a new one; not long after the start. Raises Fault.
@@ -105,9 +102,9 @@ class Reader:
                 raise NoAnswer from None
             return True
 
-    async def anew(self, operation: op.Operation) -> Any:
+    async def anew(self, operation: op.Operation[_T]) -> _T:
         """A read from the mount, however fresh the last answer is; who gives up ends it for nobody. Raises Fault."""
-        return await result_of(self.shared(operation))
+        return cast(_T, await result_of(self.shared(operation)))
 
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
         """The exchange under way for this kind of read, else a new one. It belongs to all: nobody may cancel it."""
@@ -120,8 +117,7 @@ class Reader:
 
     def _unshare(self, kind: Kind, task: asyncio.Task[Any]) -> None:
         self._sharing.pop(kind, None)
-        if not task.cancelled():
-            task.exception()  # whoever still waits gets it; nobody waiting is no error
+        heed(task)
 
     async def _ask(self, operation: op.Operation) -> Any:
         if not self._there(operation).is_set():

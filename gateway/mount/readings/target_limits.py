@@ -12,7 +12,7 @@ from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reckoning import Inside
 from gateway.mount.safety.limits import Limits
-from gateway.mount.safety.rules.meridian import past_meridian
+from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
 from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.site.astrometry import SiteAstrometry
 
@@ -68,7 +68,7 @@ class TargetLimits:
         driver, cache, limit = self._context.driver, self._cache, limits.hour_angle
         status = cache.value(op.GetStatus)
         side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
-        known = status is not None and status.equatorial and driver.german is not None and (side or not driver.german)
+        known = status is not None and status.equatorial and can_be_told(driver.german, side)
         if limit is None or not known or self._movement.slewing or self._astrometry.site_clock.site() is None:
             return lambda ra, dec: True
         sidereal = self._astrometry.sidereal_time()

@@ -240,9 +240,9 @@ class ToldPosition:
             elif kind is op.AxisPosition or (kind is op.HorizontalPosition and not self._equatorial):
                 return axes.az, axes.alt
             elif self._equatorial:
-                sky = op.Equatorial(*_pair(astrometry.from_axes(axes, wedge=not self._driver.german)))
+                sky = astrometry.from_axes(axes, wedge=not self._driver.german)
             else:
-                sky = op.Equatorial(*_pair(astrometry.equatorial(op.GotoHorizontal(axes.az, axes.alt))))
+                sky = astrometry.equatorial(axes)
             if kind is op.AxisPosition and self._equatorial:
                 return None
             return _pair(sky if kind is op.Position else astrometry.horizon(sky))
@@ -276,6 +276,6 @@ class ToldPosition:
 
 
 def _pair(value: Any) -> Pair:
-    if isinstance(value, op.Horizontal | op.GotoAxes):
+    if isinstance(value, op.Horizontal):
         return value.az, value.alt
     return value.ra, value.dec

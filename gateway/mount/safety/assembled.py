@@ -46,13 +46,12 @@ class Safety:
             movement.now,
             context,
             lambda: link.typical,
-            context.log,
             RENEW[op.Position],
             lambda: sync.sets_sky,
         )
         self.hold, self.synced = Hold(), SyncTotal()
         self.ends = EndWatch(context.now, context.note)
-        self.watch = LimitWatch(context, self.inputs, reader, self.ends, self.synced)
+        self.watch = LimitWatch(self.inputs, reader, self.ends, self.synced)
         self.admission = Admission(
             self.inputs, reader, self.watch, sources, self.synced, self.hold, context.milestones.settled
         )

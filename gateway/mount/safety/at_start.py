@@ -52,5 +52,4 @@ def _altitude(mount: MountInputs, there: op.GotoAxes, equatorial: bool) -> float
     """Raises Unsupported where the site is not known."""
     if not equatorial:
         return there.alt
-    goal = mount.astrometry.from_axes(there, wedge=not mount.driver.german)
-    return mount.astrometry.horizon(op.Equatorial(goal.ra, goal.dec)).alt
+    return mount.astrometry.horizon(mount.astrometry.from_axes(there, wedge=not mount.driver.german)).alt

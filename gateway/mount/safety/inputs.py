@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from gateway.core import operations as op
-from gateway.core.wire_log import WireLog
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.safety.rules.sun import SunAvoidance
@@ -35,7 +34,6 @@ class MountInputs(NamedTuple):
     moving: Callable[[], Moving]
     context: Context
     exchange: Callable[[], float]
-    wire_log: WireLog
     period: float
     being_set: Callable[[], bool] = lambda: False
 

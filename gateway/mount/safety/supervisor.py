@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import Awaitable, Callable
 
 from gateway.core.errors import Fault
 from gateway.core.operations import Focus, Operation, StopAxis
+from gateway.mount.context import Context
 from gateway.mount.motion.wanted import ByHand, Wanted, WantedState
 from gateway.mount.safety.rules.dead_man import EVERY, TRACKING, Presence, Supervised, missing
 
 
 class Supervisor:
-    """``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
-
-    ``perform`` carries out the operation that ends a motion; ``note`` leaves a line in the log.
-    """
+    """``perform`` carries out the operation that ends a motion."""
 
     def __init__(
         self,
+        context: Context,
         wanted: WantedState,
         presence: Presence,
-        silence: float,
-        closed: float,
-        perform: Callable[[Operation], Any],
-        note: Callable[[str], None],
+        perform: Callable[[Operation], Awaitable[object]],
     ) -> None:
-        self._state, self._presence, self._silence, self._closed = wanted, presence, silence, closed
-        self._perform, self._note = perform, note
+        self._context, self._state, self._presence, self._perform = context, wanted, presence, perform
         self._loop = asyncio.get_running_loop()
         self._watching: asyncio.TimerHandle | None = None
         self._ended: set[Supervised] = set()
-        self._tasks: set[asyncio.Task[None]] = set()
 
     def look_after(self, _: object = None) -> None:
         """A motion may have begun."""
@@ -46,26 +39,21 @@ class Supervisor:
 
     def _look(self) -> None:
         self._watching = None
-        motions = supervised(self._state.value)
-        for gone in missing(motions, self._presence, self._loop.time(), self._silence, self._closed):
+        motions, policy = supervised(self._state.value), self._context.policy
+        for gone in missing(motions, self._presence, self._loop.time(), policy.silence, policy.silence_closed):
             if gone.motion not in self._ended:
                 self._ended.add(gone.motion)
                 what = "the focuser" if isinstance(gone.motion.ends, Focus) else "its motion"
-                self._note(f"{gone.motion.by.who} {gone.why}: {what} is stopped")
-                self._spawn(self._end(gone.motion.ends))
+                self._context.note(f"{gone.motion.by.who} {gone.why}: {what} is stopped")
+                self._context.tasks.spawn(self._end(gone.motion.ends))
         self._ended.intersection_update(motions)
         self.look_after()
-
-    def _spawn(self, work: Coroutine[object, object, None]) -> None:
-        task = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
 
     async def _end(self, operation: Operation) -> None:
         try:
             await self._perform(operation)
         except Fault as fault:
-            self._note(f"the motion could not be stopped: {fault}")
+            self._context.note(f"the motion could not be stopped: {fault}")
 
 
 def supervised(wanted: Wanted) -> list[Supervised]:

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.signals import Signal
-from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
@@ -50,8 +49,8 @@ class LimitWatch:
     the mount was looked at and had said this of itself.
     """
 
-    def __init__(self, context: Context, mount: MountInputs, reader: Reader, ends: EndWatch, synced: SyncTotal) -> None:
-        self._context, self._mount, self._reader, self._ends, self._synced = context, mount, reader, ends, synced
+    def __init__(self, mount: MountInputs, reader: Reader, ends: EndWatch, synced: SyncTotal) -> None:
+        self._mount, self._reader, self._ends, self._synced = mount, reader, ends, synced
         self.must_stop: Signal[None] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self.motion_began: Signal[None] = Signal()
@@ -188,10 +187,9 @@ class LimitWatch:
             self._reader.shared(op.GetStatus())
         elif change:
             tilt = self.altitude_axis.tilt
-            self._mount.wire_log.note(
-                "mount",
+            self._mount.context.note(
                 f"the altitude axis stands {tilt:+.1f} degrees from what position, "
-                "site and clock tell; the altitude limits go by the axis",
+                "site and clock tell; the altitude limits go by the axis"
             )
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
 
@@ -204,7 +202,7 @@ class LimitWatch:
         return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
 
     def _not_aligned(self) -> None:
-        self._mount.wire_log.note_once("mount", UNWATCHED)
+        self._mount.context.note_once(UNWATCHED)
         if self._status_age > STATUS_AGE:
             self._reader.shared(op.GetStatus())
 
@@ -247,7 +245,7 @@ class LimitWatch:
         """The side of the pier by the last word on it, which is asked for anew when it grows old."""
         mount = self._mount
         if mount.readings.age(op.PierSide, mount.now()) > SIDE_AGE:
-            self._context.tasks.spawn(self._reader.tube_side())
+            mount.context.tasks.spawn(self._reader.tube_side())
         return mount.driver.tube_side(mount.readings.value(op.PierSide) or "")
 
     def _look_at_axes(self, now: float, place: op.Equatorial) -> None:
@@ -289,5 +287,5 @@ class LimitWatch:
             self.carried_to_limit.emit(reason)
 
     def _stop(self, words: str) -> None:
-        self._mount.wire_log.note("mount", words)
+        self._mount.context.note(words)
         self.must_stop.emit(None)

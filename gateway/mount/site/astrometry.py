@@ -57,12 +57,11 @@ class SiteAstrometry:
         unix = self.site_clock.unix()
         return op.Horizontal(*self.sky.horizon(seen.ra, seen.dec, place.latitude, place.longitude, unix))
 
-    def equatorial(self, wanted: op.GotoHorizontal) -> op.Goto:
-        """The goto that brings an equatorial mount to an azimuth and altitude."""
+    def equatorial(self, seen: op.Horizontal | op.GotoHorizontal | op.GotoAxes) -> op.Equatorial:
+        """The place of date that stands at an azimuth and altitude now."""
         place = self.place()
         unix = self.site_clock.unix()
-        ra, dec = self.sky.equatorial(wanted.az, wanted.alt, place.latitude, place.longitude, unix)
-        return op.Goto(ra, dec, fastest=wanted.fastest)
+        return op.Equatorial(*self.sky.equatorial(seen.az, seen.alt, place.latitude, place.longitude, unix))
 
     def axes(self, seen: op.Equatorial, wedge: bool = False) -> op.Horizontal:
         """Where the axes of an equatorial mount would stand; a fork on its ``wedge`` reads from north."""
@@ -70,11 +69,11 @@ class SiteAstrometry:
         first, second = geometry.axes(self.sidereal_time() - seen.ra, seen.dec, False)
         return op.Horizontal(wrap360(first), second)
 
-    def from_axes(self, wanted: op.GotoAxes, wedge: bool = False) -> op.Goto:
+    def from_axes(self, wanted: op.GotoAxes, wedge: bool = False) -> op.Equatorial:
         """Axis readings of an equatorial mount as a place on the sky; a fork on its ``wedge`` reads from north."""
         build = Build.WEDGE if wedge else Build.GERMAN
         hour_angle, dec = Geometry(build, self.place().latitude).sky(wanted.az, wanted.alt)
-        return op.Goto(wrap360(self.sidereal_time() - hour_angle), dec)
+        return op.Equatorial(wrap360(self.sidereal_time() - hour_angle), dec)
 
     def to_mount(self, operation: op.Goto | op.Sync | op.Choose) -> op.Goto | op.Sync | op.Choose:
         """A place of date in the mount's own equinox."""

@@ -221,36 +221,32 @@ class SyncSettings:
 
     async def _to_be_told(self, setting: Setting) -> bool:
         """Whether policy and alignment allow it; else it is kept in the gateway, and the log says so. Raises Fault."""
-        told, value = self._site_clock, setting.value
-        what = _NAMES[type(value)]
+        what = _NAMES[type(setting.value)]
         if self._context.policy.site_time == "never":
             self._context.note_once(f"the {what} that was set is kept in the gateway (site-time = never)")
             return False
         status = await self._reader.read(op.GetStatus())
         if not status.aligned or self._driver.takes_site_aligned:
             return True
-        running = setting.running(self._now())
-        if isinstance(running, op.SetSite):
-            same = told.same_site(running)
-        else:
-            same = isinstance(running, op.SetClock) and told.same_clock(running, CLOCK_SAME)
-        if same:
+        if self._shows(setting.running(self._now())):
             return False
         if await self.may_be_told():
             return True
         self._context.note_once(f"the mount is aligned: the {what} that was set is kept in the gateway")
         return False
 
+    def _shows(self, running: op.Operation) -> bool:
+        """Whether this is what the mount has told of its site or clock."""
+        if isinstance(running, op.SetClock):
+            return self._site_clock.same_clock(running, CLOCK_SAME)
+        return isinstance(running, op.SetSite) and self._site_clock.same_site(running)
+
     async def _is_there(self, setting: Setting) -> bool:
         """Ask the mount what it has -> whether that is what was set, or somebody else's value. Raises Fault."""
         running = setting.running(self._now())
         kind: op.Operation = op.GetClock() if isinstance(running, op.SetClock) else op.GetSite()
         changed = self.heard(await self._runner.perform(kind, READ))
-        same = (
-            self._site_clock.same_clock(running, CLOCK_SAME)
-            if isinstance(running, op.SetClock)
-            else isinstance(running, op.SetSite) and self._site_clock.same_site(running)
-        )
+        same = self._shows(running)
         if same and not changed:
             self._over(setting)
         return same or changed

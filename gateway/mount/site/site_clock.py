@@ -145,10 +145,7 @@ class SiteClock:
         if self.half is None:
             return None
         place = self.site()
-        if place is None or (
-            (self.kept_site or self.mount_site or self.configured) is None
-            and None in (self.half.latitude, self.half.longitude)
-        ):
+        if place is None:
             return None
         self.half = None
         self.changed.emit(None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import msgspec
 
@@ -42,10 +43,14 @@ def number(fault: Fault) -> int:
     return next(known[kind.__name__] for kind in type(fault).__mro__ if kind.__name__ in known)
 
 
+def refused(fault: Fault) -> dict[str, Any]:
+    """An answer that says no."""
+    return {"ErrorNumber": number(fault), "ErrorMessage": str(fault)}
+
+
 def refusal(frame: bytes, fault: Fault | None) -> bytes:
     """The answer to a request that is not carried out, or that nobody has."""
-    told = fault or Fault("There is no such member.")
-    return msgspec.json.encode({"ErrorNumber": number(told), "ErrorMessage": str(told)}) + b"\n"
+    return msgspec.json.encode(refused(fault or Fault("There is no such member."))) + b"\n"
 
 
 def is_refusal(reply: bytes) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from gateway.protocols.base.frames import Dropped, Unterminated
+from gateway.protocols.base.frames import WholeFramer
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
 QUIET_GAP = 1.0
@@ -16,26 +16,17 @@ QUIET_GAP = 1.0
 RESYNC_GAP = 0.1
 
 
-class LengthFramer(ABC):
-    """Bytes in, whole commands out. ``noise``, ``half`` and ``cut_off`` are why bytes are of no use, in words."""
+class LengthFramer(WholeFramer, ABC):
+    """Bytes in, whole commands out. ``noise`` and ``half`` are why bytes are of no use, in words."""
 
     noise: str
     half: str
-    cut_off: str
     #: Whether what comes after half a command may be its other half, and counts only after more quiet.
     wary = False
 
     def __init__(self) -> None:
-        self._pending = bytearray()
-        #: Nothing counts until it is quiet.
-        self._lost = False
+        super().__init__()
         self._heard = 0.0
-        self.dropped = Dropped()
-
-    @property
-    def idle(self) -> bool:
-        """Whether the next byte begins a command, whatever came before."""
-        return not (self._pending or self._lost)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """The commands that these bytes complete, in order. ``now`` is any clock, in seconds."""
@@ -57,10 +48,3 @@ class LengthFramer(ABC):
     @abstractmethod
     def _cut(self, data: bytes) -> list[bytes]:
         """The commands that are whole with these bytes."""
-
-    def end(self) -> list[Unterminated]:
-        """Half a command asks for nothing."""
-        self.dropped.clear()
-        if self._pending:
-            self.dropped.add(bytes(self._pending), self.cut_off)
-        return []

@@ -11,19 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
+from msgspec import Struct
+
+from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import (
-    Abilities,
-    AbortMotion,
-    GotoAxes,
-    Identity,
-    Operation,
-    Own,
-    PassThrough,
-    Rate,
-    Read,
-    Values,
-)
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
@@ -40,6 +31,8 @@ else:
 _T = TypeVar("_T")
 #: Outcomes of ways by which nothing is done.
 IN_VAIN = ("refused", "silent")
+#: Why there is no guide pulse.
+SLEWING = "The mount is slewing: the guide pulse is dropped."
 
 
 class Send(NamedTuple):
@@ -78,7 +71,7 @@ class Schedule(NamedTuple):
     """
 
     seconds: float
-    operation: Operation
+    operation: op.Operation
     urgent: bool = False
     heard: bool = False
 
@@ -94,9 +87,25 @@ Step = Send | Wait | Schedule | Remark
 Steps = Generator[Step, Any, ResultT]
 #: A function of a protocol's driver, (state, operation) -> steps: each for its own kind of operation.
 Handler = Callable[..., Steps]
-FollowUps = dict[type[Operation], Handler]
+FollowUps = dict[type[op.Operation], Handler]
 #: What must outlive the gateway.
 Remembered = dict[str, Any]
+
+
+def by_name(*handlers: Handler) -> dict[str, Handler]:
+    """The functions that rows may call, by the word in the row."""
+    return {handler.__name__: handler for handler in handlers}
+
+
+class GotoUnderWay(Struct):
+    """A goto under way: since when, and what is done at its goal.
+
+    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
+    """
+
+    since: float
+    then: str | None = None
+    unsure: bool = False
 
 
 class Driver:
@@ -136,8 +145,9 @@ class Driver:
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     tracking_suspended = False
-    #: Whether a goto may be under way that the mount was sent and has not acknowledged.
-    unsure = False
+    goto: GotoUnderWay | None = None
+    #: The site that the mount has told, or was told.
+    site: op.Place | None = None
     #: Whether its motors have no power while it answers all the same.
     powerless = False
     #: Seconds after which it counts as an answer that what was handed on to the mount stays unanswered; None where all
@@ -151,47 +161,60 @@ class Driver:
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
         self.handlers = handlers
 
+    @property
+    def unsure(self) -> bool:
+        """Whether a goto may be under way that the mount was sent and has not acknowledged."""
+        return self.goto is not None and self.goto.unsure
+
+    @property
+    def southern(self) -> bool:
+        """Whether it is known to stand in the south."""
+        return self.site is not None and self.site.latitude < 0
+
+    @property
+    def equatorial_mode(self) -> op.Tracking:
+        """The mode in which it tracks by one axis."""
+        return op.Tracking.EQ_SOUTH if self.southern else op.Tracking.EQ_NORTH
+
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
         command: Command = self.protocol.commands[name]
         return command.known_to(self.model, self.version)
 
-    def way(self, operation: type[Operation]) -> Way | None:
+    def way(self, operation: type[op.Operation]) -> Way | None:
         """The first way of carrying out an operation whose commands this mount has."""
-        for way in self.protocol.driver.get(operation.__name__, ()):
-            if all(self.knows(name) for name in (*way.send, *way.needs)):
-                return way
-        return None
+        return next(filter(self._has, self.protocol.driver.get(operation.__name__, ())), None)
+
+    def _has(self, way: Way) -> bool:
+        return all(self.knows(name) for name in (*way.send, *way.needs))
 
     @property
     def ends(self) -> frozenset[str]:
         """The commands that end a motion and do nothing else, where a stop consists of more."""
-        way = self.way(AbortMotion)
+        way = self.way(op.AbortMotion)
         return frozenset() if way is None else frozenset(way.ends)
 
-    def impossible(self, operation: Operation) -> Fault | None:
+    def impossible(self, operation: op.Operation) -> Fault | None:
         """What an operation would be refused with, as far as that is known without asking the mount."""
         return None
 
-    def speed(self, rate: Rate) -> float:
+    def speed(self, rate: op.Rate) -> float:
         """How fast the mount moves at a hand rate, degrees a second."""
         raise NotImplementedError
 
-    def can_do(self, equatorial: bool) -> Abilities:
+    def can_do(self, equatorial: bool) -> op.Abilities:
         """What it can do by the tables, as it stands; a way that ends in a refusal is none."""
         traits = self.protocol.traits(self.model or "", equatorial and not self.german)
         can = (
             name
             for name, ways in self.protocol.driver.items()
             for way in ways
-            if way.outcome not in IN_VAIN
-            and (way.part is None or way.part in traits)
-            and all(self.knows(command) for command in (*way.send, *way.needs))
+            if way.outcome not in IN_VAIN and (way.part is None or way.part in traits) and self._has(way)
         )
-        keys = sorted({self.speed(Rate(key=key)) for key in range(1, 10)})
-        return Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
+        keys = sorted({self.speed(op.Rate(key=key)) for key in range(1, 10)})
+        return op.Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
 
-    def destination(self, operation: Operation) -> GotoAxes | None:
+    def destination(self, operation: op.Operation) -> op.GotoAxes | None:
         """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
         return None
 
@@ -214,8 +237,7 @@ class Driver:
 
     def greet(self) -> Steps:
         """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
-        return
-        yield  # a generator like all others
+        yield from ()  # a generator like all others
 
     def contact(self) -> Steps:
         """What must be known before the mount can be asked where it points, and where that is, if it was told.
@@ -228,24 +250,24 @@ class Driver:
         """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
         return {}
 
-    def told_model(self, identity: Identity) -> str | None:
+    def told_model(self, identity: op.Identity) -> str | None:
         """The model that the mount itself says it is, whatever it was named; None where it does not say."""
         return None
 
-    def own(self, operation: Own) -> Steps:
+    def own(self, operation: op.Own) -> Steps:
         """What the mount itself answers -> bytes. Raises Unsupported for a command that this mount has not."""
         if not self.knows(operation.command):
             raise Unsupported
         return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
 
-    def perform(self, operation: Operation[_T]) -> Steps[_T]:
+    def perform(self, operation: op.Operation[_T]) -> Steps[_T]:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
-        if isinstance(operation, PassThrough):
+        if isinstance(operation, op.PassThrough):
             if not self.knows(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
             return cast(_T, (yield Send(operation.command, dict(operation.fields), patience, once=True)))
-        if isinstance(operation, Own):
+        if isinstance(operation, op.Own):
             return cast(_T, (yield from self.own(operation)))
         way = self.way(type(operation))
         if way is None:
@@ -253,9 +275,9 @@ class Driver:
         if way.call:
             return cast(_T, (yield from self.handlers[way.call](self, operation)))
         given = {name: getattr(operation, name) for name in operation.__struct_fields__}
-        fields: Values = {}
+        fields: op.Values = {}
         for name in way.send:
             fields |= yield Send(name, given)
-        if isinstance(operation, Read) and operation.answers is not None:
+        if isinstance(operation, op.Read) and operation.answers is not None:
             return cast(_T, operation.answers(**fields))
         return cast(_T, fields or None)

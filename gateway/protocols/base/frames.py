@@ -50,6 +50,30 @@ class Dropped(dict[str, bytearray]):
         self.setdefault(why, bytearray()).extend(data)
 
 
+class WholeFramer:
+    """What framers have in common for whose programs half a command asks for nothing; ``cut_off`` says why that is."""
+
+    cut_off: str
+
+    def __init__(self) -> None:
+        self._pending = bytearray()
+        #: What comes is of no use: it belongs to what was dropped.
+        self._lost = False
+        self.dropped = Dropped()
+
+    @property
+    def idle(self) -> bool:
+        """Whether the next byte begins a command, whatever came before."""
+        return not (self._pending or self._lost)
+
+    def end(self) -> list[Unterminated]:
+        """Nothing more comes: half a command is dropped."""
+        self.dropped.clear()
+        if self._pending:
+            self.dropped.add(bytes(self._pending), self.cut_off)
+        return []
+
+
 class Framer(Protocol):
     """Cuts a protocol's commands out of a byte stream. ``idle``: what comes next stands alone, whatever came before."""
 

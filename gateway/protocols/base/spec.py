@@ -60,10 +60,10 @@ class DriverSettings(Struct, frozen=True):
     site: tuple[float, float] | None = None
     mode: str | None = None
     guide_rate: float | None = None
-    guide_directions: str = "motor"
+    guide_directions: str = "motor"  # what a pulse's direction means: the motor's, or the sky's
     park: tuple[float, float] | None = None
-    aux_home: bool = False
-    lowest: float = 0.0
+    aux_home: bool = False  # home is where the motors' own switches are
+    lowest: float = 0.0  # where nobody has chosen a park position it is not below that
 
 
 class MadeDriver(NamedTuple):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
 from functools import cache, cached_property
+from types import ModuleType
 
 import msgspec
 
@@ -20,8 +21,7 @@ from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Va
 from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.subscription import Subscription
-from gateway.protocols.base.wants import FireAndForget, Handling, Want, relayed
+from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, Want, relayed
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, SurfaceRow
@@ -30,6 +30,16 @@ from gateway.protocols.wireformat.rows import Model, SurfaceRow
 ACKNOWLEDGED = b"#"
 #: What a row's ``call`` names: a function ``(session, command, values)`` -> the reply's values, or steps to them.
 Special = Callable[..., object]
+
+
+def handlers_of(*modules: ModuleType) -> dict[str, Special]:
+    """Row word -> function: those that a module defines and does not keep to itself; all have names of their own."""
+    return {
+        name: function
+        for module in modules
+        for name, function in vars(module).items()
+        if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
+    }
 
 
 class Surface:
@@ -213,10 +223,7 @@ class Surface:
                 return None
             return (yield operation)
         assert row.call is not None
-        outcome = self.handlers[row.call](session, command, values)
-        if isinstance(outcome, Generator):
-            outcome = yield from outcome
-        return outcome
+        return (yield from self.call(row.call, session, command, values))
 
     def _operation(self, session: Session, row: SurfaceRow, values: Values) -> Operation:
         """The operation that a row asks, with its fields from the command or the row, else from what was set before."""

@@ -1,6 +1,7 @@
 """What a surface asks for while it handles a command: operations, and what is to be done with them.
 
-A handler is a generator: it yields these, is sent the answers, and its value is the reply's values.
+A handler is a generator: it yields these, is sent the answers, and its value is the reply's values. A reply answers a
+command; what a surface tells without being asked is a subscription, which begins and ends with the connection.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from collections.abc import Callable, Generator
 from typing import Any, NamedTuple
 
 from gateway.core.errors import Fault
-from gateway.core.operations import Operation
+from gateway.core.operations import Operation, Read, Values
 
 
 class FireAndForget(NamedTuple):
@@ -45,8 +46,30 @@ class Speed(NamedTuple):
     baud: int
 
 
+class Subscription(NamedTuple):
+    """``operation`` is read ``every`` so many seconds, and ``encode`` makes bytes of what it tells; empty: nothing.
+
+    With ``changes`` the same bytes are not sent twice in a row. What the other side has not taken yet is not piled up:
+    it gets the newest when it reads again. While the mount does not tell, nothing is sent. The first comes ``after`` so
+    many seconds of the connection.
+    """
+
+    operation: Read
+    every: float
+    encode: Callable[[Any], bytes]
+    changes: bool = False
+    after: float = 0.0
+
+
 Want = Operation | FireAndForget | Possible | ReuseLastReading | Defer | Speed
 Handling = Generator[Want, Any, Any]
+
+
+def given(values: Values) -> Values:
+    """The values of a command. Raises the Fault of those that cannot be read."""
+    if "fault" in values:
+        raise values["fault"]
+    return values
 
 
 def relayed(steps: Handling, instead: Callable[[Want], bool]) -> Handling:

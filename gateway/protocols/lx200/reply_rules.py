@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 
+from gateway.core import errors
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
@@ -158,8 +159,6 @@ def _expected(command: str, once: bool, raw: bool) -> Expected:
 
 def _fault(name: str, values: Values) -> Fault:
     """The fault that a reply variant stands for, with the mount's own words where it sent some."""
-    from gateway.core import errors
-
     fault: type[Fault] = getattr(errors, name)
     words = str(values.get("text", "")).strip()
     return fault(" ".join(words.split()) or None)

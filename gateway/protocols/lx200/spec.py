@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gateway.core.wire_log import show
 from gateway.protocols.base.spec import (
@@ -66,11 +66,10 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.lx200.driver.handlers import FOLLOW_UPS, HANDLERS
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
-    driver = Lx200Driver(now, settings.model, settings.guide_rate, HANDLERS)
-    return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
+    return MadeDriver(Lx200Driver(now, settings, HANDLERS), dict(FOLLOW_UPS), _reply_rules())
 
 
-def _make_simulator(model: str | None, version: str | None, **settings: object) -> SimulatedLx200:
+def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
     return SimulatedLx200(model or DEFAULT_MODEL, **settings)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import cached_property
 from typing import Protocol
 
 from gateway.astro.axes import Pair
@@ -28,7 +29,6 @@ class Simulated(ABC):
     clock: Callable[[], float]
     now: float
     mechanics: Mechanics
-    _framer: Framer
 
     @abstractmethod
     def come_to_now(self) -> None:
@@ -41,6 +41,11 @@ class Simulated(ABC):
     @abstractmethod
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
         """Carry out a command -> what is answered to it at once."""
+
+    @cached_property
+    def _framer(self) -> Framer:
+        """That of the first connection."""
+        return self.framer()
 
     def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
         """Bytes from the port -> what is answered to them now; ``later`` is given what comes afterwards."""

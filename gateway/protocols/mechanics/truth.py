@@ -8,9 +8,8 @@ moves what the mount believes and never the tube. So a test asks this, and not w
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from math import cos, radians, sin
 from typing import Protocol
 
@@ -122,19 +121,3 @@ async def sample(simulator: Simulator, keep: Callable[[Truth], object], every: f
         keep(seen)
         due = due + every if due + every > seen.t else seen.t + every  # a computer that slept leaves out what it missed
         await asyncio.sleep(max(0.0, due - seen.t))
-
-
-@contextlib.asynccontextmanager
-async def sampled(simulator: Simulator, keep: Callable[[Truth], object], every: float = EVERY) -> AsyncIterator[None]:
-    """The same for as long as a ``with`` block lasts; what ``keep`` raised is raised at its end.
-
-    For tests: ``keep`` is the ``append`` of a list, or a function that asserts.
-    """
-    sampler = asyncio.get_running_loop().create_task(sample(simulator, keep, every))
-    try:
-        yield
-    finally:
-        if not sampler.done():
-            sampler.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await sampler

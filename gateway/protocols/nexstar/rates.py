@@ -1,14 +1,20 @@
-"""How fast a hand control moves at its keys 1 to 9, by the table of its family: ``mappings/nexstar/rates.toml``."""
+"""How fast a hand control moves at its keys 1 to 9, by the table of its family: ``mappings/nexstar/rates.toml``.
+
+The drives of its motors have codes of their own among the variable rates.
+"""
 
 from __future__ import annotations
 
 from functools import cache
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
 #: Degrees a second.
-SIDEREAL = 15.041067 / 3600.0
+SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
+#: Variable rates that are none: the motor follows the sky at its own rate of that name.
+DRIVE_CODES = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
 
 
 @cache

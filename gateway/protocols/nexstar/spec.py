@@ -19,7 +19,7 @@ from gateway.protocols.base.spec import (
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Model, Version, parse_version, show_version
+from gateway.protocols.wireformat.rows import parse_version, show_version
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 NAME, DEFAULT_MODEL = "nexstar", "6-8se"
 #: The versions there are, but for those of a GT and of a StarSense.
 OLDEST, NEWEST, GT = (1, 2), (6, 0), 100
-#: Of a mount whose owner has not chosen any, as a part of sidereal: its motors' own.
-GUIDE_RATE = 0.5
 #: The echo of a byte, which no Meade takes for anything.
 ECHO = b"Kx"
 #: The same with any byte: Stellarium Mobile begins so whatever it goes on with.
@@ -72,8 +70,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.nexstar.session import NexStarSession
     from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.protocols.nexstar.surface.handlers import HANDLERS
-    from gateway.protocols.nexstar.surface.own import stands_against
-    from gateway.protocols.nexstar.surface.presented import fitting, lacks, presented
+    from gateway.protocols.nexstar.surface.presented import fitting, lacks, presented, stands_against
 
     version = settings.version
     surface = Surface(load(NAME), HANDLERS, no_response)
@@ -85,29 +82,15 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
     from gateway.protocols.nexstar.driver.handlers import FOLLOW_UPS, HANDLERS
-    from gateway.protocols.nexstar.driver.state import NexStar, Settings
+    from gateway.protocols.nexstar.driver.state import NexStar
 
-    chosen = Settings(
-        site=settings.site,
-        mode=settings.mode,
-        guide_rate=settings.guide_rate or GUIDE_RATE,
-        guide_directions=settings.guide_directions,
-        park=settings.park,
-        aux_home=settings.aux_home,
-        lowest=settings.lowest,
-    )
-    driver = NexStar(now, chosen, settings.model, settings.version, HANDLERS)
-    return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
+    return MadeDriver(NexStar(now, settings, HANDLERS), dict(FOLLOW_UPS), _reply_rules())
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: object) -> SimulatedHandControl:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
     return SimulatedHandControl(model or DEFAULT_MODEL, version, **settings)
-
-
-def _counts_as(text: str) -> Version:
-    return numbered(text).counts_as
 
 
 def _check_version(text: str) -> str:
@@ -131,14 +114,6 @@ def _check_version(text: str) -> str:
 
 def _starsense(version: str | None) -> str:
     return STARSENSE if version is None else f"{STARSENSE}-{version}"
-
-
-def _made_with(row: Model) -> list[str]:
-    return versions.made_with(row)
-
-
-def _recognises(sent: bytes) -> float:
-    return UNMARKED
 
 
 def _answered_echo(heard: bytes, still: float) -> str | None:
@@ -170,12 +145,12 @@ SPEC = ProtocolSpec(
     make_driver=_make_driver,
     make_simulator=_make_simulator,
     rehearsed_with=lambda wedge: {"focuser": True, "wedge": wedge},
-    counts_as=_counts_as,
+    counts_as=lambda text: numbered(text).counts_as,
     check_version=_check_version,
-    made_with=_made_with,
+    made_with=versions.made_with,
     version_words={STARSENSE: _starsense},
     presented_version="4.21",
-    recognises=_recognises,
+    recognises=lambda sent: UNMARKED,
     also_others=ANY_ECHO,
     questions=(Question(1, ECHO, _answered_echo, late=True),),
     capabilities={

@@ -1,4 +1,4 @@
-"""What a hand control's number stands for.
+"""What a hand control's number stands for, and how one of that number counts its tracking modes.
 
 Written as the manual writes it (``4.21``), or ``starsense-1.20``: a StarSense counts anew from 1.18, a GT from 100.
 Each counts as the version whose commands it has: a GT before 104.0 as 1.2 and from then on as 4.03 (NexStar protocol,
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from gateway.core.operations import Tracking
 from gateway.protocols.wireformat.rows import Model, Version, parse_version, show_version
 
 STARSENSE = "starsense"
@@ -20,6 +21,9 @@ STARSENSE_LONG_MODE: Version = (1, 20)
 NEXSTAR_VARIANT, STARSENSE_VARIANT = 17, 19
 GT_FIRST, GT_SECOND = 100, (104, 0)
 GT_OLD, GT_NEW = (1, 2), (4, 3)
+#: The tracking modes as ``t`` and ``T`` count them; and on German mounts of a few versions, which have no alt-az mode.
+MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
+SHIFTED_MODES = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
 
 
 class Number(Struct, frozen=True):
@@ -64,6 +68,24 @@ def counts_as(shown: Version, *, starsense: bool = False) -> Version:
     if shown[0] < GT_FIRST:
         return shown
     return GT_NEW if shown >= GT_SECOND else GT_OLD
+
+
+def shifted(row: Model, version: Version | None) -> bool:
+    """Whether this model and version counts EQ north as 1: CGE and Advanced GT 3.01-3.04 do."""
+    first_last = row.get("shifted")
+    if not first_last or version is None:
+        return False
+    return parse_version(first_last[0]) <= version <= parse_version(first_last[1])
+
+
+def modes(row: Model, version: Version | None) -> dict[int, Tracking]:
+    """Code -> tracking mode, as this model and version counts them."""
+    return SHIFTED_MODES if shifted(row, version) else MODES
+
+
+def code_of(mode: Tracking, row: Model, version: Version | None) -> int:
+    """The other way round; 1, which tracks, for a mode that it does not have."""
+    return next((code for code, known in modes(row, version).items() if known is mode), 1)
 
 
 def made_with(row: Model) -> list[str]:

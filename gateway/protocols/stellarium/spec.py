@@ -25,8 +25,7 @@ def _framing() -> Framer:
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
-    from gateway.protocols.stellarium.session import StellariumSession
-    from gateway.protocols.stellarium.surface import goto, subscriptions
+    from gateway.protocols.stellarium.surface import StellariumSession, goto, subscriptions
 
     surface = Surface(load(NAME), {"goto": goto})
     surface.session, surface.subscriptions = StellariumSession, subscriptions

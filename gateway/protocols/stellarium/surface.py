@@ -11,16 +11,29 @@ from typing import Any
 
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import Equatorial, Goto, Position
-from gateway.protocols.base.session import Session
-from gateway.protocols.base.subscription import Subscription
-from gateway.protocols.base.wants import Handling
-from gateway.protocols.stellarium.session import REFUSED, WELL, StellariumSession
+from gateway.protocols.base.session import Kept, Session
+from gateway.protocols.base.wants import Handling, Subscription
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
 #: Seconds after the beginning of a connection until the first position: by then a web browser, which takes these bytes
 #: for a broken answer, has said what it is.
 FIRST = 0.2
+#: The values of the field ``status``.
+WELL, REFUSED = 0, -1
+
+
+class Progress(Kept):
+    """``status`` is what every position tells it: what became of its last goto."""
+
+    status: int = WELL
+
+
+class StellariumSession(Session):
+    """One client."""
+
+    state = Progress
+    kept: Progress
 
 
 def goto(session: StellariumSession, command: Command, values: Mapping[str, Any]) -> Handling:

@@ -39,12 +39,8 @@ class Command:
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
-        self.answer, self.urgent, self.urgent_at, self.takes_back = (
-            row.answer,
-            row.urgent,
-            row.urgent_at,
-            row.takes_back,
-        )
+        self.answer, self.takes_back = row.answer, row.takes_back
+        self.urgent, self.urgent_at = row.urgent, row.urgent_at
         self.long, self.by_hand, self.may_be_silent = row.long, row.by_hand, row.may_be_silent
         self.while_seeking, self.while_asleep = row.while_seeking, row.while_asleep
         self.pushed = row.pushed

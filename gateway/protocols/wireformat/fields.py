@@ -119,14 +119,10 @@ def _word(choices: str) -> Codec:
             raise ValueError(f"{value!r} is none of {choices}")
         return raw
 
-    pattern = b"|".join(_escaped(word) for word in sorted(words, key=len, reverse=True))
+    pattern = b"|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))
     widths = {len(word) for word in words}
     width = widths.pop() if len(widths) == 1 else None
     return Codec(encode, lambda raw: raw.decode("latin-1"), b"(?:" + pattern + b")", width)
-
-
-def _escaped(word: bytes) -> bytes:
-    return b"".join(b"\\x%02x" % byte for byte in word)
 
 
 _TEXT = Codec(

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import datetime
 import re
+from functools import cache
 
 _SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
-_PARTS = re.compile(
+_PARTS = (
     rb"[ ]*([+-]?)[ ]*(\d{1,3}(?:\.\d*)?)(?:"
     + _SEPARATOR
     + rb"(\d{1,2}(?:\.\d*)?)(?:"
@@ -21,12 +22,18 @@ _PARTS = re.compile(
 )
 
 
+@cache
+def _parts() -> re.Pattern[bytes]:
+    """Compiled when the first text is read: that takes longer than to load this module."""
+    return re.compile(_PARTS)
+
+
 def parse(raw: bytes, least: int = 2) -> float:
     """``sDD*MM:SS`` in any of its written forms, as a signed number of whole units.
 
     Raises ValueError, also for fewer than ``least`` parts.
     """
-    found = _PARTS.fullmatch(raw)
+    found = _parts().fullmatch(raw)
     if found is None:
         raise ValueError(f"{raw!r} is not a sexagesimal number")
     parts = [text for text in found.groups()[1:] if text is not None]
@@ -43,7 +50,7 @@ def parse(raw: bytes, least: int = 2) -> float:
 
 def below_sixty(raw: bytes) -> bytes:
     """The same text. Raises ValueError for minutes or seconds of exactly 60, which no program sends as a target."""
-    found = _PARTS.fullmatch(raw)
+    found = _parts().fullmatch(raw)
     if found is not None and any(text is not None and float(text) >= 60 for text in found.groups()[2:]):
         raise ValueError(f"{raw!r} has minutes or seconds over 59")
     return raw
@@ -93,8 +100,8 @@ def _split(ticks: int, *bases: int) -> list[int]:
     return [ticks, *reversed(parts)]
 
 
-def _ticks(value: float, per_degree: float) -> tuple[str, int]:
-    ticks = round(abs(value) * per_degree)
+def _ticks(value: float, per_unit: float) -> tuple[str, int]:
+    ticks = round(abs(value) * per_unit)
     return ("-" if value < 0 and ticks else "+"), ticks
 
 
@@ -174,10 +181,8 @@ def limit_to_set(raw: bytes) -> float:
 
 def offset_in_full(value: float) -> str:
     """Hours -> ``sHH.H``."""
-    tenths = round(abs(value) * 10)
-    sign = "-" if value < 0 and tenths else "+"
-    whole, part = divmod(tenths, 10)
-    return f"{sign}{whole:02d}.{part}"
+    sign, tenths = _ticks(value, 10)
+    return sign + "{:02d}.{:d}".format(*_split(tenths, 10))
 
 
 def offset(value: float) -> str:
@@ -221,9 +226,8 @@ def parse_date(raw: bytes) -> datetime.date:
 
 def dms_bytes(degrees: float) -> bytes:
     """NexStar site field: degrees, minutes, seconds, 1 for south or west; degrees are north/east positive."""
-    ticks = round(abs(degrees) * 3600.0)
-    d, m, s = _split(ticks, 60, 60)
-    return bytes((d, m, s, 1 if degrees < 0 and ticks else 0))
+    sign, ticks = _ticks(degrees, 3600)
+    return bytes((*_split(ticks, 60, 60), "+-".index(sign)))
 
 
 def parse_dms_bytes(raw: bytes, limit: int) -> float:

@@ -72,17 +72,6 @@ class FrameTemplate:
         found = self.matcher.fullmatch(frame)
         if found is None:
             raise ValueError(f"{frame!r} is not {self.source!r}")
-        return self._values(found)
-
-    def take(self, buffer: bytes) -> tuple[Values, int] | None:
-        """Decode a frame at the start of a buffer -> (values, length), or None when none is complete there."""
-        found = self.matcher.match(buffer)
-        if found is None:
-            return None
-        return self._values(found), found.end()
-
-    def _values(self, found: re.Match[bytes]) -> Values:
-        """What the fields of a frame say, one group each."""
         return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), found.groups(), strict=True)}
 
     def __repr__(self) -> str:

@@ -138,12 +138,13 @@ def test_the_mode_is_read_whatever_comes_behind_it(version: str) -> None:
 
 
 def test_a_mount_that_was_named_is_a_starsense_before_it_is_heard() -> None:
+    from gateway.protocols.base.spec import DriverSettings
     from gateway.protocols.nexstar.driver.state import NexStar
 
-    mount = NexStar(lambda: 0.0, model="avx", version="starsense-1.20")
+    mount = NexStar(lambda: 0.0, DriverSettings("avx", "starsense-1.20"))
     assert mount.starsense and mount.knows("e") and mount.knows("s") and not mount.knows("i")
     assert mount.equinox == "jnow"
-    assert not NexStar(lambda: 0.0, model="gt", version="101.0").knows("e")  # it counts as a 1.2
+    assert not NexStar(lambda: 0.0, DriverSettings("gt", "101.0")).knows("e")  # it counts as a 1.2
 
 
 # --- presented --------------------------------------------------------------------------------------------------------

@@ -10,8 +10,9 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
 from gateway.mount.safety.rules.axis_altitude import corrected, told
-from gateway.protocols.mechanics.truth import sampled, truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
+from tests.support.truth import sampled
 from tests.support.virtual import run
 
 

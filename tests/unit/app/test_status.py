@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.app.status import Rate, StatusLine, status
+from gateway.app.status import Rate, State, StatusLine, status
+from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import Onlooker, look
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
@@ -75,6 +76,12 @@ def test_it_never_is_longer_than_the_room() -> None:
     assert all(len(status(both, columns)) <= columns for columns in range(160))
 
 
+@pytest.mark.parametrize(("age", "told"), [(3.0, '52", 3 s ago; tracking'), (41.2, '52" 41 s ago; tracking')])
+def test_status_tells_the_age_of_a_position_once(age: float, told: str) -> None:
+    [line] = [line for line in lines(State(seen(age=age), "nexstar@sim")) if line.startswith("  seen ")]
+    assert line.endswith(f"+22°00'{told}")
+
+
 def test_a_rate_is_that_of_the_last_looks() -> None:
     rate = Rate(2)
     counts = [(0, 7), (1, 11), (2, 13), (4, 13), (6, 13)]
@@ -83,7 +90,7 @@ def test_a_rate_is_that_of_the_last_looks() -> None:
 
 def gateway(bridge: Bridge, name: str | None = None) -> Any:
     """As much of a gateway as a look needs."""
-    return SimpleNamespace(controller=bridge.controller, receptions=[bridge.reception], mount="nexstar@sim",
+    return SimpleNamespace(controller=bridge.controller, programs=bridge.reception.here, mount="nexstar@sim",
                            config=SimpleNamespace(name=name))  # fmt: skip
 
 
@@ -132,20 +139,20 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
                     ("/dev/ttyS0", "/dev/ttyS0"),
                 )
             )
-            assert reception.programs() == 3  # nobody has been heard on the two serial lines
+            assert len(reception.here()) == 3  # nobody has been heard on the two serial lines
             line.feed(b":GR#")
             serial.feed(b":")
-            assert reception.programs() == 5
+            assert len(reception.here()) == 5
             passing.close()
-            assert reception.programs() == 5  # it may open a connection for every command
+            assert len(reception.here()) == 5  # it may open a connection for every command
             one.close()
-            assert reception.programs() == 4  # its host is still here with another one
+            assert len(reception.here()) == 4  # its host is still here with another one
             await asyncio.sleep(11)
-            assert reception.programs() == 1
+            assert len(reception.here()) == 1
             other.close()
             line.close()
             await asyncio.sleep(11)
-            assert reception.programs() == 0
+            assert len(reception.here()) == 0
 
     run(program())
 

@@ -99,7 +99,7 @@ def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
     async def program() -> None:
         async with Bridge() as bridge:
             gateway = SimpleNamespace(
-                controller=bridge.controller, receptions=[], mount="", config=SimpleNamespace(name="pier")
+                controller=bridge.controller, programs=list, mount="", config=SimpleNamespace(name="pier")
             )
             tasks = look_on([gateway], Screen(None))  # type: ignore[list-item]
             assert len(tasks) == 1  # no terminal, no line

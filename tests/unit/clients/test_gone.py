@@ -13,7 +13,8 @@ import pytest
 
 from gateway.transport import open_port
 from gateway.transport.intake import BREATH, SHARE
-from gateway.transport.tcp import TcpPort, split_address
+from gateway.transport.listening import split_address
+from gateway.transport.tcp import TcpPort
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running
 from tests.support.virtual import run

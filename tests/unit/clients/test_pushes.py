@@ -9,7 +9,7 @@ from typing import Any
 from gateway.clients.commands.pushes import Pushes
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Operation, Position, Slewing
-from gateway.protocols.base.subscription import Subscription
+from gateway.protocols.base.wants import Subscription
 from tests.support.virtual import run
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 
 from gateway.console import gate
+from gateway.system.own_names import known_host
 from tests.support.each import each
 
 NAME = socket.gethostname().lower().partition(".")[0]
@@ -32,7 +33,7 @@ NAME = socket.gethostname().lower().partition(".")[0]
     ],
 )
 def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
-    assert gate.known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
+    assert known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
 
 
 @each(

@@ -57,7 +57,7 @@ OVER_MEADE = wire.Pair(Endpoint("nexstar", "-", "cge", "4.21"), Endpoint("lx200"
 @pytest.mark.parametrize(
     ("pair", "name", "row", "says"),
     [
-        (CPC, "GR", {"outcome": "kept", "call": "silence"}, "kept, and yet there is no reply"),
+        (CPC, "GD", {"outcome": "kept", "call": "silence"}, "kept, and yet there is no reply"),
         (CPC, "GVP", {"outcome": "translated"}, "the mount has never been asked"),
         (CPC, "GVP", {"outcome": "silent"}, "silent, and yet b'LX2001#' is said"),
         (CPC, "AL", {"outcome": "kept"}, "kept, and yet T goes to the mount"),

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.bindings import speech
 from gateway.cli import main
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.printing import Rows, printer
@@ -27,10 +26,10 @@ def test_the_log_has_levels_in_the_journal_and_times_elsewhere(tmp_path: Path, m
     with path.open("w") as stream:
         led_to(path, monkeypatch)
         for entry in (ASKED, NOTED):
-            printer(Rows("nexstar", [], speech), stream)(entry)
+            printer(Rows("nexstar", []), stream)(entry)
         led_to(tmp_path, monkeypatch)  # the journal's, but another one's
         for entry in (ASKED, NOTED):
-            printer(Rows("nexstar", [], speech), stream)(entry)
+            printer(Rows("nexstar", []), stream)(entry)
     in_journal, note, timed, timed_note = path.read_text().splitlines()
     assert in_journal.startswith("<6>mount")
     assert note.startswith("<5>mount") and note.endswith("the mount does not answer")

@@ -13,7 +13,8 @@ import pytest
 
 from gateway.core.errors import UserError
 from gateway.transport import open_port
-from gateway.transport.tcp import TcpPort, split_address
+from gateway.transport.listening import split_address
+from gateway.transport.tcp import TcpPort
 from tests.unit.transport.test_ports_rfc2217 import Echo
 
 

@@ -10,12 +10,10 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
-from gateway.app.config.declaring import Plain, key
+from gateway.app.config.declaring import WORD, Plain, Word, key
 
-#: What a part of a topic may be: no slash, no wildcard.
-PART = r"[A-Za-z0-9_.-]+"
-PARTS = rf"^{PART}(/{PART})*$"
-_Part = Annotated[str, Meta(pattern=f"^{PART}$", title="a word of letters, digits and _ . -")]
+#: What topics may begin with: words with slashes between.
+PARTS = rf"^{WORD}(/{WORD})*$"
 _Parts = Annotated[str, Meta(pattern=PARTS, title="words of letters, digits and _ . -, with / between")]
 
 
@@ -31,7 +29,7 @@ class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"
         ),
     ]
     id: Annotated[
-        _Part | None, key("what this gateway is called on the broker (default: the name of the computer)", "ID", "pier")
+        Word | None, key("what this gateway is called on the broker (default: the name of the computer)", "ID", "pier")
     ] = None
     prefix: Annotated[_Parts, key("what all topics begin with", "PREFIX")] = "mount-gateway"
     user: Annotated[Plain | None, key("the user that the broker knows", "USER", "observatory")] = None

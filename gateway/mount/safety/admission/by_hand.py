@@ -12,19 +12,12 @@ from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.core.errors import Fault, PastMeridian
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.first_stretch import (
-    Start,
-    as_motion,
-    check_either_way,
-    check_turns,
-    knows_meridian,
-    turn,
-)
+from gateway.mount.safety.admission.first_stretch import Start, as_motion, check_either_way, check_turns, turn
 from gateway.mount.safety.admission.questions import over, tilt
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.altitude import leaving
-from gateway.mount.safety.rules.meridian import past_meridian
+from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
 from gateway.mount.safety.watch import LimitWatch
 
 #: A position older than that says nothing about where a motion begins.
@@ -71,7 +64,11 @@ class HandAdmission:
         try:
             if leaving(limits, before, after, 0.0):
                 limits.check_altitude(before)
-            if limits.hour_angle is not None and start.status.equatorial and knows_meridian(mount, start.side):
+            if (
+                limits.hour_angle is not None
+                and start.status.equatorial
+                and can_be_told(mount.driver.german, start.side)
+            ):
                 now = past_meridian(astrometry.sidereal_time() - seen.ra, start.side)
                 then = past_meridian(astrometry.sidereal_time() - soon.ra, start.side)
                 if now > limits.hour_angle and then > now:

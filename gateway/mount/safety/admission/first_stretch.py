@@ -16,7 +16,7 @@ from gateway.core.errors import NearSun, PastMeridian
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import AT_LIMIT, Limits
 from gateway.mount.safety.rules.altitude import leaving
-from gateway.mount.safety.rules.meridian import past_meridian
+from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
 from gateway.mount.safety.stop_timing import SHORTEST
 
 #: Degrees of an axis between the places of a way that are looked at.
@@ -72,16 +72,11 @@ def _check_step(mount: MountInputs, limits: Limits, start: Start, seen: op.Equat
     for now, then in zip(mount.suns.distances(seen), mount.suns.distances(soon), strict=True):
         if then < mount.suns.limit and then < now:
             raise NearSun
-    if limits.hour_angle is not None and start.status.equatorial and knows_meridian(mount, start.side):
+    if limits.hour_angle is not None and start.status.equatorial and can_be_told(mount.driver.german, start.side):
         sidereal = mount.astrometry.sidereal_time()
         now, then = (past_meridian(sidereal - place.ra, start.side) for place in (seen, soon))
         if then > limits.hour_angle + AT_LIMIT and then > now:
             raise PastMeridian
-
-
-def knows_meridian(mount: MountInputs, side: str | None) -> bool:
-    """Whether it can be told how far past the meridian it is: a German mount must have told its side."""
-    return mount.driver.german is False or (mount.driver.german is True and bool(side))
 
 
 def _soon(mount: MountInputs, start: Start, turns: dict[int, float]) -> op.Equatorial:
@@ -90,5 +85,4 @@ def _soon(mount: MountInputs, start: Start, turns: dict[int, float]) -> op.Equat
     if start.status.equatorial or mount.driver.stepping:
         return op.Equatorial(*fold_declination(start.seen.ra - first, start.seen.dec + second))
     here = mount.astrometry.horizon(start.seen)
-    goal = mount.astrometry.equatorial(op.GotoHorizontal(*fold_declination(here.az + first, here.alt + second)))
-    return op.Equatorial(goal.ra, goal.dec)
+    return mount.astrometry.equatorial(op.Horizontal(*fold_declination(here.az + first, here.alt + second)))

@@ -81,7 +81,8 @@ class Admission:
             return await self._admit_horizontal(operation)
         elif isinstance(operation, op.GotoAxes):
             if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
-                return await self._admit(self._mount.astrometry.from_axes(operation, not self._mount.driver.german))
+                goal = self._mount.astrometry.from_axes(operation, wedge=not self._mount.driver.german)
+                return await self._admit(op.Goto(goal.ra, goal.dec))
             await self._check_axes(operation, self._mount.context.policy.limits)
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
@@ -98,8 +99,7 @@ class Admission:
             await self._by_hand.check(moving)
 
     async def _status(self) -> op.Status:
-        status: op.Status = await self._ask.read(op.GetStatus())
-        return status
+        return await self._ask.read(op.GetStatus())
 
     async def _check_aligned(self, operation: op.Operation) -> None:
         """Raises NotAligned."""
@@ -155,7 +155,8 @@ class Admission:
         fork = not (await self._status()).equatorial
         if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
-        return await self._admit(mount.astrometry.equatorial(operation))
+        goal = mount.astrometry.equatorial(operation)
+        return await self._admit(op.Goto(goal.ra, goal.dec, fastest=operation.fastest))
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
         """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
@@ -178,7 +179,7 @@ class Admission:
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
-            mount.wire_log.note_once("mount", "site unknown: gotos are not checked against the horizon")
+            mount.context.note_once("site unknown: gotos are not checked against the horizon")
             return
         limits.check_altitude(altitude + (await tilt(mount, self._ask, self._watch.altitude_axis) if told else 0.0))
         status = mount.readings.value(op.GetStatus) if limits.hour_angle is not None else None
@@ -191,20 +192,19 @@ class Admission:
         if not (await self._status()).equatorial:
             limits.check_altitude(wanted.alt)
             if mount.site_known:
-                goal = mount.astrometry.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
-                await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
+                await self._check_way(limits, mount.astrometry.equatorial(wanted), (wanted.az, wanted.alt))
             return
         try:
             goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
         except Unsupported:
-            mount.wire_log.note_once("mount", "site unknown: axis gotos are not checked")
+            mount.context.note_once("site unknown: axis gotos are not checked")
             return
-        limits.check_altitude(mount.astrometry.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
+        limits.check_altitude(mount.astrometry.horizon(goal).alt)
         if mount.driver.german:
             check_shaft(limits, wanted.az)
         else:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
-        await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
+        await self._check_way(limits, goal, (wanted.az, wanted.alt))
 
     async def _check_way(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
         """Raises NearSun. ``axes`` are the readings that a fork or a German mount goes to, where they are given.

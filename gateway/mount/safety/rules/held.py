@@ -6,21 +6,11 @@ drive that is on follows the sky, and the focuser, which hangs on the mount and 
 
 from __future__ import annotations
 
+from gateway.core import operations as op
 from gateway.core.errors import Held
-from gateway.core.operations import (
-    AbortSlew,
-    Choose,
-    Focus,
-    Hibernate,
-    Operation,
-    SetTracking,
-    StopAxis,
-    Sync,
-    TrackRate,
-)
 
 #: Of all that takes its turn among the motions this alone; whatever is new is refused until it is written here.
-STILL = (AbortSlew, Choose, Focus, StopAxis, Hibernate, Sync, TrackRate)
+STILL = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 
 
 class Hold:
@@ -29,8 +19,8 @@ class Hold:
     def __init__(self) -> None:
         self.on = False
 
-    def admit(self, operation: Operation) -> None:
+    def admit(self, operation: op.Operation) -> None:
         """Asked for everything that takes its turn among the motions. Raises Held."""
-        stays = isinstance(operation, STILL) or (isinstance(operation, SetTracking) and not operation.on)
+        stays = isinstance(operation, STILL) or (isinstance(operation, op.SetTracking) and not operation.on)
         if self.on and not stays:
             raise Held

@@ -30,6 +30,11 @@ def check_shaft(limits: Limits, first: float) -> None:
         raise PastMeridian
 
 
+def can_be_told(german: bool | None, side: str | None) -> bool:
+    """Whether anybody knows how far past the meridian it is: a German mount must have told its side."""
+    return german is not None and (bool(side) or not german)
+
+
 def past_meridian(hour_angle: float, side: str | None) -> float:
     """How many degrees a tube stands beyond the meridian, towards the pier; negative where it is free.
 
@@ -47,7 +52,7 @@ def meridian(view: View) -> Verdict:
     before, last, changes = view.seen.before, view.seen.last, view.seen.changes
     limit = view.limits.hour_angle
     equatorial = view.status is not None and view.status.equatorial
-    if limit is None or not equatorial or view.moving.slewing or view.german is None or (view.german and not view.side):
+    if limit is None or not equatorial or view.moving.slewing or not can_be_told(view.german, view.side):
         return ALLOWED
     if before is None or last is None or changes is None or before.hour_angle is None or last.hour_angle is None:
         return ALLOWED

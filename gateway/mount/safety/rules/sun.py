@@ -6,12 +6,10 @@ right, so both Suns count; while nobody has told a date, this computer's does, a
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.wire_log import WireLog
+from gateway.mount.context import Context
 from gateway.mount.safety.view import ALLOWED, Verdict, View
 from gateway.mount.site.site_clock import COMPUTER, BestSources
 
@@ -25,15 +23,11 @@ NEARER = 0.05
 
 
 class SunAvoidance:
-    """``limit`` is how near to it the tube may come, degrees; with 0 there is no Sun at all.
+    """``limit`` is how near to it the tube may come, degrees; with 0 there is no Sun at all."""
 
-    ``settled`` says whether the mount has had its chance to tell the date.
-    """
-
-    def __init__(
-        self, sky: Sky, sources: BestSources, wire_log: WireLog, limit: float, settled: Callable[[], bool]
-    ) -> None:
-        self._sky, self._sources, self._wire_log, self.limit, self._settled = sky, sources, wire_log, limit, settled
+    def __init__(self, context: Context, sky: Sky, sources: BestSources) -> None:
+        self._context, self._sky, self._sources = context, sky, sources
+        self.limit = context.policy.limits.sun
         self._key: tuple[object, ...] = ()
         self._up: list[op.Equatorial] = []
 
@@ -42,9 +36,9 @@ class SunAvoidance:
         if not self.limit:
             return []
         best, host, site = self._sources.best_time(), self._sources.host(), self._sources.site()
-        if best.source == COMPUTER and self._settled():
-            self._wire_log.note_once(
-                "mount", "WARNING: nobody has told a date: the Sun is avoided by this computer's date and time"
+        if best.source == COMPUTER and self._context.milestones.settled.is_set():  # else the mount may tell one yet
+            self._context.note_once(
+                "WARNING: nobody has told a date: the Sun is avoided by this computer's date and time"
             )
         key = best.unix // KEPT, host // KEPT, site
         if key != self._key:
@@ -52,9 +46,7 @@ class SunAvoidance:
             moments = [best.unix]
             if abs(best.unix - host) > DAY:
                 moments.append(host)
-                self._wire_log.note_once(
-                    "mount", "WARNING: the mount's date is not this computer's: the Sun is avoided by both"
-                )
+                self._context.note_once("WARNING: the mount's date is not this computer's: the Sun is avoided by both")
             self._up = [place for place in (self._place(unix, site) for unix in moments) if place is not None]
         return self._up
 

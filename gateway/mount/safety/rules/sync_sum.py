@@ -36,14 +36,10 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
 
 
 class SyncTotal:
-    """``value`` is the sum of all syncs since the alignment of the mount."""
+    """``value`` is the sum of all syncs since the alignment of the mount; an earlier run may have kept it."""
 
     def __init__(self) -> None:
         self.value = SyncSum()
-
-    def recall(self, value: SyncSum) -> None:
-        """An earlier run has kept it."""
-        self.value = value
 
     def add(self, present: Equatorial, wanted: Equatorial, equatorial: bool) -> None:
         """The mount has taken a sync."""

@@ -7,8 +7,8 @@ import json
 from itertools import count
 from typing import Any
 
-from gateway.core.errors import Fault, NoAnswer
-from gateway.protocols.alpaca.faults import number
+from gateway.core.errors import NoAnswer
+from gateway.protocols.alpaca.faults import refused
 from gateway.protocols.alpaca.http.programs import NoAnswerInTime, Program, Programs
 from gateway.protocols.alpaca.http.requests import Asked
 from gateway.protocols.alpaca.members import member
@@ -61,11 +61,6 @@ def _taken_apart(line: bytes) -> dict[str, Any]:
     if isinstance(value, dict) and "ErrorNumber" in value:
         return value
     return {"ErrorNumber": 0, "ErrorMessage": ""} | ({} if value is None else {"Value": value})
-
-
-def refused(fault: Fault) -> dict[str, Any]:
-    """An answer that says no."""
-    return {"ErrorNumber": number(fault), "ErrorMessage": str(fault)}
 
 
 _transactions = count(1)

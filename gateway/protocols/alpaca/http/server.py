@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import asyncio
 import html
+import socket
+import uuid
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 from urllib.parse import parse_qsl
@@ -17,9 +19,9 @@ from aiohttp import web
 
 from gateway.core.about import VERSION
 from gateway.core.errors import ReadOnly
-from gateway.protocols.alpaca.http.answers import Device, numbered, refused
+from gateway.protocols.alpaca.faults import refused
+from gateway.protocols.alpaca.http.answers import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, understood, who_asks
-from gateway.protocols.alpaca.http.unique import unique_id
 from gateway.protocols.alpaca.members import member
 from gateway.system.own_names import known_host
 from gateway.transport.handler import ConnectionRefused
@@ -34,6 +36,8 @@ CONSOLE = '<a href="/">The console</a> shows and moves the mount.'
 NO_CONSOLE = (
     "Its console shows and moves the mount; the address stands in the line <q>ready console</q> that it prints."
 )
+#: What the identities of these devices are made in.
+_SPACE = uuid.UUID("6f3d2c1e-7c1b-5d0e-9a53-6d6f756e7467")
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -134,7 +138,7 @@ class AlpacaServer:
     async def _configured(self, request: web.Request) -> web.StreamResponse:
         return _value(request, [
             {"DeviceName": device.web.title, "DeviceType": "Telescope", "DeviceNumber": number,
-             "UniqueID": unique_id(device.web.title)}
+             "UniqueID": _unique_id(device.web.title)}
             for number, device in enumerate(self._devices)
         ])  # fmt: skip
 
@@ -151,6 +155,11 @@ class AlpacaServer:
             "<p>It is set up where it was started: by its command line or its configuration file.\n"
         )
         return web.Response(text=page, content_type="text/html")
+
+
+def _unique_id(title: str) -> str:
+    """The same as long as the mount is at the same place on the same computer."""
+    return str(uuid.uuid5(_SPACE, f"{socket.gethostname()} {title}"))
 
 
 async def _parameters(request: web.Request) -> Pairs:

@@ -6,6 +6,7 @@ from gateway.core import operations as op
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.session import AlpacaSession
 from gateway.protocols.alpaca.surface.given import axis
+from gateway.protocols.base.surface import Special
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.wireformat.command import Command
 
@@ -28,37 +29,24 @@ def axis_rates(session: AlpacaSession, command: Command, values: Values) -> Hand
 
 def can_move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:
     third = axis(values) == 2
-    return not third and (yield from _can(op.MoveAxis))
+    return not third and op.MoveAxis.__name__ in (yield op.GetAbilities()).can
 
 
-def can_find_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    return (yield from _can(op.Home))
+def _able(*operations: type[op.Operation]) -> Special:
+    """A member that says whether the mount can do all of these."""
+
+    def able(session: AlpacaSession, command: Command, values: Values) -> Handling:
+        can = (yield op.GetAbilities()).can
+        return all(operation.__name__ in can for operation in operations)
+
+    return able
 
 
-def can_park(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    return (yield from _can(op.Park))
-
-
-def can_unpark(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """What cannot be parked needs no unparking."""
-    return (yield from _can(op.Park)) and (yield from _can(op.Unpark))
-
-
-def can_pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    return (yield from _can(op.Pulse))
-
-
-def can_set_guide_rates(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    return (yield from _can(op.SetGuideRate))
-
-
-def can_set_tracking(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    return (yield from _can(op.SetTracking))
-
-
-def can_sync(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    return (yield from _can(op.Sync))
-
-
-def _can(operation: type[op.Operation]) -> Handling:
-    return operation.__name__ in (yield op.GetAbilities()).can
+can_find_home = _able(op.Home)
+can_park = _able(op.Park)
+#: What cannot be parked needs no unparking.
+can_unpark = _able(op.Park, op.Unpark)
+can_pulse_guide = _able(op.Pulse)
+can_set_guide_rates = _able(op.SetGuideRate)
+can_set_tracking = _able(op.SetTracking)
+can_sync = _able(op.Sync)

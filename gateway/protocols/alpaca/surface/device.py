@@ -11,8 +11,7 @@ from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.session import AlpacaSession
 from gateway.protocols.alpaca.surface import motion, pointing, tracking
-from gateway.protocols.alpaca.surface.given import given
-from gateway.protocols.base.wants import Handling, Possible
+from gateway.protocols.base.wants import Handling, Possible, given
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
 

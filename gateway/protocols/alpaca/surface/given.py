@@ -6,13 +6,7 @@ from typing import Any
 
 from gateway.core.errors import Invalid
 from gateway.core.operations import Values
-
-
-def given(values: Values) -> Values:
-    """The parameters. Raises the Fault of those that cannot be read."""
-    if "fault" in values:
-        raise values["fault"]
-    return values
+from gateway.protocols.base.wants import given
 
 
 def within(values: Values, field: str, name: str, low: float, high: float, per: float = 1.0) -> Any:

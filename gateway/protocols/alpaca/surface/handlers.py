@@ -9,19 +9,13 @@ from gateway.protocols.alpaca.members import member
 from gateway.protocols.alpaca.session import AlpacaSession
 from gateway.protocols.alpaca.surface import abilities, device, motion, pointing, site, tracking
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Special, Surface
+from gateway.protocols.base.surface import Surface, handlers_of
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import SurfaceRow
 
-#: row word -> function; no two modules have one of the same name.
-HANDLERS: dict[str, Special] = {
-    name: function
-    for module in (abilities, device, motion, pointing, site, tracking)
-    for name, function in vars(module).items()
-    if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
-}
+HANDLERS = handlers_of(abilities, device, motion, pointing, site, tracking)
 
 
 class AlpacaSurface(Surface):

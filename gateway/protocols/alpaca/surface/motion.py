@@ -8,8 +8,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoTarget, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface.given import axis, given, place, within
-from gateway.protocols.base.wants import Handling
+from gateway.protocols.alpaca.surface.given import axis, place, within
+from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 
 #: By ASCOM's numbers.
@@ -50,8 +50,11 @@ def _target(session: AlpacaSession) -> tuple[float, float]:
 
 
 def slewing(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    return (yield from _slews((yield op.GetActivity())))
+
+
+def _slews(moves: op.Activity) -> Handling:
     """From the moment in which a motion was asked for; the mount tells of those of its own hand control."""
-    moves: op.Activity = yield op.GetActivity()
     return moves.goto or moves.by_hand or (yield op.Slewing())
 
 
@@ -61,8 +64,8 @@ def is_pulse_guiding(session: AlpacaSession, command: Command, values: Values) -
 
 def at_park(session: AlpacaSession, command: Command, values: Values) -> Handling:
     """Once it stands there: what has acknowledged the end of a park may run down for a moment."""
-    parked: bool = (yield op.GetActivity()).parked
-    return parked and not (yield from slewing(session, command, values))
+    moves: op.Activity = yield op.GetActivity()
+    return moves.parked and not (yield from _slews(moves))
 
 
 def at_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
@@ -85,10 +88,6 @@ def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling
     if (yield op.GetStatus()).tracking is op.Tracking.OFF:
         with suppress(Fault):  # it is in service all the same
             yield op.SetTracking(True)
-
-
-def find_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    yield op.Home()
 
 
 def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:

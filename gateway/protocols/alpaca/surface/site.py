@@ -6,8 +6,8 @@ from gateway.core import operations as op
 from gateway.core.errors import NoTarget
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface.given import given, within
-from gateway.protocols.base.wants import Handling
+from gateway.protocols.alpaca.surface.given import within
+from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.faults import Parked
 from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface.given import given, within
-from gateway.protocols.base.wants import Handling
+from gateway.protocols.alpaca.surface.given import within
+from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 
-#: Arcseconds a second of the sidereal rate, and the same in degrees.
-SIDEREAL_ARCSECONDS = 15.041067
+#: Degrees a second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
 #: ASCOM's numbers for drive rates: what the mount is told, and multiples of sidereal.
 RATES = {0: ("sidereal", 1.0), 1: ("lunar", 14.685 / SIDEREAL_ARCSECONDS), 2: ("solar", 15.0 / SIDEREAL_ARCSECONDS)}

@@ -165,9 +165,7 @@ def _in_land_mode(mount: Lx200Driver) -> Steps:
 
 def native_mode(mount: Lx200Driver) -> Tracking:
     """The mode this telescope tracks in."""
-    if not mount.equatorial:
-        return Tracking.ALTAZ
-    return Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
+    return mount.equatorial_mode if mount.equatorial else Tracking.ALTAZ
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:

@@ -10,6 +10,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core.errors import Silence
 from gateway.core.operations import Choose, Chosen, Equatorial
 from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.lx200.driver.pointing import aim
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask, ask_once
 
 #: Degrees: so near to the target of before it is that one, for it is told in whole seconds.
@@ -18,8 +19,7 @@ SAME = 20.0 / 3600.0
 
 def choose(mount: Lx200Driver, operation: Choose) -> Steps:
     """:Sr :Sd, the choice, :LI :Gr :Gd -> Chosen. Gotos and syncs set the same target: none comes in between."""
-    yield from ask(mount, "Sr", ra=operation.ra)
-    yield from ask(mount, "Sd", dec=operation.dec)
+    yield from aim(mount, operation.ra, operation.dec)
     for name, fields in operation.first:
         yield from ask(mount, name, **dict(fields))
     reply = yield from _said(mount, operation.command, dict(operation.fields))

@@ -12,13 +12,13 @@ import math
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.protocols.base.driver import Remark, Steps
+from gateway.protocols.base.driver import SLEWING, Remark, Steps
 from gateway.protocols.lx200.driver import put_back
 from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.pier import beyond_pole
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
-from gateway.protocols.lx200.driver.state import SLEWING, Lx200Driver, ask, rate_command
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 #: What is off by more than this part of what was asked is said.
@@ -110,7 +110,7 @@ def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
     command = rate_command(rate)
     if command == "RS":
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
-    elif command == "RG" and mount.knows("Rg"):
+    elif command == "RG":
         yield from put_back.guide_at(mount, mount.guide_rate)
     yield from ask(mount, command)
 
@@ -129,22 +129,18 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
 
 
 def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
-    """:Sw when another speed than the last one is wanted for :RS; a rate of this axis' own is taken back."""
-    lowest, highest = mount.facts["max_rates"]
-    wanted = int(max(lowest, min(highest, mount.facts["max_rate"] if degrees is None else degrees)))
-    if wanted != (mount.fastest or mount.facts["max_rate"]):
-        yield from ask(mount, "Sw", rate=wanted)
-        mount.fastest = wanted
+    """What :RS is to mean on this axis: a rate of its own is taken back."""
+    yield from put_back.at_most(mount, degrees)
     if axis in mount.free_axes:
-        yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(wanted))
+        fastest = float(mount.fastest or mount.facts["max_rate"])
+        yield from ask(mount, "RA" if axis == 1 else "RE", rate=fastest)
         mount.free_axes.discard(axis)
 
 
 def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
     """The fraction of sidereal that :RG and guide pulses mean: :Rg where the model has it and it is another one."""
     mount.guide_rate = min(1.0, operation.rate)
-    if mount.knows("Rg"):
-        yield from put_back.guide_at(mount, mount.guide_rate)
+    yield from put_back.guide_at(mount, mount.guide_rate)
 
 
 def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
@@ -192,8 +188,7 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
         raise Refused(SLEWING)
     fraction = mount.guide_rate if rate is None else rate
     shorter = 1.0 if mount.knows("Rg") else fraction
-    if mount.knows("Rg"):
-        yield from put_back.guide_at(mount, fraction)
+    yield from put_back.guide_at(mount, fraction)
     ms = round(ms * shorter)
     if ms <= 0:
         return None

@@ -7,11 +7,10 @@ control up to 5.24: W where the second motor's axis reads beyond the pole.
 
 from __future__ import annotations
 
-from gateway.astro.spherical import wrap180
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS, wrap180
 from gateway.core.errors import Unsupported
 from gateway.core.operations import PierSide
 from gateway.protocols.base.driver import Steps
-from gateway.protocols.lx200.driver.speeds import SIDEREAL
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, ask_once
 
 
@@ -30,7 +29,7 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
         sidereal = (yield from ask_once(mount, "GS"))["sidereal"]
         assert mount.side_by is not None
         ra, then = mount.side_by
-        hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL / 3600.0 - ra)
+        hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL_ARCSECONDS / 3600.0 - ra)
         mount.beyond_pole = (hour_angle > 0.0) if mount.southern else (hour_angle < 0.0)
     return mount.beyond_pole
 

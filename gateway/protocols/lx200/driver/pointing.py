@@ -102,11 +102,16 @@ def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
     """:Sr :Sd :MS - refusals come with the telescope's own words."""
     yield from stop_current_motion(mount)
     yield from at_most(mount, operation.fastest)
-    yield from ask(mount, "Sr", ra=operation.ra)
-    yield from ask(mount, "Sd", dec=operation.dec)
+    yield from aim(mount, operation.ra, operation.dec)
     yield from begin(mount, "MS")
     chooses_side(mount, operation.ra)
     yield from later(mount)
+
+
+def aim(mount: Lx200Driver, ra: float, dec: float) -> Steps:
+    """:Sr :Sd"""
+    yield from ask(mount, "Sr", ra=ra)
+    yield from ask(mount, "Sd", dec=dec)
 
 
 def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
@@ -167,8 +172,7 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     """:Sr :Sd :CM - an empty text is a no."""
-    yield from ask(mount, "Sr", ra=operation.ra)
-    yield from ask(mount, "Sd", dec=operation.dec)
+    yield from aim(mount, operation.ra, operation.dec)
     answer = yield from ask(mount, "CM")
     if not answer["text"].strip():
         raise Refused("The mount refused the sync.")

@@ -6,9 +6,9 @@ goto, would go at them. Put back is what the telescope has at power-on, or what 
 
 from __future__ import annotations
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core.operations import Operation
 from gateway.protocols.base.driver import Schedule, Steps
-from gateway.protocols.lx200.driver.speeds import SIDEREAL
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 #: Seconds after the end of a motion; so a program that presses again at once finds its rate still there.
@@ -40,12 +40,11 @@ def put_back(mount: Lx200Driver, _: PutBack) -> Steps:
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(mount.facts["max_rate"]))
         mount.free_axes.discard(axis)
     yield from at_most(mount, None)
-    if mount.knows("Rg"):
-        yield from guide_at(mount, mount.guide_rate)
+    yield from guide_at(mount, mount.guide_rate)
 
 
 def at_most(mount: Lx200Driver, degrees: float | None) -> Steps:
-    """:Sw before a goto, for its speed is the fastest rate: degrees a second, or what the telescope has at power-on."""
+    """:Sw when :RS, which is the speed of a goto as well, is to be so many degrees a second; None: as at power-on."""
     usual = int(mount.facts["max_rate"])
     lowest, highest = mount.facts["max_rates"]
     wanted = usual if degrees is None else int(max(lowest, min(highest, degrees)))
@@ -55,12 +54,16 @@ def at_most(mount: Lx200Driver, degrees: float | None) -> Steps:
 
 
 def guide_at(mount: Lx200Driver, fraction: float) -> Steps:
-    """:Rg, which no Meade tells again: it is sent whenever it differs from what was sent last."""
-    if abs(fraction - mount.guides_at) > SAME:
-        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL)
+    """:Rg where the model has it, when it differs from what was sent last: no Meade tells it again."""
+    if _guides_otherwise(mount, fraction):
+        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSECONDS)
         mount.guides_at = fraction
 
 
+def _guides_otherwise(mount: Lx200Driver, fraction: float) -> bool:
+    return mount.knows("Rg") and abs(fraction - mount.guides_at) > SAME
+
+
 def _changed(mount: Lx200Driver) -> bool:
-    guides = mount.knows("Rg") and abs(mount.guides_at - mount.guide_rate) > SAME
-    return guides or bool(mount.free_axes) or mount.fastest not in (None, mount.facts["max_rate"])
+    fastest_differs = mount.fastest not in (None, mount.facts["max_rate"])
+    return _guides_otherwise(mount, mount.guide_rate) or bool(mount.free_axes) or fastest_differs

@@ -13,10 +13,12 @@ from typing import Any
 
 from msgspec import Struct
 
-#: Arcseconds a second; hertz of the sidereal rate, by which drive rates are counted; what of them counts as sidereal.
-SIDEREAL, SIDEREAL_HERTZ, SIDEREAL_SHOWN = 15.041067, 60.16427, (60.1, 60.2)
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+
+#: Hertz of the sidereal rate, by which drive rates are counted; what of them counts as sidereal.
+SIDEREAL_HERTZ, SIDEREAL_SHOWN = 60.16427, (60.1, 60.2)
 #: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
-SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.0}
+SPEEDS = {"RG": SIDEREAL_ARCSECONDS / 3600, "RC": 16 * SIDEREAL_ARCSECONDS / 3600, "RM": 2.0, "RS": 8.0}
 #: Two ratios that differ by less are alike: then the simpler way is taken.
 ALIKE = 1e-4
 #: The slowest of :RA and :RE, degrees a second, and of :Rg, arcseconds a second: one in the last digit.
@@ -94,9 +96,11 @@ def _turned(speed: Speed, west: float) -> Speed:
 def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:
     """The simple ones first."""
     if able.guides:
-        arcseconds = min(math.floor(SIDEREAL / _GUIDE_STEP) * _GUIDE_STEP, max(_GUIDE_STEP, degrees * 3600.0))
+        arcseconds = min(
+            math.floor(SIDEREAL_ARCSECONDS / _GUIDE_STEP) * _GUIDE_STEP, max(_GUIDE_STEP, degrees * 3600.0)
+        )
         arcseconds = round(round(arcseconds / _GUIDE_STEP) * _GUIDE_STEP, 1)
-        yield Speed("RG", arcseconds / 3600.0, guide=arcseconds / SIDEREAL)
+        yield Speed("RG", arcseconds / 3600.0, guide=arcseconds / SIDEREAL_ARCSECONDS)
     else:
         yield Speed("RG", SPEEDS["RG"])
     yield Speed("RC", SPEEDS["RC"])
@@ -131,11 +135,11 @@ def _drives(able: Abilities, west: float, drive: float) -> Iterator[Speed]:
 
 def _hertz(able: Abilities, degrees: float) -> float:
     low, high = able.hertz
-    return min(high, max(low, round(degrees * 3600.0 * SIDEREAL_HERTZ / SIDEREAL, 1)))
+    return min(high, max(low, round(degrees * 3600.0 * SIDEREAL_HERTZ / SIDEREAL_ARCSECONDS, 1)))
 
 
 def _speed(hertz: float) -> float:
     """Degrees a second of a drive rate; a telescope takes 60.1 to 60.2 for sidereal."""
     if SIDEREAL_SHOWN[0] <= hertz <= SIDEREAL_SHOWN[1]:
-        return SIDEREAL / 3600.0
-    return hertz / SIDEREAL_HERTZ * SIDEREAL / 3600.0
+        return SIDEREAL_ARCSECONDS / 3600.0
+    return hertz / SIDEREAL_HERTZ * SIDEREAL_ARCSECONDS / 3600.0

@@ -5,20 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Abilities as Can
-from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate, Values
-from gateway.protocols.base.driver import Driver, Handler, Remembered, Send, Steps, Wait
+from gateway.core.operations import Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate, Values
+from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, Remembered, Send, Steps, Wait
+from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
-#: Why there is no guide pulse.
-SLEWING = "The mount is slewing: the guide pulse is dropped."
 #: Differs from every rate that may be wanted.
 UNKNOWN = -1
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
@@ -30,16 +28,10 @@ OWN_PATIENCE = 1.5
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 
 
-class GotoState(Struct):
-    """A goto under way: since when, what it is for, and how often the bars have been empty.
+class GotoState(GotoUnderWay):
+    """``quiet`` is how often the bars have been empty."""
 
-    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
-    """
-
-    since: float
-    then: str | None = None
     quiet: int = 0
-    unsure: bool = False
 
 
 class Lx200Driver(Driver):
@@ -55,13 +47,12 @@ class Lx200Driver(Driver):
     def __init__(
         self,
         now: Callable[[], float],
-        model: str | None = None,
-        guide_rate: float | None = None,
+        settings: DriverSettings = DriverSettings(),
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(handlers)
         self.now = now
-        self.named_model = self.model = model
+        self.named_model = self.model = settings.model
         self.product, self.firmware = "", ""
         self.low = False
         # alignment and tracking
@@ -92,10 +83,8 @@ class Lx200Driver(Driver):
         #: How often each axis was set moving; and by the command that has ended it, how often it had been then.
         self.begun: dict[int, int] = {}
         self.ended: dict[str, dict[int, int]] = {}
-        self.parked = False
         #: What is meant by it, a fraction of sidereal; on models that take none, pulses are so much shorter.
-        self.guide_rate = guide_rate or 1.0
-        self.site: Place | None = None
+        self.guide_rate = settings.guide_rate or 1.0
         #: What :Sw was sent last, degrees a second; None before the first.
         self.fastest: int | None = None
         #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg).
@@ -142,10 +131,6 @@ class Lx200Driver(Driver):
     @property
     def gps(self) -> bool:  # type: ignore[override]
         return self.model == "lx200gps"
-
-    @property
-    def unsure(self) -> bool:  # type: ignore[override]
-        return self.goto is not None and self.goto.unsure
 
     @property
     def powerless(self) -> bool:  # type: ignore[override]
@@ -223,10 +208,6 @@ class Lx200Driver(Driver):
         return Abilities(
             self.knows("Rg"), self.knows("RA"), self.knows("Sw"), self.facts["max_rate"], (low, high), (slow, fast)
         )
-
-    @property
-    def southern(self) -> bool:
-        return self.site is not None and self.site.latitude < 0
 
 
 def rate_command(rate: Rate) -> str:

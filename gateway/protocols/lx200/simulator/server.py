@@ -18,8 +18,6 @@ model, what it answers is what real ones were seen to answer, quirks included. W
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core.motion_kinds import may_begin_motion
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.lx200.framing import Framer
@@ -45,10 +43,6 @@ HANDLERS: dict[str, Handler] = {
 
 class SimulatedLx200(Telescope):
     """A simulated telescope that listens to its serial port. Raises UserError for a model that does not exist."""
-
-    def __init__(self, model: str = "autostar", **settings: Any) -> None:
-        super().__init__(model, **settings)
-        self._framer = self.framer()
 
     def framer(self) -> Framer:
         return ClassicFramer() if self.classic else Framer()

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Backlash, Focus, HomeState, PeriodicError, Unpark, Values
-from gateway.protocols.base.wants import FireAndForget, Handling, Speed
+from gateway.protocols.base.wants import FireAndForget, Handling, Speed, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -49,9 +49,7 @@ def focus(session: LxSession, command: Command, values: Values) -> Handling:
 
 def focus_speed(session: LxSession, command: Command, values: Values) -> None:
     """:FF :FS :F<n> - 1 to 4; any other number leaves the speed as it was. Raises Invalid."""
-    if "fault" in values:
-        raise values["fault"]
-    speed = {"FF": 4, "FS": 1}.get(command.name) or values["speed"]
+    speed = {"FF": 4, "FS": 1}.get(command.name) or given(values)["speed"]
     if not 1 <= speed <= 4:
         raise Invalid("The focus speeds are 1 to 4.")
     session.kept.focus_speed = speed
@@ -59,9 +57,7 @@ def focus_speed(session: LxSession, command: Command, values: Values) -> None:
 
 def backlash(session: LxSession, command: Command, values: Values) -> Handling:
     """:$BA the declination motor, :$BZ the right-ascension motor."""
-    if "fault" in values:
-        raise values["fault"]
-    yield FireAndForget(Backlash(2 if command.name == "$BA" else 1, values["value"]))
+    yield FireAndForget(Backlash(2 if command.name == "$BA" else 1, given(values)["value"]))
 
 
 def periodic_error(session: LxSession, command: Command, values: Values) -> Handling:

@@ -14,7 +14,7 @@ from datetime import UTC, date, datetime, timedelta
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoDevice, ReadOnly, Unsupported
-from gateway.protocols.base.wants import Defer, Handling
+from gateway.protocols.base.wants import Defer, Handling, given
 from gateway.protocols.lx200.nmea import rmc
 from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.wireformat.command import Command
@@ -79,8 +79,7 @@ def _draft(session: LxSession) -> Draft:
 
 def set_piece(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SL :SC :SG - one of three; the third one, or a pause, hands them on."""
-    if "fault" in values:
-        raise values["fault"]
+    values = given(values)
     session.check_may_set()
     draft = _draft(session)
     draft.touched = session.clock()
@@ -225,8 +224,3 @@ def gps_sentence(session: LxSession, command: Command, values: op.Values) -> Han
     place: op.Place = seen.place or (yield op.GetSite())
     moment: op.Moment = yield op.GetClock()
     return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
-
-
-def gps_clock(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:gT - 1 when the mount's clock was set from its GPS unit, 0 when there is none or it has no fix."""
-    yield op.ClockFromGps()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.protocols.base.surface import Special
+from gateway.protocols.base.surface import handlers_of
 from gateway.protocols.lx200.surface import (
     accessories,
     clock,
@@ -17,9 +17,6 @@ from gateway.protocols.lx200.surface import (
     tracking,
 )
 
-HANDLERS: dict[str, Special] = {"own_library": own.own_library} | {
-    name: function
-    for module in (accessories, clock, help, moon, motion, objects, search, site, target, tracking)
-    for name, function in vars(module).items()
-    if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
-}
+HANDLERS = {"own_library": own.own_library} | handlers_of(
+    accessories, clock, help, moon, motion, objects, search, site, target, tracking
+)

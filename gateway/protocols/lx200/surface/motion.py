@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core.errors import Invalid
 from gateway.core.operations import Direction, Move, Pulse, Rate, SetGuideRate, Values
-from gateway.protocols.base.wants import FireAndForget, Handling
+from gateway.protocols.base.wants import FireAndForget, Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
-_SIDEREAL = 15.041067
 LONGEST_PULSE = 60_000
 
 
@@ -28,21 +28,18 @@ def move(session: LxSession, command: Command, values: Values) -> Handling:
 
 def choose_rate(session: LxSession, command: Command, values: Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the key's own number (0 is the slowest)."""
-    if "fault" in values:
-        raise values["fault"]
     name = _NAMES.get(command.name)
-    session.kept.rate = Rate(name=name) if name else Rate(key=max(1, values["key"]))
+    session.kept.rate = Rate(name=name) if name else Rate(key=max(1, given(values)["key"]))
     session.kept.rate_ra = session.kept.rate_dec = None
 
 
 def axis_rate(session: LxSession, command: Command, values: Values) -> None:
     """:RA :RE - degrees a second for the arrows of one axis, until another rate is chosen."""
-    if "fault" in values:
-        raise values["fault"]
+    rate = given(values)["rate"] or None
     if command.name == "RA":
-        session.kept.rate_ra = values["rate"] or None
+        session.kept.rate_ra = rate
     else:
-        session.kept.rate_dec = values["rate"] or None
+        session.kept.rate_dec = rate
 
 
 def max_rate(session: LxSession, command: Command, values: Values) -> None:
@@ -56,15 +53,12 @@ def max_rate(session: LxSession, command: Command, values: Values) -> None:
 
 def guide_rate(session: LxSession, command: Command, values: Values) -> Handling:
     """:Rg - arcseconds a second, at most sidereal."""
-    if "fault" in values:
-        raise values["fault"]
-    fraction = min(1.0, values["rate"] / _SIDEREAL)
+    fraction = min(1.0, given(values)["rate"] / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(SetGuideRate(axis, fraction))
 
 
 def pulse(session: LxSession, command: Command, values: Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
-    if "fault" in values:
-        raise values["fault"]
+    values = given(values)
     yield FireAndForget(Pulse(Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))

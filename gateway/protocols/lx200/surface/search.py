@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from gateway.astro.catalog import QUALITIES
 from gateway.core.errors import Invalid
 from gateway.core.operations import Values
+from gateway.protocols.base.wants import given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -24,10 +25,8 @@ def tell_search(session: LxSession, command: Command, values: Values) -> object:
 
 def set_search(session: LxSession, command: Command, values: Values) -> None:
     """:Sb :Sf :SF :Sl :Ss :Sy - the types are five letters in their order, capitals for what is wanted."""
-    if "fault" in values:
-        raise values["fault"]
     name = _LIMITS[command.name[1]]
-    (value,) = values.values()
+    (value,) = given(values).values()
     if name == "types" and not _TYPES.fullmatch(value):
         raise Invalid("The types are GPDCO, capitals for those wanted.")
     session.kept.search = replace(session.kept.search, **{name: value})

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import GetSite, Place, SetSite, Values
-from gateway.protocols.base.wants import Handling
+from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -45,16 +45,12 @@ def _told(session: LxSession, half: str) -> Handling:
 
 def set_latitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:St"""
-    if "fault" in values:
-        raise values["fault"]
-    yield from _set(session, SetSite(latitude=values["latitude"]))
+    yield from _set(session, SetSite(latitude=given(values)["latitude"]))
 
 
 def set_longitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:Sg"""
-    if "fault" in values:
-        raise values["fault"]
-    yield from _set(session, SetSite(longitude=-values["longitude"]))
+    yield from _set(session, SetSite(longitude=-given(values)["longitude"]))
 
 
 def _selected(session: LxSession) -> int:
@@ -85,19 +81,18 @@ def _enter(session: LxSession, index: int) -> Handling:
 
 def select(session: LxSession, command: Command, values: Values) -> Handling:
     """:W - by this model's count, from 0 or from 1; the number that the count does not have is the nearest site."""
-    if "fault" in values:
-        raise values["fault"]
-    if values["site"] > _SITES_AT_MOST:
+    number = given(values)["site"]
+    if number > _SITES_AT_MOST:
         return
     session.check_may_set()
-    index = max(0, min(len(_NAMED) - 1, values["site"] - session.model["first_site"]))
+    index = max(0, min(len(_NAMED) - 1, number - session.model["first_site"]))
     before = session.shared.site or 0
     yield from _enter(session, index)
     session.kept.site = index
     stored = _place(session, index)
     if index == 0:
         if before != 0:
-            others = tuple(_place(session, number) for number in range(1, len(_NAMED)))
+            others = tuple(_place(session, other) for other in range(1, len(_NAMED)))
             yield SetSite(stored.latitude, stored.longitude, others)
     elif stored.latitude is not None and stored.longitude is not None:
         yield stored
@@ -147,9 +142,7 @@ def _check(session: LxSession, lowest: float | None, highest: float | None) -> N
 
 
 def _degrees(values: Values) -> float:
-    if "fault" in values:
-        raise values["fault"]
-    return float(values["limit"])
+    return float(given(values)["limit"])
 
 
 def tell_limit(session: LxSession, command: Command, values: Values) -> dict[str, float]:

@@ -44,19 +44,9 @@ def tell_target(session: LxSession, _: Command, values: op.Values) -> Handling:
     return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
 
 
-def right_ascension(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:GR"""
-    return (yield op.Position())
-
-
 def declination(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:GD - of the same instant as the :GR before it."""
     return (yield ReuseLastReading(op.Position()) if session.last == b":GR#" else op.Position())
-
-
-def azimuth(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:GZ"""
-    return (yield op.HorizontalPosition())
 
 
 def altitude(session: LxSession, _: Command, values: op.Values) -> Handling:

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Fault, Invalid, NotAligned
 from gateway.core.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate, Values
-from gateway.protocols.base.wants import FireAndForget, Handling
+from gateway.protocols.base.wants import FireAndForget, Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -87,9 +87,7 @@ def tell_hertz(session: LxSession, command: Command, values: Values) -> Handling
 
 def set_hertz(session: LxSession, command: Command, values: Values) -> Handling:
     """:ST :T<ddd.ddd> - from now on at this rate; 60.1 to 60.2 is sidereal exactly."""
-    if "fault" in values:
-        raise values["fault"]
-    hertz = values["hertz"]
+    hertz = given(values)["hertz"]
     if not 0 < hertz < 100:
         raise Invalid("The tracking rate is given in hertz, 60.1 for sidereal.")
     yield from _drive_at(session, hertz)

@@ -11,11 +11,11 @@ from __future__ import annotations
 from gateway.astro.spherical import following, northwards
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
-from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.base.driver import SLEWING, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import stop_current_motion
 from gateway.protocols.nexstar.driver.position import axis_readings
-from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
 from gateway.protocols.nexstar.rates import SIDEREAL
 
 Pair = tuple[float, float]
@@ -25,7 +25,6 @@ SLOW = 0.1
 #: Seconds for which the line waits after an acknowledgement; the most that two motors are taken to be told apart, and
 #: what they are where nothing was told that could show it.
 BETWEEN, FARTHEST, UNKNOWN = 0.03, 0.5, 0.1
-_AXIS = {1: "azm", 2: "alt"}
 
 
 def stands(mount: NexStar) -> bool:
@@ -63,7 +62,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """
     direction = operation.direction
     if mount.goto is not None:
-        raise Refused("The mount is slewing: the guide pulse is dropped.")
+        raise Refused(SLEWING)
     if mount.moving:
         raise Refused("An arrow is held down: the guide pulse is dropped.")
     if mount.site is None:
@@ -98,7 +97,7 @@ def stop_axis(mount: NexStar, axis: int) -> Steps:
         return
     if not pulsed:
         for number in (axis, 3 - axis):
-            yield Send(f"slew_{_AXIS[number]}_pos", {"rate": 0})
+            yield rest(number)
     yield from tracking.resume(mount)
 
 
@@ -158,4 +157,4 @@ def _rate(mount: NexStar, axis: int, late: Pair, prompt: bool) -> Send:
     total = tracks * (1.0 + late[0]) + sum(share[axis - 1] for share in mount.riding.values())
     fastest = float(mount.rates["fastest"])
     code = tracking.rate_code(min(abs(total), fastest) * 3600.0)
-    return Send(f"rate_{_AXIS[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, prompt=prompt)
+    return Send(f"rate_{AXES[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, prompt=prompt)

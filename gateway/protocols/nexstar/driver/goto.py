@@ -10,7 +10,7 @@ from gateway.core.errors import Fault, NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.position import axis_readings, to_mount
-from gateway.protocols.nexstar.driver.state import GotoState, NexStar
+from gateway.protocols.nexstar.driver.state import AXES, GotoState, NexStar, rest
 
 START_GRACE = 3.0
 CANCEL_WAIT = 5.0
@@ -88,7 +88,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
     """End what moves: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0."""
     mount.steps.clear()
     for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.riding else ())}):
-        yield Send(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
+        yield rest(axis)
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
     mount.riding.clear()
@@ -126,8 +126,8 @@ def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
 def _stop_seeking(mount: NexStar) -> Steps:
     """Rate 0 ends a search for the switches, which ``M`` does not know of."""
     mount.goto, mount.home_state = None, 0
-    for axis in ("azm", "alt"):
-        yield Send(f"slew_{axis}_pos", {"rate": 0})
+    for axis in AXES:
+        yield rest(axis)
 
 
 def slewing(mount: NexStar, _: op.Slewing) -> Steps:
@@ -250,10 +250,10 @@ def _seek_switches(mount: NexStar) -> Steps:
 
 def home_state(mount: NexStar, _: op.HomeState) -> Steps:
     """-> 2 on the way, 1 at home or parked, 0 else."""
+    yield from ()  # a generator like all others
     if mount.goto is not None and mount.goto.then in ("home", "park"):
         return 2
     return 1 if mount.parked else mount.home_state
-    yield  # a generator like all others
 
 
 def unpark(mount: NexStar, _: op.Unpark) -> Steps:

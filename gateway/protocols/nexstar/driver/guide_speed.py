@@ -11,20 +11,13 @@ from gateway.core.errors import Busy
 from gateway.core.operations import Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import SAME_GUIDING, NexStar
+from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
 from gateway.protocols.nexstar.rates import SIDEREAL
 
-#: Keys that add to equatorial tracking (NexStar protocol, Slewing Commands, note).
-GENTLE = (1, 2)
 #: A variable rate is a number of quarter arcseconds a second, or one of the three codes of a drive.
 _STEPS = 4 * 3600
 #: What is off by more than that part of what was asked is said.
 SAID_FROM = 0.1
-
-
-def exact_key(mount: NexStar, degrees: float) -> int | None:
-    """The key 1 or 2 that turns at so many degrees a second, if one does."""
-    return next((key for key in GENTLE if abs(mount.key_speed(key) - degrees) <= SAME_GUIDING * degrees), None)
 
 
 def adds_to_tracking(mount: NexStar) -> bool:
@@ -35,20 +28,19 @@ def adds_to_tracking(mount: NexStar) -> bool:
 def begin(mount: NexStar, axis: int, sign: int, fraction: float) -> Steps:
     """Turn a motor at a fraction of the sidereal rate on top of equatorial tracking -> the fraction it turns at."""
     asked = fraction * SIDEREAL
-    key = exact_key(mount, asked)
-    name = "azm" if axis == 1 else "alt"
+    key = mount.exact_key(asked)
     side = "pos" if sign > 0 else "neg"
     if key is not None:
         if axis == 1 and mount.drive == "replaced":
             yield from tracking.keep_rate(mount)
-        yield Send(f"slew_{name}_{side}", {"rate": key}, prompt=True)
+        yield Send(f"slew_{AXES[axis]}_{side}", {"rate": key}, prompt=True)
         return mount.key_speed(key) / SIDEREAL
     drive = tracking.drive_speed(mount) if axis == 1 else 0.0
     steps = round((drive + sign * asked) * _STEPS)
     side = "pos" if steps >= 0 else "neg"
     before, mount.drive = mount.drive, "replaced" if axis == 1 else mount.drive  # a stop must know of it before
     try:
-        yield Send(f"rate_{name}_{side}", {"rate": abs(steps)}, prompt=True)
+        yield Send(f"rate_{AXES[axis]}_{side}", {"rate": abs(steps)}, prompt=True)
     except Busy:  # it was never sent
         mount.drive = before
         raise
@@ -66,7 +58,7 @@ def end(mount: NexStar, axis: int) -> Steps:
     if axis == 1 and mount.drive == "replaced":
         yield from tracking.keep_rate(mount)
         return
-    yield Send(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
+    yield rest(axis)
 
 
 def lasts(ms: int, asked: float, turns: float) -> float:

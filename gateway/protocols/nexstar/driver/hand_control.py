@@ -10,7 +10,7 @@ from gateway.protocols.base.driver import Driver, Handler, Send, Steps
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Model, Version, parse_version
+from gateway.protocols.wireformat.rows import Model, Version
 
 #: What is shown of a hand control that has not told its version yet.
 FIRST_SHOWN: Version = (4, 21)
@@ -111,14 +111,6 @@ class HandControl(Driver):
 
     def has(self, part: str) -> bool:
         return part in self.facts["has"] or part in self.found
-
-    @property
-    def shifted(self) -> bool:
-        """CGE and Advanced GT 3.01-3.04 count EQ north as 1 and EQ south as 2."""
-        low_high = self.facts.get("shifted")
-        if not low_high or self.version is None:
-            return False
-        return parse_version(low_high[0]) <= self.version <= parse_version(low_high[1])
 
     @property
     def rates(self) -> Model:

@@ -14,14 +14,13 @@ from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
-from gateway.protocols.nexstar.driver.state import NexStar, Stepping
+from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rest
 from gateway.protocols.nexstar.rates import SIDEREAL
 
 FOCUSER = 18
 LONGEST_PULSE = 2550
 #: Seconds from one small goto to the next; how far its goal may be ahead beyond that, in seconds and in degrees.
 STEP_EVERY, LONGER, AHEAD = 0.6, 0.5, 0.75
-_AXIS = {1: "azm", 2: "alt"}
 _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
 
 
@@ -76,7 +75,7 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
         return
     side = "pos" if operation.sense > 0 else "neg"
     variable = mount.variable(rate)
-    gentle = variable is None and mount.key_for(rate) <= 2
+    gentle = variable is None and mount.key_for(rate) in GENTLE
     equatorial = (mount.suspended or mount.tracking or op.Tracking.OFF).equatorial
     mount.parked = False
     if not (gentle and equatorial and mount.suspended is None):
@@ -86,9 +85,9 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
     try:
         if variable is not None:
-            yield Send(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, prompt=True)
+            yield Send(f"rate_{AXES[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, prompt=True)
         else:
-            yield Send(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
+            yield Send(f"slew_{AXES[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
     except Busy:  # it was never sent
         mount.moving = before
         if not before and mount.suspended is not None:
@@ -149,8 +148,8 @@ def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
         yield Send("M")
         mount.goto = None
     if not mount.stepping:
-        for axis in sorted(_AXIS, key=lambda axis: -mount.moving.get(axis, 0.0)):
-            yield Send(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
+        for axis in sorted(AXES, key=lambda axis: -mount.moving.get(axis, 0.0)):
+            yield rest(axis)
     mount.moving.clear()
     if going is None:
         yield Send("M")

@@ -70,12 +70,10 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
         try:
             if part == "gps" and not (yield Send("gps_linked"))["linked"]:
                 continue
-            day = yield Send(f"{part}_date")
-            year = yield Send(f"{part}_year")
-            time = yield Send(f"{part}_time")
+            told = yield from _universal_time(part)
         except Fault:
             continue
-        return _moment({**day, **year, **time}, 0.0, century=0)
+        return _moment(told, 0.0, century=0)
     raise Unsupported("This hand control does not tell the time.")
 
 
@@ -87,10 +85,16 @@ def gps(mount: NexStar, _: GetGps) -> Steps:
         return Gps(linked=False)
     latitude = (yield Send("gps_latitude"))["latitude"]
     longitude = (yield Send("gps_longitude"))["longitude"]
-    day = yield Send("gps_date")
-    year = yield Send("gps_year")
-    time = yield Send("gps_time")
-    return Gps(True, Place(latitude, wrap180(longitude)), _moment({**day, **year, **time}, 0.0, century=0).unix)
+    told = yield from _universal_time("gps")
+    return Gps(True, Place(latitude, wrap180(longitude)), _moment(told, 0.0, century=0).unix)
+
+
+def _universal_time(part: str) -> Steps:
+    """Date and time of the GPS unit or of the clock of a CGE, as fields of whole years."""
+    day = yield Send(f"{part}_date")
+    year = yield Send(f"{part}_year")
+    time = yield Send(f"{part}_time")
+    return {**day, **year, **time}
 
 
 def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:

@@ -10,35 +10,18 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Unsupported
-from gateway.protocols.base.driver import Handler, Remembered
+from gateway.protocols.base.driver import SLEWING, GotoUnderWay, Handler, Remembered, Send
+from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.nexstar.driver.hand_control import HandControl
 from gateway.protocols.nexstar.rates import SIDEREAL, rate_tables
 from gateway.protocols.wireformat.rows import Version
 
 
-class Settings(Struct, frozen=True):
-    """What a user may set for a NexStar mount; the defaults suit most."""
+class GotoState(GotoUnderWay):
+    """``seen`` is whether the mount has said so itself."""
 
-    site: tuple[float, float] | None = None
-    mode: str | None = None
-    guide_rate: float = 0.5
-    guide_directions: str = "motor"  # what a pulse's direction means: the motor's, or the sky's
-    park: tuple[float, float] | None = None
-    aux_home: bool = False  # home is where the motors' own switches are
-    lowest: float = 0.0  # where nobody has chosen a park position it is not below that
-
-
-class GotoState(Struct):
-    """A goto under way: since when, and whether the mount has said so itself.
-
-    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
-    """
-
-    since: float
     seen: bool = False
-    then: str | None = None
     seeks: bool = False  # the motors look for their switches: only they know when it is over
-    unsure: bool = False
 
 
 class Stepping(Struct):
@@ -67,12 +50,10 @@ class NexStar(HandControl):
     def __init__(
         self,
         now: Callable[[], float],
-        settings: Settings = Settings(),
-        model: str | None = None,
-        version: str | None = None,
+        settings: DriverSettings = DriverSettings(),
         handlers: Mapping[str, Handler] = {},
     ) -> None:
-        super().__init__(model, version, handlers)
+        super().__init__(settings.model, settings.version, handlers)
         rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
         self.now, self.settings = now, settings
         # the drive
@@ -94,7 +75,7 @@ class NexStar(HandControl):
         #: It was woken, and is to go on tracking by and by.
         self.woken = False
         self.steps: dict[int, Stepping] = {}
-        self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
+        self.guide_rates = dict.fromkeys(AXES, settings.guide_rate or GUIDE_RATE)  # of pulses, until they are set
         #: The axes that a guide pulse turns which has to be ended by a command.
         self.pulsing: set[int] = set()
         #: What is added to the tracking rates of both axes of an alt-az mount, degrees a second: a share for each axis
@@ -110,25 +91,13 @@ class NexStar(HandControl):
         #: Whether its declination was beyond 90 degrees when it was told last.
         self.beyond_pole = False
         self.offset: tuple[float, float] = (0.0, 0.0)
-        self.parked = False
         self.home: op.Horizontal | None = None
         self.home_state = 0
-        # site and clock
-        self.site: op.Place | None = None
-        self.clock: op.Moment | None = None
-
-    @property
-    def unsure(self) -> bool:  # type: ignore[override]
-        return self.goto is not None and self.goto.unsure
 
     @property
     def displaced(self) -> bool:  # type: ignore[override]
         """A hand control without sync: it is carried out here."""
         return self.offset != (0.0, 0.0)
-
-    @property
-    def southern(self) -> bool:
-        return self.site is not None and self.site.latitude < 0
 
     @property
     def tracking_suspended(self) -> bool:  # type: ignore[override]
@@ -184,7 +153,7 @@ class NexStar(HandControl):
         """
         if rate.name == "guide" and rate.degrees is None:
             asked = self.guide_rates[1] * SIDEREAL
-            return None if any(abs(self.key_speed(key) - asked) <= SAME_GUIDING * asked for key in (1, 2)) else asked
+            return None if self.exact_key(asked) is not None else asked
         if rate.key is not None or rate.degrees is None:
             return None
         if rate.name is not None and (
@@ -192,6 +161,10 @@ class NexStar(HandControl):
         ):
             return None
         return min(rate.degrees, float(self.rates["fastest"]))
+
+    def exact_key(self, degrees: float) -> int | None:
+        """The gentle key that turns at so many degrees a second, if one does."""
+        return next((key for key in GENTLE if abs(self.key_speed(key) - degrees) <= SAME_GUIDING * degrees), None)
 
     def can_do(self, equatorial: bool) -> op.Abilities:
         found = super().can_do(equatorial)
@@ -216,7 +189,7 @@ class NexStar(HandControl):
         track, or tracks in alt-az, cannot be guided so.
         """
         if self.goto is not None:
-            return Refused("The mount is slewing: the guide pulse is dropped.")
+            return Refused(SLEWING)
         if self.times_pulses:
             return None
         if self.stepping:
@@ -262,7 +235,7 @@ class NexStar(HandControl):
     @property
     def _guide_key(self) -> int:
         asked = self.guide_rates[1] * SIDEREAL
-        return min((1, 2), key=lambda key: abs(self.key_speed(key) - asked))
+        return min(GENTLE, key=lambda key: abs(self.key_speed(key) - asked))
 
     def key_for(self, rate: op.Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
@@ -274,6 +247,17 @@ class NexStar(HandControl):
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
+def rest(axis: int) -> Send:
+    """Rate 0 to the motor of an axis."""
+    return Send(f"slew_{AXES[axis]}_pos", {"rate": 0})
+
+
+#: What the motors of both axes are called in the names of commands.
+AXES = {1: "azm", 2: "alt"}
+#: Of a mount whose owner has not chosen any, as a part of sidereal: its motors' own.
+GUIDE_RATE = 0.5
+#: Keys that add to equatorial tracking (NexStar protocol, Slewing Commands, note).
+GENTLE = (1, 2)
 #: Speeds this near are one, degrees a second; of guiding, as a part of the speed.
 SAME_SPEED, SAME_GUIDING = 0.01, 0.02
 #: Motor firmware that knows guide pulses.

@@ -6,17 +6,16 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 
 from __future__ import annotations
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import NoDevice, Refused, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.protocols.nexstar.rates import DRIVE_CODES
+from gateway.protocols.nexstar.versions import code_of, modes
 
-_CODES = {0: op.Tracking.OFF, 1: op.Tracking.ALTAZ, 2: op.Tracking.EQ_NORTH, 3: op.Tracking.EQ_SOUTH}
-_SHIFTED = {0: op.Tracking.OFF, 1: op.Tracking.EQ_NORTH, 2: op.Tracking.EQ_SOUTH}
-_SPECIAL = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
-_SIDEREAL_ARCSECONDS = 15.041067
 #: What the motors' own drive rates turn at, arcseconds a second.
-_DRIVES = {"sidereal": _SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
+_DRIVES = {"sidereal": SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
 _ASSUMED = (
     "the hand control does not tell how it tracks: after motion it is put back to {}, as the mount is built; "
     "where that is wrong, say it by the key mode"
@@ -26,14 +25,13 @@ VERIFY_AFTER = 1.0
 
 def mode_of(mount: NexStar, code: int) -> op.Tracking:
     """What the answer of ``t`` means. An unknown code (4 is seen on some) counts as equatorial."""
-    fallback = op.Tracking.EQ_SOUTH if mount.southern else op.Tracking.EQ_NORTH
-    return (_SHIFTED if mount.shifted else _CODES).get(code, fallback)
+    return modes(mount.facts, mount.version).get(code, mount.equatorial_mode)
 
 
-def code_of(mount: NexStar, mode: op.Tracking) -> int:
-    """What ``T`` must be sent for a mode."""
-    codes = _SHIFTED if mount.shifted else _CODES
-    return next((code for code, known in codes.items() if known is mode), 1)
+def _tell(mount: NexStar, mode: op.Tracking) -> Steps:
+    """``T``, after which the drive goes at the hand control's own rate."""
+    yield Send("T", {"mode": code_of(mode, mount.facts, mount.version)})
+    mount.drive = "own"
 
 
 def read_status(mount: NexStar) -> Steps:
@@ -42,16 +40,13 @@ def read_status(mount: NexStar) -> Steps:
     if mount.aligned and not answer["aligned"]:
         _forget(mount)
     mount.aligned = bool(answer["aligned"])
-    if mount.aligned:
-        mount.offset = (0.0, 0.0) if mount.knows("s") else mount.offset
-    else:
+    if not mount.aligned or mount.knows("s"):
         mount.offset = (0.0, 0.0)
     if mount.knows("t"):
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     elif mount.tracking is None and mount.settings.mode is not None:
         _learn(mount, op.Tracking(mount.settings.mode))
-    return None
 
 
 def _forget(mount: NexStar) -> None:
@@ -78,9 +73,7 @@ def native_mode(mount: NexStar) -> op.Tracking | None:
 
 
 def _built_for(mount: NexStar) -> op.Tracking:
-    if mount.german:
-        return op.Tracking.EQ_SOUTH if mount.southern else op.Tracking.EQ_NORTH
-    return op.Tracking.ALTAZ
+    return mount.equatorial_mode if mount.german else op.Tracking.ALTAZ
 
 
 def status(mount: NexStar, _: op.GetStatus) -> Steps:
@@ -101,8 +94,7 @@ def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
         raise Unsupported("This hand control cannot change tracking.")
     if mode is not op.Tracking.OFF and native_mode(mount) is None:
         yield Remark(_ASSUMED.format(mode.value))
-    yield Send("T", {"mode": code_of(mount, mode)})
-    mount.drive = "own"
+    yield from _tell(mount, mode)
     _learn(mount, mode)
     if mode.equatorial and mount.rate.name != "sidereal":
         yield from _send_rate(mount)
@@ -146,8 +138,8 @@ def suspend(mount: NexStar) -> Steps:
     if mount.suspended is op.Tracking.OFF:
         return None
     began = mount.now()
-    yield Send("T", {"mode": 0})
-    mount.tracking, mount.drive = op.Tracking.OFF, "own"
+    yield from _tell(mount, op.Tracking.OFF)
+    mount.tracking = op.Tracking.OFF
     return mount.now() - began
 
 
@@ -211,31 +203,30 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     if mount.suspended is not None or (mount.tracking or op.Tracking.OFF) is op.Tracking.OFF:
         return  # it is sent when tracking comes back
     if operation.name == "sidereal":
-        yield Send("T", {"mode": code_of(mount, mode)})
-        mount.drive = "own"
+        yield from _tell(mount, mode)
     else:
         yield from _send_rate(mount)
 
 
 def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
     """-> float: what it tracks at when it tracks, a multiple of sidereal. No hand control tells it."""
-    return abs(drive_speed(mount)) * 3600.0 / _SIDEREAL_ARCSECONDS
-    yield  # a generator like all others
+    yield from ()  # a generator like all others
+    return abs(drive_speed(mount)) * 3600.0 / SIDEREAL_ARCSECONDS
 
 
 def drive_speed(mount: NexStar) -> float:
     """How fast its drive turns the motor in right ascension, degrees a second, signed as the motor counts."""
-    arcseconds = _DRIVES.get(mount.rate.name or "", _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
+    arcseconds = _DRIVES.get(mount.rate.name or "", SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
     return (-arcseconds if mount.native_mode is op.Tracking.EQ_SOUTH else arcseconds) / 3600.0
 
 
 def _send_rate(mount: NexStar) -> Steps:
     sense = "neg" if mount.native_mode is op.Tracking.EQ_SOUTH else "pos"
     if mount.rate.name is not None:
-        yield Send(f"rate_azm_{sense}", {"rate": _SPECIAL[mount.rate.name]})
+        yield Send(f"rate_azm_{sense}", {"rate": DRIVE_CODES[mount.rate.name]})
         mount.drive = "told"
         return
-    arcseconds = _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
+    arcseconds = SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
     try:
         yield Send(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
     except NoDevice:

@@ -90,27 +90,14 @@ def _true_time(sim: SimulatedMount, device: int) -> datetime:
     return _utc(sim.now + (sim.rtc_ahead if device == RTC else 0.0))
 
 
-def _date(device: int) -> Handler:
-    def date(sim: SimulatedMount, _: Values) -> Values:
+def _parts(device: int, *names: str) -> Handler:
+    """Parts of the date and time that a device shows."""
+
+    def parts(sim: SimulatedMount, _: Values) -> Values:
         time = _true_time(sim, device)
-        return {"month": time.month, "day": time.day}
+        return {name: getattr(time, name) for name in names}
 
-    return date
-
-
-def _year(device: int) -> Handler:
-    def year(sim: SimulatedMount, _: Values) -> Values:
-        return {"year": _true_time(sim, device).year}
-
-    return year
-
-
-def _time(device: int) -> Handler:
-    def time_of_day(sim: SimulatedMount, _: Values) -> Values:
-        time = _true_time(sim, device)
-        return {"hour": time.hour, "minute": time.minute, "second": time.second}
-
-    return time_of_day
+    return parts
 
 
 def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
@@ -140,12 +127,12 @@ CLOCKS: dict[str, Handler] = {
     "gps_time_valid": _linked,
     "gps_latitude": lambda sim, _: {"latitude": sim.site[0]},
     "gps_longitude": lambda sim, _: {"longitude": sim.site[1]},
-    "gps_date": _date(GPS),
-    "gps_year": _year(GPS),
-    "gps_time": _time(GPS),
-    "rtc_date": _date(RTC),
-    "rtc_year": _year(RTC),
-    "rtc_time": _time(RTC),
+    "gps_date": _parts(GPS, "month", "day"),
+    "gps_year": _parts(GPS, "year"),
+    "gps_time": _parts(GPS, "hour", "minute", "second"),
+    "rtc_date": _parts(RTC, "month", "day"),
+    "rtc_year": _parts(RTC, "year"),
+    "rtc_time": _parts(RTC, "hour", "minute", "second"),
     "rtc_set_date": _set_rtc,
     "rtc_set_year": _set_rtc,
     "rtc_set_time": _set_rtc,

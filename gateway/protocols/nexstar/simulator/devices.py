@@ -65,7 +65,7 @@ def _fine_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> V
 
 def _pulse(sim: SimulatedMount, values: Values) -> Values | None:
     """26 hex: percent of sidereal for hundredths of a second."""
-    if values["device"] not in (AZM, ALT) or sim.motors < PULSE_FIRMWARE:
+    if sim.motors < PULSE_FIRMWARE:
         return None
     rate = max(-100, min(100, values["rate"])) / 100.0 * SIDEREAL_RATE
     sim.mechanics.pulse(sim.now, values["device"] - 15, rate, values["ticks"] / 100.0)
@@ -73,7 +73,7 @@ def _pulse(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _pulse_active(sim: SimulatedMount, values: Values) -> Values | None:
-    if values["device"] not in (AZM, ALT) or sim.motors < PULSE_FIRMWARE:
+    if sim.motors < PULSE_FIRMWARE:
         return None
     return {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))}
 
@@ -113,8 +113,6 @@ def _done(sim: SimulatedMount, values: Values) -> Values | None:
 
 def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
     """04: the motor counts from there, and the hand control, which knows no better, believes it."""
-    if values["device"] not in (AZM, ALT):
-        return None
     axis = values["device"] - 16
     change = wrap180(values["position"] - sim.encoders()[axis])
     sim.encoder_offset[axis] += change
@@ -125,14 +123,14 @@ def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _seek_home(sim: SimulatedMount, values: Values) -> Values | None:
-    if values["device"] not in (AZM, ALT) or "home" not in sim.row["has"]:
+    if "home" not in sim.row["has"]:
         return None
     sim.mechanics.goto_axis(sim.now, values["device"] - 15, INDEX)
     return {}
 
 
 def _home_found(sim: SimulatedMount, values: Values) -> Values | None:
-    return _done(sim, values) if "home" in sim.row["has"] and values["device"] != FOCUSER else None
+    return _done(sim, values) if "home" in sim.row["has"] else None
 
 
 # --- settings -------------------------------------------------------------------------------------------
@@ -141,10 +139,8 @@ def _home_found(sim: SimulatedMount, values: Values) -> Values | None:
 def _keep(name: str, limit: int) -> Handler:
     """A value a motor keeps; one beyond the limit is acknowledged and forgotten."""
 
-    def keep(sim: SimulatedMount, values: Values) -> Values | None:
+    def keep(sim: SimulatedMount, values: Values) -> Values:
         field = "rate" if "rate" in values else "value"
-        if values["device"] not in (AZM, ALT):
-            return None
         if values[field] <= limit:
             sim.settings[name, values["device"]] = values[field]
         return {}
@@ -153,9 +149,7 @@ def _keep(name: str, limit: int) -> Handler:
 
 
 def _tell(name: str, default: int) -> Handler:
-    def tell(sim: SimulatedMount, values: Values) -> Values | None:
-        if values["device"] not in (AZM, ALT):
-            return None
+    def tell(sim: SimulatedMount, values: Values) -> Values:
         value = sim.settings.get((name, values["device"]), default)
         return {"rate": value, "value": value}
 
@@ -174,8 +168,7 @@ def _steady(value: int, *, motors: Version, part: str = "") -> Handler:
     """What a motor control tells and nothing here changes, from a firmware on, on mounts that carry a part."""
 
     def steady(sim: SimulatedMount, values: Values) -> Values | None:
-        own: Version = sim.motors
-        if values["device"] not in (AZM, ALT) or own < motors or (part and part not in sim.row["has"]):
+        if sim.motors < motors or (part and part not in sim.row["has"]):
             return None
         return dict.fromkeys(("value", "done", "on", "other"), value)
 
@@ -184,7 +177,7 @@ def _steady(value: int, *, motors: Version, part: str = "") -> Handler:
 
 def _motor_model(sim: SimulatedMount, values: Values) -> Values | None:
     """05: only newer motors tell it."""
-    return {"value": sim.row["id"]} if values["device"] in (AZM, ALT) and sim.motors >= MODEL_FIRMWARE else None
+    return {"value": sim.row["id"]} if sim.motors >= MODEL_FIRMWARE else None
 
 
 def _cordwrap_position(sim: SimulatedMount, values: Values) -> Values | None:
@@ -201,7 +194,34 @@ def _version(sim: SimulatedMount, values: Values) -> Values | None:
     return {"major": major, "minor": minor, "build": 0}
 
 
+def _alone(handler: Handler) -> Handler:
+    """What the two motors answer, and nothing else on the bus."""
+    return lambda sim, values: handler(sim, values) if values["device"] in (AZM, ALT) else None
+
+
+#: What the motors alone answer.
+_MOTORS: dict[str, Handler] = {
+    "pulse": _pulse,
+    "pulse_active": _pulse_active,
+    "axis_set_position": _set_position,
+    "level_start": _seek_home,
+    "level_done": _home_found,
+    "set_guide_rate": _keep("guide rate", 255),
+    "guide_rate": _tell("guide rate", 128),
+    "set_backlash_pos": _keep("positive backlash", FULL_BACKLASH),
+    "set_backlash_neg": _keep("negative backlash", FULL_BACKLASH),
+    "backlash_pos": _tell("positive backlash", 0),
+    "backlash_neg": _tell("negative backlash", 0),
+    "motor_model": _motor_model,
+    "pec_bin": _steady(0, motors=(1, 0), part="pec"),
+    "pec_recorded": _steady(0, motors=(1, 0), part="pec"),
+    "at_index": _steady(255, motors=(1, 0), part="pec"),
+    "max_rate_on": _steady(0, motors=(1, 0)),
+    "cordwrap": _steady(255, motors=CORDWRAP_FIRMWARE),
+    "approach": _steady(1, motors=(1, 0)),
+}
 DEVICES: dict[str, Handler] = {
+    **{name: _alone(handler) for name, handler in _MOTORS.items()},
     "slew_azm_pos": lambda sim, values: _hand_rate(sim, values, AZM, +1),
     "slew_azm_neg": lambda sim, values: _hand_rate(sim, values, AZM, -1),
     "slew_alt_pos": lambda sim, values: _hand_rate(sim, values, ALT, +1),
@@ -214,32 +234,14 @@ DEVICES: dict[str, Handler] = {
     "rate_alt_neg": lambda sim, values: _variable_rate(sim, values, ALT, -1),
     "fine_rate_pos": lambda sim, values: _fine_rate(sim, values, values["device"], +1),
     "fine_rate_neg": lambda sim, values: _fine_rate(sim, values, values["device"], -1),
-    "pulse": _pulse,
-    "pulse_active": _pulse_active,
     "axis_position": _position,
     "axis_goto": lambda sim, values: _goto(sim, values, slow=False),
     "axis_goto_slow": lambda sim, values: _goto(sim, values, slow=True),
-    "axis_set_position": _set_position,
     "axis_done": _done,
-    "level_start": _seek_home,
-    "level_done": _home_found,
-    "set_guide_rate": _keep("guide rate", 255),
-    "guide_rate": _tell("guide rate", 128),
-    "set_backlash_pos": _keep("positive backlash", FULL_BACKLASH),
-    "set_backlash_neg": _keep("negative backlash", FULL_BACKLASH),
-    "backlash_pos": _tell("positive backlash", 0),
-    "backlash_neg": _tell("negative backlash", 0),
     "pec_record": _periodic_error,
     "pec_playback": _periodic_error,
-    "motor_model": _motor_model,
-    "pec_bin": _steady(0, motors=(1, 0), part="pec"),
-    "pec_recorded": _steady(0, motors=(1, 0), part="pec"),
-    "at_index": _steady(255, motors=(1, 0), part="pec"),
     "max_rate": lambda sim, values: None,
-    "max_rate_on": _steady(0, motors=(1, 0)),
-    "cordwrap": _steady(255, motors=CORDWRAP_FIRMWARE),
     "cordwrap_position": _cordwrap_position,
-    "approach": _steady(1, motors=(1, 0)),
     "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},
     "gps_receiver": lambda sim, values: {"value": 0x0800},
     "gps_hardware": lambda sim, values: {"value": 1},

@@ -35,7 +35,6 @@ class SimulatedHandControl(SimulatedMount):
     def __init__(self, model: str = "6-8se", version: str | None = None, **settings: Any) -> None:
         super().__init__(model, version, **settings)
         self._opcodes, self._pass_through = _known(model, self.version)
-        self._framer = self.framer()
 
     def framer(self) -> Framer:
         return Framer()

@@ -20,7 +20,7 @@ from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.simulated import Simulated
-from gateway.protocols.nexstar.versions import STARSENSE, numbered
+from gateway.protocols.nexstar.versions import STARSENSE, numbered, shifted
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
@@ -111,8 +111,7 @@ class SimulatedMount(Simulated):
             raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are")
         self.starsense: bool = number.starsense
         self.version: Version = number.counts_as
-        first, last = self.row.get("shifted", ("1.0", "0.0"))
-        self.shifted = parse_version(first) <= self.version <= parse_version(last)
+        self.shifted = shifted(self.row, self.version)
 
     def _set_up(self, wedge: bool, fastest: float, speed: float, ramps: bool) -> None:
         """Point somewhere sensible: a fork at the equator's highest point, a German mount at the pole."""

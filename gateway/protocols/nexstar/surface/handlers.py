@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from gateway.protocols.base.surface import Special
+from gateway.protocols.base.surface import Special, handlers_of
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
 HANDLERS: dict[str, Special] = {
     f"{module.__name__.rpartition('.')[2]}.{name}": function
     for module in (devices, identity, motion, place, pointing)
-    for name, function in vars(module).items()
-    if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
+    for name, function in handlers_of(module).items()
 }

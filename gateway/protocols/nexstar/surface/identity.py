@@ -1,4 +1,4 @@
-"""Who the presented hand control is: version, variant, model, echo. Synthesised from the presented model."""
+"""Who the presented hand control is: version, model, echo. Synthesised from the presented model."""
 
 from __future__ import annotations
 
@@ -11,11 +11,6 @@ def version(session: NexStarSession, command: Command, values: Values) -> dict[s
     """V"""
     major, minor = session.model["version"]
     return {"major": major, "minor": minor}
-
-
-def variant(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
-    """v - answered whatever the version: one program waits five seconds for it, twice."""
-    return {"variant": session.model["variant"]}
 
 
 def model(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:

@@ -7,18 +7,14 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Invalid, NoAnswer, Unsupported
 from gateway.protocols.base.wants import FireAndForget, Handling
-from gateway.protocols.nexstar.rates import key_speed, rate_tables
+from gateway.protocols.nexstar.rates import DRIVE_CODES, key_speed, rate_tables
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import attempt, begin
 from gateway.protocols.nexstar.surface.devices import motor
-from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT
+from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT, code_of, modes
 from gateway.protocols.wireformat.command import Command
-from gateway.protocols.wireformat.rows import parse_version
 
-_TRACKING = {0xFFFF: "sidereal", 0xFFFE: "solar", 0xFFFD: "lunar"}
-_MODES = {0: op.Tracking.OFF, 1: op.Tracking.ALTAZ, 2: op.Tracking.EQ_NORTH, 3: op.Tracking.EQ_SOUTH}
-#: How German mounts of a few versions count, which have no alt-az mode.
-_SHIFTED = {0: op.Tracking.OFF, 1: op.Tracking.EQ_NORTH, 2: op.Tracking.EQ_SOUTH}
+_TRACKING = {code: name for name, code in DRIVE_CODES.items()}
 _KEYS, _FULL_BACKLASH, _FULL_GUIDE_RATE = 9, 99, 100
 _OFF_OR_ON = (0, 1)
 
@@ -66,18 +62,10 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
         yield from begin(op.MoveAxis(axis, sense, op.Rate(degrees=degrees)))
 
 
-def _modes(session: NexStarSession) -> dict[int, op.Tracking]:
-    """The tracking modes as the presented version counts them."""
-    first_last, version = session.model.get("shifted"), session.model["counts_as"]
-    if first_last and parse_version(first_last[0]) <= version <= parse_version(first_last[1]):
-        return _SHIFTED
-    return _MODES
-
-
 def mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """t - binary. What is: a mount that cannot stop tracking goes on after T 0. A StarSense 1.20 says more."""
     status: op.Status = yield op.GetStatus()
-    told = next((code for code, known in _modes(session).items() if known is status.tracking), 1)
+    told = code_of(status.tracking, session.model, session.model["counts_as"])
     if (session.model["variant"], session.model["version"]) == (STARSENSE_VARIANT, STARSENSE_LONG_MODE):
         return bytes((told, *STARSENSE_LONG_MODE)) + b"#"
     return {"mode": told}
@@ -85,7 +73,7 @@ def mode(session: NexStarSession, command: Command, values: op.Values) -> Handli
 
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """T - a mode above 3 does nothing; what cannot be done shows in ``t`` and in the log. Raises NoAnswer."""
-    wanted = _modes(session).get(values["mode"])
+    wanted = modes(session.model, session.model["counts_as"]).get(values["mode"])
     if wanted is None:
         session.refused = f"{command.help}: there is no mode {values['mode']}"
         return

@@ -7,17 +7,11 @@ from datetime import UTC, datetime
 from msgspec.structs import replace
 
 from gateway.core.errors import Fault
-from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite, Values
+from gateway.core.operations import GetClock, Moment, SetClock, SetSite, Values
 from gateway.protocols.base.wants import Handling, Possible
 from gateway.protocols.nexstar.clock_fields import fields_of, unix_of
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
-
-
-def site(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """w"""
-    place: Place = yield GetSite()
-    return {"latitude": place.latitude, "longitude": place.longitude}
 
 
 def set_site(session: NexStarSession, command: Command, values: Values) -> Handling:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.errors import Unsupported
-from gateway.core.operations import AbortSlew, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync, Values
+from gateway.core.operations import AbortSlew, Goto, PierSide, Slewing, Sync, Values
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import attempt, begin
@@ -52,12 +52,6 @@ def cancel(session: NexStarSession, command: Command, values: Values) -> Handlin
     yield FireAndForget(AbortSlew())
 
 
-def aligned(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """J - binary."""
-    status = yield GetStatus()
-    return {"aligned": int(status.aligned)}
-
-
 def pier_side(session: NexStarSession, command: Command, values: Values) -> Handling:
     """p - always E over a fork, and over a mount that has no way to tell it: a Meade never changes sides."""
     if not german(session):
@@ -66,11 +60,6 @@ def pier_side(session: NexStarSession, command: Command, values: Values) -> Hand
         return {"side": (yield PierSide())}
     except Unsupported:
         return {"side": "E"}
-
-
-def sidereal(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """l"""
-    return {"sidereal": (yield SiderealTime())}
 
 
 # --- single axes, for programs that speak to the motors ----------------------------------------------------------

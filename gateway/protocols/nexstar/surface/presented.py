@@ -1,9 +1,16 @@
-"""The hand control that programs see: its model and version, and the requests that it does not know."""
+"""The hand control that programs see: its model and version, and the requests that it does not know.
+
+Where it is the mount itself, what the gateway carries out in the place of old motors it tells itself, and axes go
+through it; other devices on the mount's bus answer for themselves.
+"""
 
 from __future__ import annotations
 
 from functools import cache
 
+from gateway.core.operations import Values
+from gateway.protocols.nexstar.session import NexStarSession
+from gateway.protocols.nexstar.surface.devices import MOTORS
 from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, show_version
@@ -13,6 +20,8 @@ from gateway.protocols.wireformat.rows import Model, Version, show_version
 VERSION, FORK, WEDGE, GERMAN = "4.21", "6-8se", "cpc", "cge"
 #: Answered whatever the version: one program asks it of every hand control and waits.
 ALWAYS = "v"
+#: Told by the gateway of the motors, which it moves, and by every other device itself.
+_AXES = frozenset({"axis_position", "axis_done"})
 
 
 def presented(model: str | None, version: str | None) -> Model:
@@ -47,3 +56,10 @@ def lacks(model: Model, frame: bytes) -> str:
         return ""
     name = "StarSense" if model["variant"] == STARSENSE_VARIANT else "hand control"
     return f"a {name} {show_version(model['version'])} has no such command"
+
+
+def stands_against(session: NexStarSession, name: str, values: Values) -> bool:
+    """Whether the mount's own answer would contradict what this gateway has told or does."""
+    if name in _AXES:
+        return values["device"] in MOTORS
+    return name == "pulse_active" and MOTORS.get(values["device"]) in session.shared.pulse_ends

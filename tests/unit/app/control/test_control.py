@@ -11,7 +11,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.app.control import Control, ControlEndpoint, ask, client, doors
+from gateway.app.control import Control, client
+from gateway.app.control.client import ask
+from gateway.app.control.endpoints import ControlEndpoint, doors
 from gateway.app.control.messages import Parts, parts, seal, unseal
 from gateway.core.errors import NoAnswer
 

@@ -46,7 +46,7 @@ def of(check: str, facts: Facts) -> list[Result]:
 
 def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
     results = examine(WELL)
-    assert {result.check for result in results} == {check.name for check in CHECKS}
+    assert {result.check for result in results} == set(CHECKS)
     assert {(result.state, result.do) for result in results} == {(GOOD, "")}
 
 

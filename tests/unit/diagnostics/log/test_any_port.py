@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.app.bindings import speech
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.printing import Rows
 
@@ -23,7 +22,7 @@ def visits(count: int) -> Iterator[Entry]:
 
 
 def shown(entries: Iterator[Entry], kept: str = "all") -> list[str]:
-    rows = Rows("lx200", ["any"], speech, kept)
+    rows = Rows("lx200", ["any"], kept)
     return [f"{row.arrow} {row.words}".partition(",")[0] for entry in entries for row in rows.take(entry)]
 
 
@@ -46,7 +45,7 @@ def test_what_is_refused_is_shown_with_who_it_was() -> None:
 
 def test_a_reason_is_told() -> None:
     silent = Entry(3.0, "10.0.0.1:5000", "~", b"", "stellarium, because the program has said nothing for 3 s")
-    rows = Rows("lx200", ["any"], speech)
+    rows = Rows("lx200", ["any"])
     assert [row.words for row in rows.take(silent)] == [
         "speaks stellarium, because the program has said nothing for 3 s"
     ]

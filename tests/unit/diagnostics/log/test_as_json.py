@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 
-from gateway.app.bindings import speech
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log import as_json
 from gateway.diagnostics.log.layout import Row
@@ -19,7 +18,7 @@ AT = 1768514400.25
 def told(*entries: Entry, log: str = "json") -> list[dict[str, object]]:
     """The objects of a log."""
     stream = io.StringIO()
-    put = as_json.json_printer(Rows("nexstar", ["lx200"], speech, as_json.kept(log)), stream, "pier")
+    put = as_json.json_printer(Rows("nexstar", ["lx200"], as_json.kept(log)), stream, "pier")
     for entry in entries:
         put(entry)
     return [json.loads(line) for line in stream.getvalue().splitlines()]

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from gateway.app.bindings import speech
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
@@ -20,7 +19,7 @@ class Log:
 
     def __init__(self, bridge: Bridge, shown: str = "all") -> None:
         self.rows: list[Row] = []
-        rows = Rows("nexstar", ["lx200"], speech, shown)
+        rows = Rows("nexstar", ["lx200"], shown)
         bridge.wire_log.sinks.append(lambda entry: self.rows.extend(rows.take(entry)))
 
     def of(self, side: str) -> list[str]:
@@ -126,7 +125,7 @@ def test_a_refusal_ends_the_fold_and_is_shown_with_its_command() -> None:
 
 
 def test_a_question_without_an_answer_is_not_folded() -> None:
-    rows = Rows("lx200", ["lx200"], speech)
+    rows = Rows("lx200", ["lx200"])
     shown: list[Row] = []
     for second in range(3):
         shown += rows.take(Entry(float(second), "mount", ">", b":GR#"))
@@ -143,7 +142,7 @@ def test_a_question_without_an_answer_is_not_folded() -> None:
 
 
 def test_a_garbled_answer_is_shown() -> None:
-    rows = Rows("lx200", ["lx200"], speech)
+    rows = Rows("lx200", ["lx200"])
     shown: list[Row] = []
     for second, reply in enumerate([b"05:34:32#", b"05:34:33#", b"05:%4:34#"]):
         shown += rows.take(Entry(float(second), "mount", ">", b":GR#"))
@@ -153,7 +152,7 @@ def test_a_garbled_answer_is_shown() -> None:
 
 
 def test_a_program_that_comes_anew_for_every_question_is_one() -> None:
-    rows = Rows("nexstar", ["lx200"], speech)
+    rows = Rows("nexstar", ["lx200"])
     shown: list[Row] = []
     for second in range(30):
         side = f"192.168.1.9:{50000 + second}"
@@ -167,7 +166,7 @@ def test_a_program_that_comes_anew_for_every_question_is_one() -> None:
 
 
 def test_two_programs_of_one_computer_are_two() -> None:
-    rows = Rows("nexstar", ["lx200"], speech)
+    rows = Rows("nexstar", ["lx200"])
     shown: list[Row] = []
     for port in (1, 2):
         shown += rows.take(Entry(0.0, f"127.0.0.1:{port}", "+", b"", "surface 1, host 127.0.0.1"))

@@ -7,7 +7,6 @@ import re
 
 import pytest
 
-from gateway.app.bindings import speech
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log import layout
 from gateway.diagnostics.log.layout import Row, plain, wrapped
@@ -60,7 +59,7 @@ ENTRIES = [
 
 
 def _printed(stream: io.StringIO, night: bool = False) -> str:
-    put = printer(Rows("nexstar", ["lx200"], speech), stream, night)
+    put = printer(Rows("nexstar", ["lx200"]), stream, night)
     for entry in ENTRIES:
         put(entry)
     return stream.getvalue()
@@ -101,7 +100,7 @@ def test_an_empty_no_color_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_program_cannot_write_on_the_terminal() -> None:
     stream = io.StringIO()
-    put = printer(Rows("nexstar", ["lx200"], speech), stream)
+    put = printer(Rows("nexstar", ["lx200"]), stream)
     for entry in (
         Entry(0.0, "1.2.3.4:5", ">", b":SM\x1b[2J#"),
         Entry(0.0, "1.2.3.4:5", "x", b"\x1b]0;t\x07", "why"),

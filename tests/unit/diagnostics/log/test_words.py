@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.bindings import speech
 from gateway.cli import main
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.conversation import Side
@@ -75,7 +74,7 @@ SAID = [
 
 @each(("protocol", "command", "words", "reply", "answer"), SAID)
 def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: str) -> None:
-    side = Side(protocol, *speech(protocol))
+    side = Side(protocol)
     assert side.command(command).words == words
     if reply:
         assert side.reply(reply).words == answer
@@ -101,7 +100,7 @@ def test_decode_and_the_log_have_the_same_words(
     )
     assert main(["decode", "--protocol", protocol, str(spied)]) == 0
     told = capsys.readouterr().out.splitlines()
-    live = Rows("lx200", [protocol], speech)
+    live = Rows("lx200", [protocol])
     entries = [
         Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"),
         Entry(0.0, "1.2.3.4:5", ">", command),
@@ -145,14 +144,14 @@ def test_every_row_of_words_is_about_a_field_or_a_command_that_there_is() -> Non
 
 
 def test_unknown_bytes_are_bytes() -> None:
-    side = Side("lx200", *speech("lx200"))
+    side = Side("lx200")
     assert side.command(b":XX#").words == "no command of the lx200 protocol"
     assert side.reply(b"\xffwhat").words == ""
 
 
 def test_a_reply_tells_nothing_of_the_protocol_of_a_program_that_was_here_before() -> None:
     """The log may begin between a command and its reply; the next command is understood all the same."""
-    rows, side = Rows("nexstar", ["lx200"], speech), "1.2.3.4:5"
+    rows, side = Rows("nexstar", ["lx200"]), "1.2.3.4:5"
     entries = [
         Entry(0.0, side, "<", b"-10*19:29#"),
         Entry(1.0, side, ">", b":GD#"),

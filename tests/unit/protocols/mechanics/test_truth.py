@@ -15,12 +15,13 @@ import pytest
 
 from gateway.cli import main
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
-from gateway.protocols.mechanics.truth import Truth, sample, sampled, truth_of
+from gateway.protocols.mechanics.truth import Truth, sample, truth_of
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.process import Running, ask
 from tests.support.simulated_meade import Clock
+from tests.support.truth import sampled
 from tests.support.virtual import run
 
 #: Day and night, north and south.

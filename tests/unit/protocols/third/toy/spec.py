@@ -21,8 +21,8 @@ def _framing() -> Framer:
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
-    from gateway.protocols.base.subscription import Subscription
     from gateway.protocols.base.surface import Surface
+    from gateway.protocols.base.wants import Subscription
 
     surface = Surface(load("toy"), {})
     told = surface.protocol.commands["where"].replies[0][1]

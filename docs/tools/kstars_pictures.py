@@ -1,0 +1,149 @@
+"""The pictures of KStars in docs/programs/kstars.md, of the real program at a simulated mount.
+
+    python docs/tools/kstars_pictures.py
+
+writes docs/pictures/kstars*.png: INDI's LX200 driver moves a simulated Celestron through the gateway, and KStars shows
+where it is. It needs the extra ``test`` and Debian's ``kstars``, ``indi-bin``, ``xvfb``, ``xdotool`` and ``dbus``.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from PIL import Image, ImageGrab
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.programs.indi import IndiServer  # noqa: E402
+from tests.programs.processes import Workshop, wait_until  # noqa: E402
+from tests.programs.product import PRODUCT, start_simulator  # noqa: E402
+from tests.programs.sky import NIGHT, NORTH  # noqa: E402
+
+DEVICE = "LX200 Autostar"
+#: The one that the page names.
+PORT = 4030
+#: The star that is shown, and where the mount is sent: hours and degrees of date.
+STAR, THERE = "Aldebaran", (4.6242, 16.564)
+SIZE = 1024, 700
+#: Parts of the screen: the panel with what the driver offers, and the map of the sky.
+PANEL, SKY = (0, 0, 800, 600), (0, 0, 1024, 700)
+#: Where one clicks in the panel.
+CONNECTION, CLOSE = (177, 62), (749, 577)
+SETTINGS = {
+    "kstarsrc": """\
+[GUI]
+RunStartupWizard=false
+[TipOfDay]
+RunOnStart=false
+[indi]
+useGeographicUpdate=false
+useTimeUpdate=false
+""",
+    "kwalletrc": "[Wallet]\nEnabled=false\nFirst Use=false\n",
+}
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["STATE_DIRECTORY"] = folder
+        workshop = Workshop(Path(folder))
+        try:
+            wire, truth = start_simulator(workshop, "nexstar:6-8se", NORTH, speed=1.0)
+            start_gateway(workshop, wire.port)
+            server = IndiServer(workshop, "indi_lx200autostar")
+            indi(server, "CONNECTION_MODE.CONNECTION_TCP=On")
+            indi(server, f"DEVICE_ADDRESS.ADDRESS=127.0.0.1;PORT={PORT}")
+            indi(server, "CONNECTION.CONNECT=On")
+            program = Program(workshop)
+            program.call("/KStars", "setLocalTime", *NIGHT.timetuple()[:6])
+            program.call("/KStars/INDI", "INDI.connect", "127.0.0.1", server.port)
+            program.call("/KStars", "lookTowards", STAR)
+            program.call("/KStars", "setApproxFOV", 45)
+            time.sleep(3.0)
+            indi(server, f"EQUATORIAL_EOD_COORD.RA={THERE[0]};DEC={THERE[1]}")
+            wait_until("the slew", truth.goto_running, 20.0)
+            wait_until("arrival", lambda: not truth.goto_running(), 200.0)
+            time.sleep(3.0)
+            program.click(*CONNECTION)
+            program.picture("kstars-connection", PANEL)
+            program.click(*CLOSE)
+            program.picture("kstars", SKY)
+        finally:
+            workshop.close()
+
+
+def start_gateway(workshop: Workshop, mount: int) -> None:
+    """As the page has it, but for the simulated mount, whose night is long past: the Sun of today does not count."""
+    ends = ["--mount", f"nexstar@socket://127.0.0.1:{mount}", "--surface", f"lx200@tcp://127.0.0.1:{PORT}"]
+    workshop.start([*PRODUCT, "run", "--no-console", *ends, "--sun", "0"]).wait_for_lines("ready ", 1)
+
+
+def indi(server: IndiServer, setting: str) -> None:
+    """Set a property of the driver, as a script of a user's would."""
+    subprocess.run(["indi_setprop", "-p", str(server.port), f"{DEVICE}.{setting}"], check=True)
+    time.sleep(1.5)
+
+
+class Program:
+    """KStars with a display and a message bus of its own."""
+
+    def __init__(self, workshop: Workshop) -> None:
+        home = workshop.folder / "home"
+        (home / ".config").mkdir(parents=True)
+        (home / "run").mkdir(mode=0o700)
+        for name, text in SETTINGS.items():
+            (home / ".config" / name).write_text(text)
+        size = f"{SIZE[0]}x{SIZE[1]}x24"
+        workshop.start(["sh", "-c", f"exec Xvfb -displayfd 3 -screen 0 {size} -noreset 3>{home}/display"])
+        shown = home / "display"
+        wait_until("a display", lambda: shown.exists() and shown.read_text().strip().isdecimal(), 20.0)
+        self._environment = {
+            "DISPLAY": f":{shown.read_text().strip()}",
+            "HOME": str(home),
+            "XDG_CONFIG_HOME": str(home / ".config"),
+            "XDG_RUNTIME_DIR": str(home / "run"),
+            "LC_ALL": "C.UTF-8",
+            "LIBGL_ALWAYS_SOFTWARE": "1",
+            "QT_QPA_PLATFORM": "xcb",
+        }
+        bus = workshop.start(["dbus-daemon", "--session", "--nofork", "--print-address=1"], self._environment)
+        [address] = bus.wait_for_lines("unix:", 1)
+        self._environment["DBUS_SESSION_BUS_ADDRESS"] = address
+        self._program = workshop.start(["kstars"], self._environment)
+        wait_until("KStars is there", self._there, 60.0)
+        time.sleep(4.0)
+
+    def _there(self) -> bool:
+        return "setApproxFOV" in self._ask("introspect", "--object-path", "/KStars")
+
+    def _ask(self, *words: str) -> str:
+        command = ["gdbus", words[0], "--session", "--dest", "org.kde.kstars", *words[1:]]
+        environment = {**os.environ, **self._environment}
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False).stdout
+
+    def call(self, path: str, method: str, *values: object) -> str:
+        """Call a method over the message bus."""
+        words = [f'"{value}"' if isinstance(value, str) else str(value) for value in values]
+        return self._ask("call", "--object-path", path, "--method", f"org.kde.kstars.{method}", *words)
+
+    def click(self, across: int, down: int) -> None:
+        """As a person would, who looks what comes of it."""
+        command = ["xdotool", "mousemove", str(across), str(down), "click", "1"]
+        subprocess.run(command, env={**os.environ, **self._environment}, check=True)
+        time.sleep(2.0)
+
+    def picture(self, name: str, part: tuple[int, int, int, int]) -> None:
+        path = ROOT / "docs" / "pictures" / f"{name}.png"
+        image = ImageGrab.grab(xdisplay=self._environment["DISPLAY"]).crop(part).convert("RGB")
+        image.quantize(colors=256, dither=Image.Dither.NONE).save(path, optimize=True)
+        print(path.name, path.stat().st_size)
+
+
+if __name__ == "__main__":
+    main()
