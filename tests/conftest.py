@@ -19,6 +19,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.support import sampling
+from tests.support.forked import Forked
 from tests.support.process import ALIVE, Running
 
 _COUNT = itertools.count()
@@ -62,10 +63,13 @@ def pytest_collection_finish() -> None:
 
     A play makes and drops hundreds of thousands of values, of which next to nothing needs the collector.
     """
-    gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     gc.enable()
+
+
+def pytest_sessionfinish() -> None:
+    Forked.end()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -49,7 +49,7 @@ def manual_mount() -> Mount:
 # --- the manual -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "request_", "since", "reply"), rows("nexstar_forms.txt"))
+@each(("name", "request_", "since", "reply"), rows("nexstar_forms.txt"))
 def test_form(name: str, request_: str, since: str, reply: str) -> None:
     """The state's CGE has a GPS unit, which the product's has not: those rows are asked of a CPC at the same place."""
     talk = talk_to("cpc" if name.startswith("gps_") else "cge", manual_mount(), "4.21")
@@ -216,7 +216,7 @@ def test_a_mount_that_says_nothing_upsets_no_row(model: str, name: str) -> None:
             assert reply.endswith(b"#")
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_identity_is_the_presented_models(model: str) -> None:
     row = NEXSTAR.models[model]
     talk = talk_to(model)

@@ -6,6 +6,7 @@ import pytest
 
 from gateway.protocols.stellarium.framing import Framer
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 
 COMMANDS = load("stellarium").commands
 #: 20 bytes, type 0, 1 000 000 microseconds, 6 h, 45 degrees.
@@ -28,7 +29,7 @@ def test_a_position() -> None:
     assert picture.decode(POSITION) == values
 
 
-@pytest.mark.parametrize(
+@each(
     ("ra", "dec", "written"),
     [
         (0.0, 0.0, "00000000 00000000"),

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from .processes import Workshop
+from .processes import Workshop, workshop_in
 
 
 @pytest.fixture
 def workshop(tmp_path: Path) -> Iterator[Workshop]:
     """Processes of one test; the product has to live until it is told to end, and to end with status 0."""
-    shop = Workshop(tmp_path)
-    yield shop
-    faults = shop.close()
-    assert not faults, faults
+    with workshop_in(tmp_path) as shop:
+        yield shop

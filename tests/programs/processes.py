@@ -13,8 +13,8 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -153,3 +153,14 @@ class Workshop:
                 faults.append(f"{process}: {'died by itself, ' if died else ''}exit status {status}")
         self._started.clear()
         return faults
+
+
+@contextmanager
+def workshop_in(folder: Path) -> Iterator[Workshop]:
+    """A workshop whose processes end with the block, however that ends; then none of them may have ended badly."""
+    shop = Workshop(folder)
+    try:
+        yield shop
+    finally:
+        faults = shop.close()
+    assert not faults, faults

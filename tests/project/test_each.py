@@ -1,4 +1,4 @@
-"""``each`` tries every row, names the one that fails, and leaves the other parameters to pytest."""
+"""``each`` tries every row, names those that fail, and leaves the other parameters to pytest."""
 
 from __future__ import annotations
 
@@ -10,13 +10,33 @@ from tests.support.each import each
 
 
 def test_a_row_that_fails_is_named() -> None:
-    @each("first, second", [(1, 1), (2, 3), (4, 5)])
+    @each("first, second", [(1, 1), (2, 3), (4, 4)])
     def test(first: int, second: int) -> None:
         assert first == second
 
     with pytest.raises(AssertionError) as failed:
         test()
     assert failed.value.__notes__ == ["with {'first': 2, 'second': 3}"]
+
+
+def test_every_row_that_fails_is_named() -> None:
+    @each("first", [1, 2])
+    @each(("second", "third"), [(1, 1), (2, 2), (3, 3)])
+    def test(first: int, second: int, third: int) -> None:
+        assert first == second
+        if third == 2:
+            pytest.fail("no two")
+
+    with pytest.raises(BaseExceptionGroup) as failed:
+        test()
+    one, two = failed.value.exceptions
+    assert isinstance(one, BaseExceptionGroup) and isinstance(two, BaseExceptionGroup)
+    assert (one.__notes__, two.__notes__) == (["with {'first': 1}"], ["with {'first': 2}"])
+    assert [error.__notes__ for error in one.exceptions] == [
+        ["with {'second': 2, 'third': 2}"],
+        ["with {'second': 3, 'third': 3}"],
+    ]
+    assert len(two.exceptions) == 3
 
 
 def test_what_each_leaves_is_asked_of_pytest() -> None:

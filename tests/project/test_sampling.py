@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from itertools import product
 
-import pytest
-
+from tests.support.each import each
 from tests.support.sampling import chosen
 
 
-@pytest.mark.parametrize("times", [1, 2])
-@pytest.mark.parametrize("lengths", [(4, 2, 6), (7, 8), (3, 3, 3, 3)])
+@each("times", [1, 2])
+@each("lengths", [(4, 2, 6), (7, 8), (3, 3, 3, 3)])
 def test_every_value_is_met(lengths: tuple[int, ...], times: int) -> None:
     rows = list(product(*(range(length) for length in lengths)))
     taken = chosen(rows, times)

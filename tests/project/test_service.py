@@ -13,6 +13,7 @@ import pytest
 from gateway.app.config import Source, make_config
 from gateway.cli import main
 from gateway.cli.serve.service import program, unit, word
+from tests.support.each import each
 
 TABLES = {
     "mount": [{"at": "nexstar@/dev/ttyUSB0", "record": "/srv/nights/last.rec"}],
@@ -49,7 +50,7 @@ def test_it_may_write_where_it_is_told_to_and_sees_serial_ports() -> None:
         assert not lines(text, key), f"{key} would hide the ports"
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "written"),
     [("/a/b", "/a/b"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$x", "$$x"), ('a"b', '"a\\"b"'), ("a\\b", '"a\\\\b"')],
 )

@@ -18,6 +18,8 @@ import venv
 import zipfile
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 #: Prints where the installed package finds its tables.
 FOLDER = "from gateway.protocols.wireformat.command_set import mappings_folder as f; print(f())"
@@ -79,11 +81,18 @@ def content(wheel: Path) -> set[str]:
     return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
 
 
-def test_tests_run_from_a_source_distribution_and_so_does_its_wheel(tmp_path: Path) -> None:
-    sdist = built(source_of(tmp_path), "sdist", tmp_path)
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a source distribution holds."""
+    folder = tmp_path_factory.mktemp("release")
+    sdist = built(source_of(folder), "sdist", folder)
     with tarfile.open(sdist) as file:
-        file.extractall(tmp_path / "unpacked", filter="data")
-    [source] = (tmp_path / "unpacked").iterdir()
+        file.extractall(folder / "unpacked", filter="data")
+    [unpacked] = (folder / "unpacked").iterdir()
+    return unpacked
+
+
+def test_tests_run_from_a_source_distribution(source: Path) -> None:
     some = ["tests/unit/core", "tests/project/test_docs_links.py"]
     done = subprocess.run(
         [sys.executable, "-bb", "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *some],
@@ -92,8 +101,6 @@ def test_tests_run_from_a_source_distribution_and_so_does_its_wheel(tmp_path: Pa
     assert done.returncode == 0, done.stdout + done.stderr
     wanted = {path for top in sources() for path in (top, *top.rglob("*")) if not ignored(path)}
     assert [path for path in sorted(wanted) if not (source / path.relative_to(ROOT)).exists()] == []
-    leave_behind(source)
-    assert content(built(source, "wheel", tmp_path)) == installed_files()
 
 
 def ignored(path: Path) -> bool:
@@ -106,8 +113,9 @@ def environment() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "PYTEST"))}
 
 
-def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
-    wheel = built(source_of(tmp_path), "wheel", tmp_path)
+def test_the_wheel_of_a_source_distribution_runs_the_demo(source: Path, tmp_path: Path) -> None:
+    leave_behind(source)
+    wheel = built(source, "wheel", tmp_path)
     assert content(wheel) == installed_files()
     fresh = tmp_path / "fresh"
     venv.create(fresh, with_pip=False)

@@ -1,32 +1,40 @@
 """Many rows in one test, where each takes next to no time: an item of its own costs pytest several times as much.
 
-It stands where ``pytest.mark.parametrize`` would stand. A row that fails is named with the failure, and those behind
-it are not tried.
+It stands where ``pytest.mark.parametrize`` would stand, also more than once. Every row is tried, and every row that
+fails is named with its failure.
 """
 
 from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import pytest
 
-def each(names: str, rows: Iterable[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """The test with every row in turn; ``names`` are those of its parameters, with commas between them."""
-    given, kept = [name.strip() for name in names.split(",")], list(rows)
+
+def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """The test with every row in turn; ``names`` are those of its parameters, in one text with commas between them."""
+    given = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
+    kept = list(rows)
     assert kept
 
     def made(test: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(test)
         def all_of_them(**others: Any) -> None:
+            failed: list[BaseException] = []
             for row in kept:
                 values = dict(zip(given, row if len(given) > 1 else (row,), strict=True))
                 try:
                     test(**others, **values)
-                except BaseException as error:
+                except (Exception, BaseExceptionGroup, pytest.fail.Exception) as error:
                     error.add_note(f"with {values}")
-                    raise
+                    failed.append(error)
+            if len(failed) > 1:
+                raise BaseExceptionGroup(f"{len(failed)} of {len(kept)} rows", failed)
+            if failed:
+                raise failed[0]
 
         signature = inspect.signature(test)
         left = [parameter for name, parameter in signature.parameters.items() if name not in given]

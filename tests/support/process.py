@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.support.forked import POSSIBLE, Forked
+
 #: The product as a user starts it, and one that never loads astropy: that is more work than all else of its start.
 WHOLE = [sys.executable, "-bb", "-m", "gateway"]
 GATEWAY = [sys.executable, "-bb", "-P", str(Path(__file__).with_name("mount-gateway"))]
@@ -22,15 +24,17 @@ ALIVE: list[Running] = []
 class Running:
     """A product process whose stdout is read line by line. ``said`` is its stderr, once it has ended.
 
-    ``by`` is what starts it.
+    Without anything that starts it (``by``) it is forked, where that is possible, from one that has loaded the product;
+    one that ``hangs`` is blocked for so many seconds by SIGUSR1.
     """
 
     said = ""
 
-    def __init__(self, *arguments: str, by: list[str] = GATEWAY) -> None:
+    def __init__(self, *arguments: str, by: list[str] | None = None, hangs: float = 0.0) -> None:
         if arguments[:1] in (("run",), ("demo",)) and "--console" not in arguments:
             arguments = (*arguments, "--no-console")  # a web server that the test does not ask for takes its time
-        self.process = subprocess.Popen([*by, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        forked = by is None and POSSIBLE
+        self.process = Forked(*arguments, hangs=hangs) if forked else started(*(by or GATEWAY), *arguments)
         ALIVE.append(self)
 
     def ready(self) -> str:
@@ -60,6 +64,21 @@ class Running:
         if self.process.poll() is None:
             self.process.kill()
         self.end()
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    """A process whose streams are pipes of text."""
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def told(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """What a product process says and how it ends, of one that ends by itself."""
+    one = Running(*arguments)
+    assert one.process.stdout is not None
+    said = one.process.stdout.read()
+    one.process.wait(PATIENCE)
+    code = one.end()
+    return subprocess.CompletedProcess(arguments, code, said, one.said)
 
 
 def ask(where: str, data: bytes, until: bytes = b"#") -> bytes:

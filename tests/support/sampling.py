@@ -20,7 +20,7 @@ Amount = TypeVar("Amount", int, float)
 #: Whether everything is played; ``tests/conftest.py`` sets it before it imports the tests.
 WHOLE = False
 #: Up to how many combinations nothing is left out.
-FEW = 6
+FEW = 3
 #: Where whole gateways are played, and how often every value is met at least; elsewhere the mark ``sampled`` says so.
 FOLDERS = {"tests/integration/safety/": 2, "tests/integration/stops/": 2, "tests/integration/": 1}
 

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from tests.support.forked import POSSIBLE
 from tests.support.process import PATIENCE, Running, ask
 
 SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps"}
@@ -31,7 +32,8 @@ class Started(Running):
     """A gateway process that can also be made to hang."""
 
     def __init__(self, *arguments: str) -> None:
-        super().__init__(*arguments, by=[sys.executable, "-bb", "-c", PROGRAM])
+        by = None if POSSIBLE else [sys.executable, "-bb", "-c", PROGRAM]
+        super().__init__(*arguments, by=by, hangs=BLOCKED)
 
 
 class Watched:

@@ -7,13 +7,13 @@ A read that would delay something urgent waits for that. Who goes first is decid
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import heapq
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import count
 from typing import Any
 
+from gateway.core.bell import Bell
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.protocols.base.driver import Send
 
@@ -62,11 +62,13 @@ class RequestQueue:
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
+        #: A loop of virtual time knows when a turn would be for nothing; others have always something to look after.
+        self._others_are_ready: Callable[[], bool] = getattr(self._loop, "others_are_ready", lambda: True)
         self._numbers = count()
         self._waiting: list[Request] = []
         self._urgent: list[float] = []
         self._motions = self._passed_over = 0
-        self._wake = asyncio.Event()
+        self._wake = Bell()
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -102,11 +104,7 @@ class RequestQueue:
     async def woken(self, seconds: float) -> bool:
         """The same for so many seconds at most -> whether it did."""
         self._wake.clear()
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                await self._wake.wait()
-            return True
-        return False
+        return await self._wake.within(seconds)
 
     async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
         """The request whose turn it is; None when that was waited for, and must be looked at again.
@@ -152,7 +150,7 @@ class RequestQueue:
     def _what_follows(self) -> Iterator[None]:
         """Give whoever had an answer its turns, unless nothing or a stop waits."""
         for _ in range(TURNS):
-            if not self._waiting or self.stop_waits:
+            if not self._waiting or self.stop_waits or not self._others_are_ready():
                 return
             yield  # a turn, as asyncio.sleep(0) is one; there are eight to an exchange
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
+from gateway.core.bell import Bell
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
@@ -65,7 +65,7 @@ class Transaction:
         #: Whether any byte has ever come; the last question that was not answered as it should, and what came instead.
         self.heard_ever = False
         self.trouble = b"", b""
-        self._buffer, self._arrived = b"", asyncio.Event()
+        self._buffer, self._arrived = b"", Bell()
         self._heard = self._stray = -1e9
         self._last: Send | None = None
         self._stops = 0
@@ -293,7 +293,4 @@ class Transaction:
 
     async def _something_within(self, seconds: float) -> bool:
         """Wait for bytes -> whether any came in time (or the wire was lost)."""
-        with suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                return await self._arrived.wait()
-        return False
+        return await self._arrived.within(seconds)

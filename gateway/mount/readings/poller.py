@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 
 from gateway.core import operations as op
+from gateway.core.bell import Bell
 from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
@@ -58,7 +59,7 @@ class Poller:
         self._site_clock, self._settings = site_clock, settings
         self._movement, self._watch, self._ends = movement, watch, ends
         self._axes_refused = -1e9
-        self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
+        self._news = {kind: Bell() for kind in RENEW}
         cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
@@ -106,11 +107,7 @@ class Poller:
     async def _rest(self, kind: Kind, seconds: float) -> None:
         """Wait until it is time, or until something has changed."""
         self._news[kind].clear()
-        try:
-            async with asyncio.timeout(seconds):
-                await self._news[kind].wait()
-        except TimeoutError:
-            return
+        await self._news[kind].within(seconds)
 
     async def _now_and_then(self, now: float) -> None:
         """The heartbeat; the mount's own clock and site while nothing moves, whoever asks: limits go by them, too."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import http.client
 import json
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -14,7 +13,7 @@ from urllib.parse import urlencode
 
 import pytest
 
-from tests.support.process import GATEWAY, PATIENCE, Running
+from tests.support.process import PATIENCE, Running, told
 
 API = "/api/v1/telescope/0/"
 
@@ -51,7 +50,7 @@ def start(state: Path, *more: str) -> Running:
 
 
 def played(path: Path) -> str:
-    done = subprocess.run([*GATEWAY, "replay", str(path)], capture_output=True, text=True, timeout=60)
+    done = told("replay", str(path))
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -80,14 +79,14 @@ def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> N
     time.sleep(0.5)
     assert own.end() == 0
     assert "the same bytes" in played(path)
-    told = subprocess.run([*GATEWAY, "decode", str(path)], capture_output=True, text=True, timeout=60).stdout
-    assert "go to a position: RA 05:30:00" in told and "rightascension: RA" in told
+    said = told("decode", str(path)).stdout
+    assert "go to a position: RA 05:30:00" in said and "rightascension: RA" in said
 
 
 def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
     """Not before: no start waits for it."""
-    told = "atexit.register(lambda: print('aiohttp' in sys.modules, file=sys.stderr))"
-    look = f"import atexit, sys, runpy; sys.argv[0] = 'mount-gateway'; {told}; runpy.run_module('gateway')"
+    said = "atexit.register(lambda: print('aiohttp' in sys.modules, file=sys.stderr))"
+    look = f"import atexit, sys, runpy; sys.argv[0] = 'mount-gateway'; {said}; runpy.run_module('gateway')"
     for asked in (False, True):
         own = Running(
             "run", "--mount", "nexstar@sim", "--no-discovery", "--state", str(tmp_path / str(asked)),
@@ -102,9 +101,6 @@ def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("where", ["pty:/tmp/mount", "rfc2217://127.0.0.1:4030", "web"])
 def test_it_is_spoken_over_http_alone(where: str) -> None:
-    done = subprocess.run(
-        [*GATEWAY, "config", "--mount", "nexstar@sim", "--surface", f"alpaca@{where}"],
-        capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+    done = told("config", "--mount", "nexstar@sim", "--surface", f"alpaca@{where}")
     assert done.returncode == 2
     assert "is spoken over HTTP; write alpaca@tcp://127.0.0.1:11111" in done.stderr

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import socket
 import struct
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.support.process import GATEWAY, PATIENCE, Running
+from tests.support.process import PATIENCE, Running, told
 
 GET = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 #: Longer than what is read of a connection at a time.
@@ -172,13 +171,13 @@ def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[R
         one.close()
     time.sleep(0.5)
     running.pop().end()
-    played = subprocess.run([*GATEWAY, "replay", str(path)], capture_output=True, text=True, timeout=60)
+    played = told("replay", str(path))
     assert played.returncode == 0, played.stdout + played.stderr
     assert "6 connections" in played.stdout, played.stdout
-    told = subprocess.run([*GATEWAY, "decode", str(path)], capture_output=True, text=True, timeout=60).stdout
-    assert told.count("speaks nexstar") == 2 and told.count("speaks lx200") == 3, told
-    assert "speaks stellarium, because the program has said nothing for 3 s" in told
-    assert "e: RA" in told and "GR: RA" in told and "go to a position" in told
+    said = told("decode", str(path)).stdout
+    assert said.count("speaks nexstar") == 2 and said.count("speaks lx200") == 3, said
+    assert "speaks stellarium, because the program has said nothing for 3 s" in said
+    assert "e: RA" in said and "GR: RA" in said and "go to a position" in said
 
 
 def test_a_recording_of_stellarium_replays_without_a_difference(running: list[Running], tmp_path: Path) -> None:
@@ -197,7 +196,7 @@ def test_a_recording_of_stellarium_replays_without_a_difference(running: list[Ru
     program.close()
     time.sleep(0.5)
     running.pop().end()
-    played = subprocess.run([*GATEWAY, "replay", str(path)], capture_output=True, text=True, timeout=60)
+    played = told("replay", str(path))
     assert played.returncode == 0, played.stdout + played.stderr
     assert "1 connection" in played.stdout, played.stdout
 

@@ -10,18 +10,14 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from ..processes import Workshop
+from ..processes import workshop_in
 from .page import PHONE, Console, Visit, open_browser
 
 
 @pytest.fixture(scope="package")
 def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
-    shop = Workshop(tmp_path_factory.mktemp("console"))
-    try:
+    with workshop_in(tmp_path_factory.mktemp("console")) as shop:
         yield Console(shop)
-    finally:
-        faults = shop.close()
-    assert not faults, faults
 
 
 @pytest.fixture(scope="package")

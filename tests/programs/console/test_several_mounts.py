@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser
 
-from ..processes import Workshop
+from ..processes import Workshop, workshop_in
 from ..product import PRODUCT, start_meade, start_simulator
 from ..sky import NORTH, SOUTH, separation
 from .page import DESK, PHONE, Visit
@@ -52,12 +52,8 @@ class Two:
 
 @pytest.fixture(scope="module")
 def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Two]:
-    shop = Workshop(tmp_path_factory.mktemp("two"))
-    try:
+    with workshop_in(tmp_path_factory.mktemp("two")) as shop:
         yield Two(shop)
-    finally:
-        faults = shop.close()
-    assert not faults, faults
 
 
 @pytest.mark.parametrize("size", [PHONE, (844, 390), DESK])

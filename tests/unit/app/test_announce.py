@@ -21,6 +21,7 @@ from gateway.app.discovery.skyfi import answer
 from gateway.cli.serve import serving
 from gateway.protocols.registry import streams
 from gateway.system.own_commands import how_to_add
+from tests.support.each import each
 from tests.support.process import Running
 
 LOCAL = ("127.0.0.1", 50000)
@@ -28,7 +29,7 @@ EVERYWHERE = Offer("lx200", "autostar", "tcp", "0.0.0.0", 4030)
 OTHER_PORT = Offer("nexstar", "6-8se", "tcp", "10.1.2.3", 4040)
 
 
-@pytest.mark.parametrize(
+@each(
     ("question", "says"),
     [
         (b"skyfi?", b"skyfi@127.0.0.1"),
@@ -210,7 +211,7 @@ HOME = held(
 )
 
 
-@pytest.mark.parametrize(
+@each(
     ("host", "own", "says"),
     [
         ("0.0.0.0", HOME, "on your phone: 192.168.1.23 or 10.8.0.2, port 4030"),

@@ -18,6 +18,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Stopped
 from gateway.core.wire_log import Entry
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 
 ROOT = Path(gateway.__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -88,7 +89,7 @@ def test_values_pass_through_a_frame_of_either_protocol() -> None:
     assert decode_reply("nexstar", "e", told).values == pytest.approx({"ra": 10.0, "dec": -20.0}, abs=1e-4)
 
 
-@pytest.mark.parametrize(
+@each(
     ("call", "words"),
     [
         (lambda: decode("meade", b":GR#"), "'meade' is no protocol; there are lx200, nexstar"),

@@ -13,6 +13,7 @@ from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import Onlooker, look
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -25,7 +26,7 @@ def seen(**others: Any) -> StatusLine:
     return StatusLine(**{**usual, **others})
 
 
-@pytest.mark.parametrize(
+@each(
     ("look", "text"),
     [
         (seen(), "cpc  05:34:32 +22°00'52\"  tracking  2 programs  4.1/s"),
@@ -53,7 +54,7 @@ def test_everything_is_on_it(look: StatusLine, text: str) -> None:
     assert status([look]) == text
 
 
-@pytest.mark.parametrize(
+@each(
     ("columns", "text"),
     [
         (54, "cpc  05:34:32 +22°00'52\"  tracking  2 programs  4.1/s"),

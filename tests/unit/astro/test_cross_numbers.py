@@ -9,6 +9,7 @@ import pytest
 from gateway.app.control.objects import describe, find
 from gateway.astro.catalog import cross_numbers, files, stars
 from gateway.core.errors import UserError
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 
 #: As fchart3 lays it down: Hipparcos number, component, SAO, HD, HR. Polaris, Castor's two, Betelgeuse, Vega.
@@ -31,7 +32,7 @@ def _missing() -> Path:
     raise files.NotInstalled
 
 
-@pytest.mark.parametrize(
+@each(
     ("catalogue", "number", "hipparcos"),
     [
         ("SAO", 113271, 27989), ("HD", 39801, 27989), ("HR", 2061, 27989), ("HR", 7001, 91262), ("HD", 172167, 91262),
@@ -44,7 +45,7 @@ def test_a_star_is_found_by_its_other_numbers(catalogue: str, number: int, hippa
     assert (entry.name, entry.ra, entry.dec) == (f"{catalogue}{number}", star.ra, star.dec)
 
 
-@pytest.mark.parametrize(
+@each(
     ("catalogue", "number"),
     [
         ("HD", 7001),

@@ -11,6 +11,7 @@ from gateway.astro import catalog as library
 from gateway.astro.catalog import QUALITIES, Wanted, deepsky, describe, files, names, search, star_names, stars
 from gateway.astro.catalog.objects import quality
 from gateway.astro.spherical import separation
+from tests.support.each import each
 
 EVERYTHING = Wanted(-5.5, 20.0, 0, 200, "GPDCO", "VP")
 #: catalogue, number, J2000 hours, minutes, degrees (decimal), kinds
@@ -24,7 +25,7 @@ PLACES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("catalog", "number", "hours", "minutes", "dec", "kinds"), PLACES)
+@each(("catalog", "number", "hours", "minutes", "dec", "kinds"), PLACES)
 def test_a_number_is_a_place(catalog: str, number: int, hours: int, minutes: float, dec: float, kinds: str) -> None:
     entry = deepsky.look_up(catalog, number)
     assert entry is not None
@@ -40,7 +41,7 @@ def test_the_great_catalogues_are_whole() -> None:
     assert not [number for number in range(1, 5387, 97) if deepsky.look_up("IC", number) is None]
 
 
-@pytest.mark.parametrize(
+@each(
     ("catalog", "number"),
     [("M", 0), ("M", 111), ("NGC", 7841), ("IC", 5387), ("C", 110), ("NGC", 999999), ("UGC", 99999)],
 )
@@ -69,7 +70,7 @@ def test_stars_stand_where_their_motion_has_brought_them() -> None:
     assert describe(sirius) == "HIP32349 STAR MAG-1.1"
 
 
-@pytest.mark.parametrize("name", star_names.PLACES)
+@each("name", star_names.PLACES)
 def test_a_star_with_a_name_stands_where_the_catalogue_has_it(name: str) -> None:
     number = star_names.HIPPARCOS[name]
     found, entry = star_names.by_number(number, 2026.9), stars.hipparcos(number, 2026.9)

@@ -22,13 +22,14 @@ from gateway.astro.spherical import (
     wrap180,
     wrap360,
 )
+from tests.support.each import each
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 turns = st.floats(-720.0, 720.0)
 latitudes = st.floats(-90.0, 90.0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("angle", "positive", "signed"),
     [
         (0.0, 0.0, 0.0),
@@ -48,7 +49,7 @@ def test_wrapping(angle: float, positive: float, signed: float) -> None:
     assert math.copysign(1.0, wrap360(angle)) == 1.0
 
 
-@pytest.mark.parametrize(
+@each(
     ("ra", "dec", "folded"),
     [
         (10.0, 20.0, (10.0, 20.0)),
@@ -70,7 +71,7 @@ def test_folding_keeps_the_direction(ra: float, dec: float) -> None:
     assert to_vector(*fold_declination(ra, dec)) == pytest.approx(to_vector(ra, dec), abs=1e-12)
 
 
-@pytest.mark.parametrize(
+@each(
     ("hour_angle", "dec", "lat", "az", "alt"),
     [
         (64.352133, -6.719892, 38.921389, 248.0337, 15.1249),  # Meeus 13.b, Venus from Washington
@@ -100,7 +101,7 @@ def test_horizon_and_back(hour_angle: float, dec: float, lat: float) -> None:
     assert separation(*back, hour_angle, dec) < 1e-11
 
 
-@pytest.mark.parametrize(
+@each(
     ("first", "second", "angle"),
     [
         ((213.9154, 19.1825), (201.2983, -11.1614), 32.7930),  # Meeus 17.a, Arcturus and Spica

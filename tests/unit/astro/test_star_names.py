@@ -15,6 +15,7 @@ from gateway.astro.spherical import separation
 from gateway.cli.completion import script
 from gateway.cli.mount.places import place
 from gateway.core.errors import UserError
+from tests.support.each import each
 
 #: name, J2000 hours, minutes, degrees, minutes
 PLACES = [
@@ -46,7 +47,7 @@ def spot(*words: str) -> Spot:
     return found
 
 
-@pytest.mark.parametrize(("name", "hours", "minutes", "degrees", "arcminutes"), PLACES)
+@each(("name", "hours", "minutes", "degrees", "arcminutes"), PLACES)
 def test_a_name_is_a_place(name: str, hours: int, minutes: float, degrees: int, arcminutes: int) -> None:
     found = spot(*name.split())
     assert found.j2000
@@ -84,7 +85,7 @@ def test_the_names_mean_what_they_mean_elsewhere() -> None:
     assert checked > 90
 
 
-@pytest.mark.parametrize(("typed", "same"), [
+@each(("typed", "same"), [
     (("vega",), ("HIP91262",)), (("VEGA",), ("HIP", "91262")), (("rigel", "kent"), ("HIP71683",)),
     (("Barnards", "star"), ("HIP87937",)), (("El", "Nath"), ("Elnath",)), (("el-nath",), ("Elnath",)),
     (("North", "Star"), ("Polaris",)), (("m", "31"), ("M31",)), (("m31",), ("NGC224",)), (("M-31",), ("ngc", "224")),

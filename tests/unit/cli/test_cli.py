@@ -19,6 +19,7 @@ from gateway.cli import main
 from gateway.cli.serve import finding
 from gateway.diagnostics.detect import scan_port
 from gateway.diagnostics.detect.probe import Patience
+from tests.support.each import each
 from tests.support.process import GATEWAY, PATIENCE, Running, ask
 
 
@@ -86,7 +87,7 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
     assert "in use" in line
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "says"),
     [
         (

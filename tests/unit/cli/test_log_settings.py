@@ -11,12 +11,13 @@ import pytest
 from gateway.cli import _bound, main
 from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import settings
+from tests.support.each import each
 from tests.support.process import Running, ask
 
 RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("flags", "log"),
     [
         ([], False),

@@ -16,7 +16,7 @@ from gateway.core.errors import UserError
 from gateway.system import processes
 from gateway.transport.device_link import DeviceLink
 from gateway.transport.wires import open_port
-from tests.support.process import Running
+from tests.support.process import GATEWAY, Running
 from tests.unit.cli.test_cli import refused
 
 PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
@@ -115,7 +115,7 @@ def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: py
 
 
 def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_path: Path) -> None:
-    gateway = Running("run", *PLAIN, "--state", str(tmp_path))
+    gateway = Running("run", *PLAIN, "--state", str(tmp_path), by=GATEWAY)  # a child of this process
     started.append(gateway)
     gateway.ready()
     number = gateway.process.pid

@@ -20,6 +20,7 @@ from gateway.cli import main
 from gateway.cli.mount.places import place
 from gateway.core.errors import UserError
 from gateway.diagnostics.replay.replaying import replay
+from tests.support.each import each
 from tests.support.process import GATEWAY, PATIENCE, Running, ask
 
 Say = Callable[..., tuple[int, str, str]]
@@ -172,7 +173,7 @@ class Typed:
         self.place, self.j2000 = list(words), j2000
 
 
-@pytest.mark.parametrize(("words", "found"), [
+@each(("words", "found"), [
     (("05:30:00", "+22:30:00"), Spot(82.5, 22.5)),
     (("05:30", " -05:30"), Spot(82.5, -5.5)),
     (("5h30m00s", "22d30m00s"), Spot(82.5, 22.5)),
@@ -194,7 +195,7 @@ def test_an_object_is_of_2000() -> None:
         assert (round(spot.ra, 1), round(spot.dec, 1)) == (83.8, -5.4)
 
 
-@pytest.mark.parametrize(("words", "told"), [
+@each(("words", "told"), [
     (("25:00:00", "+22"), "is not a right ascension: it is from 0 to 24"),
     (("05:00:00", "+92"), "is not a declination: it is from -90 to 90"),
     (("05:61:00", "+22"), "is not a right ascension: write it like 05:34:32, or in degrees like 83.63"),

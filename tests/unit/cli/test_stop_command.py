@@ -24,6 +24,7 @@ from gateway.system import runtime_folders as runtime
 from gateway.system.processes import Process, serves
 from gateway.system.runtime_folders import user
 from tests.integration.stops.test_shutdown import Moving
+from tests.support.each import each
 from tests.support.process import PATIENCE, Running, ask
 
 Stop = Callable[..., tuple[int, str]]
@@ -219,7 +220,7 @@ def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest
     assert not reach.look(reach.Scope(tmp_path, alone=True)).gateways
 
 
-@pytest.mark.parametrize(("words", "is_one"), [
+@each(("words", "is_one"), [
     (["/usr/bin/python3", "/usr/local/bin/mount-gateway", "run", "--mount", "x"], True),
     (["/v/bin/python", "-bb", "-m", "gateway", "demo"], True),
     (["python3.11", "/src/gateway/__main__.py", "run"], True),

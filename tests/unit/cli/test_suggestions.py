@@ -20,6 +20,7 @@ from gateway.core.errors import UserError
 from gateway.diagnostics.detect.ports import named, whole
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.process import Running, ask
 from tests.unit.cli.test_cli import refused
 
@@ -184,7 +185,7 @@ def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.Cap
 # --- mounts by the words on them -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("word", "device"),
     [
         ("6se", "nexstar:6-8se"),
@@ -215,7 +216,7 @@ def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None
     assert parse_endpoint(f"{word}@sim") == parse_endpoint(f"{device}@sim")
 
 
-@pytest.mark.parametrize(
+@each(
     ("word", "says"),
     [
         ("celestrn", "did you mean 'celestron'?"),
@@ -296,7 +297,7 @@ def test_an_address_is_one_of_the_network() -> None:
 # --- places as people write them -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("mount", "surface", "says"),
     [
         ("nexstar@sim", "lx200@127.0.0.1:4030", "--surface: lx200@127.0.0.1:4030: write lx200@tcp://127.0.0.1:4030"),
@@ -380,7 +381,7 @@ def test_explain_knows_what_was_meant(words: list[str], says: str) -> None:
 # --- sites ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "place"),
     [
         ("48.1,11.6", (48.1, 11.6)),
@@ -397,9 +398,7 @@ def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]
     assert parse_site(text) == pytest.approx(place, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "text", ["north", "48.1", "48.1,11.6,5", "48h,11h", "48°08'N,x", "95°N,11°E", "48°08'W,11°36'W"]
-)
+@each("text", ["north", "48.1", "48.1,11.6,5", "48h,11h", "48°08'N,x", "95°N,11°E", "48°08'W,11°36'W"])
 def test_what_is_no_site_is_refused(text: str) -> None:
     with pytest.raises(UserError, match="write LAT,LON, north and east positive: 45"):
         parse_site(text)

@@ -17,6 +17,7 @@ from gateway.core import operations as op
 from gateway.core.errors import UserError
 from gateway.transport.handler import ConnectionRefused
 from gateway.transport.tcp import exposed
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.nexstar_flows import precise, up
 from tests.support.virtual import run
@@ -110,7 +111,7 @@ def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> Non
     run(program())
 
 
-@pytest.mark.parametrize(
+@each(
     ("where", "wide"),
     [
         ("tcp://127.0.0.1:4030", False),
@@ -159,7 +160,7 @@ def test_addresses_of_both_families_and_lines_without_any() -> None:
     assert Access(read_only=True).only_looks("pty:/tmp/lx200")
 
 
-@pytest.mark.parametrize(
+@each(
     ("line", "words"),
     [
         ('allow = ["192.168.1.5/24"]', "'192.168.1.5/24': write 192.168.1.0/24"),

@@ -5,12 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
-
 from gateway.console.mounts import _spoken
 from gateway.console.shown.programs import Programs
 from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
+from tests.support.each import each
 
 
 def test_programs_are_shown_with_what_they_speak() -> None:
@@ -28,7 +27,7 @@ def test_programs_are_shown_with_what_they_speak() -> None:
     run(program())
 
 
-@pytest.mark.parametrize(("surface", "command", "face"), [
+@each(("surface", "command", "face"), [
     ("any", ":GR#", "lx200"), ("any", "E", "nexstar"), ("any", "\\x06", "lx200"), ("any", "", "lx200"),
     ("any", "GET / HTTP/1.1", "lx200"), ("nexstar:cpc", ":GR#", "nexstar:cpc"),
 ])  # fmt: skip

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import socket
 
-import pytest
-
 from gateway.console import gate
 from gateway.system.own_names import known_host
+from tests.support.each import each
 
 NAME = socket.gethostname().lower().partition(".")[0]
 
 
-@pytest.mark.parametrize(
+@each(
     ("header", "allowed"),
     [
         ("127.0.0.1:4080", True),
@@ -37,7 +36,7 @@ def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
     assert known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
 
 
-@pytest.mark.parametrize(
+@each(
     ("origin", "host", "allowed"),
     [
         (None, "127.0.0.1:4080", True),
@@ -54,7 +53,7 @@ def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> No
     assert gate.same_origin(origin, host) is allowed
 
 
-@pytest.mark.parametrize(
+@each(
     ("site", "elsewhere"), [(None, False), ("none", False), ("same-origin", False), ("cross-site", True),
                             ("same-site", True)]
 )  # fmt: skip

@@ -11,6 +11,7 @@ from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.protocols.wireformat.rows import OUTCOMES
+from tests.support.each import each
 
 SAMPLES: dict[type, Any] = {
     float: 12.5, int: 1, str: "GVP", bool: True, op.Direction: op.Direction.NORTH, op.Tracking: op.Tracking.EQ_NORTH,
@@ -36,7 +37,7 @@ def test_every_operation_has_words(kind: type[op.Operation]) -> None:
     assert len(words.split()) > 1
 
 
-@pytest.mark.parametrize(
+@each(
     ("operation", "words"),
     [
         (op.Goto(83.63333, 22.01444), "go to RA 05:34:32, Dec +22°00'52\", and track there"),

@@ -17,6 +17,7 @@ from gateway.protocols.base.surface import Surface
 from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import SurfaceRow, Way
+from tests.support.each import each
 from tests.support.sampling import as_a_rule
 
 
@@ -138,7 +139,7 @@ def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
     assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#  (cpc)")  # a polar Meade: a CPC on its wedge
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "device"),
     [
         ("6se", "nexstar:6-8se"),

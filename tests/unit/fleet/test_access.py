@@ -12,13 +12,14 @@ from gateway.core.errors import UserError
 from gateway.fleet import access as accesses
 from gateway.fleet.access import PASSWORD, access
 from gateway.fleet.topics import Topics, own_id
+from tests.support.each import each
 
 pytest.importorskip("aiomqtt")
 
 WHOLE = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:4030"}]}
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "broker"),
     [
         ("mqtt://127.0.0.1", Broker("127.0.0.1", 1883, False)),
@@ -33,9 +34,7 @@ def test_addresses(text: str, broker: Broker) -> None:
     assert parse_broker(str(broker)).port == broker.port
 
 
-@pytest.mark.parametrize(
-    "text", ["", "pi:1883", "tcp://pi", "mqtt://", "mqtt://pi:x", "mqtt://pi/topic", "mqtt://[::1"]
-)
+@each("text", ["", "pi:1883", "tcp://pi", "mqtt://", "mqtt://pi:x", "mqtt://pi/topic", "mqtt://[::1"])
 def test_what_is_no_address_is_told_with_what_would_be(text: str) -> None:
     with pytest.raises(UserError, match="write mqtt://HOST:PORT"):
         parse_broker(text)
@@ -76,7 +75,7 @@ def test_without_the_extra_it_is_told_how_to_get_it(monkeypatch: pytest.MonkeyPa
         access("mqtt://pi")
 
 
-@pytest.mark.parametrize(
+@each(
     ("keys", "words"),
     [
         ({"at": "pi"}, r"\[mqtt\] at: 'pi': write mqtt://HOST:PORT"),

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import pytest
-
 from gateway.core.wire_log import SKY_READY, WireLog
 from gateway.fleet.events import BURST, LONGEST, RATE, Events
+from tests.support.each import each
 
 
 class There:
@@ -19,7 +18,7 @@ class There:
         self.log.sinks.append(self.events.put)
 
 
-@pytest.mark.parametrize(
+@each(
     ("side", "arrow", "kind"),
     [
         ("127.0.0.1:5", "+", "connected"),

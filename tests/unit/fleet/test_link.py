@@ -14,6 +14,7 @@ from gateway.fleet.client import LARGEST
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.outbox import EVENTS, Outbox
 from gateway.fleet.topics import Heard, Message
+from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
 HERE, GONE = Message("a/availability", b"online", retain=True), Message("a/availability", b"offline", retain=True)
@@ -157,7 +158,7 @@ def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytes
     play(work())
 
 
-@pytest.mark.parametrize(
+@each(
     ("error", "why"),
     [
         (OSError(111, "Connection refused"), "Connection refused"),

@@ -9,6 +9,7 @@ import pytest
 from gateway.fleet.overview import roster as rosters
 from gateway.fleet.overview.roster import Roster
 from gateway.fleet.topics import Heard
+from tests.support.each import each
 
 NOW = 1_000_000.0
 
@@ -56,12 +57,12 @@ def test_what_has_become_of_an_order_is_shown_and_nothing_else_that_happens() ->
     assert not roster(("a/b/state", {}), ("a/b/event", end), retained=True).mounts()[0]["said"]
 
 
-@pytest.mark.parametrize("payload", [b"[]", b"{", b"\xff", b'{"online": 3}', b'{"ra_hours": "x"}', b"[" * 60000])
+@each("payload", [b"[]", b"{", b"\xff", b'{"online": 3}', b'{"ra_hours": "x"}', b"[" * 60000])
 def test_what_has_another_form_is_left_out(payload: bytes) -> None:
     assert not roster(("a/b/state", payload)).mounts()
 
 
-@pytest.mark.parametrize("topic", ["a/state", "a/b/c/state", "a/b/command", "", "/", "a/gateway"])
+@each("topic", ["a/state", "a/b/c/state", "a/b/command", "", "/", "a/gateway"])
 def test_other_topics_are_left_out(topic: str) -> None:
     assert not roster((topic, {})).mounts()
     made = Roster("club", lambda: NOW)

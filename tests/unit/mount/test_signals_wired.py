@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import pytest
-
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -21,7 +20,7 @@ CHANGES: dict[str, Callable[[MountController], object]] = {
 }
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@each("change", CHANGES)
 def test_replies_of_before_are_out_of_date(change: str) -> None:
     async def program() -> None:
         async with Bridge() as bridge:

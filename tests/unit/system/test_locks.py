@@ -19,6 +19,7 @@ from gateway.system import runtime_folders as runtime
 from gateway.system.locks import Claim, PidLock, Taken, read_pid
 from gateway.system.runtime_folders import folders, user
 from gateway.transport.device_link import DeviceLink
+from tests.support.each import each
 from tests.support.process import PATIENCE, Running
 
 ROOT = pytest.mark.skipif(user() != 0, reason="only root can make another user's file")
@@ -148,7 +149,7 @@ def test_a_claim_is_one_whatever_folders_are_found(base: Path, monkeypatch: pyte
 # --- mounts behind a network address ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("where", "name"), [
+@each(("where", "name"), [
     ("socket://10.0.0.5:4030", "mount_10.0.0.5_4030"),
     ("rfc2217://10.0.0.5:4030?ign_set_control", "mount_10.0.0.5_4030"),
     ("socket://Localhost:4030", "mount_127.0.0.1_4030"), ("socket://[::1]:4030", "mount_127.0.0.1_4030"),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gateway.app.gateway import Gateway
 from gateway.protocols.lx200.framing import Framer
 from gateway.transport.intake import APART, BREATH, OTHERS, SHARE, SKIM, Pace, period, unrepeated
+from tests.support.each import each
 from tests.unit.transport.test_ports import address, ask, serve
 
 
@@ -47,7 +48,7 @@ def test_what_is_left_of_a_repetition_ends_as_all_of_it_does(cycle: list[bytes],
     assert whole.feed(b":GR#", 0.0) == part.feed(b":GR#", 0.0)
 
 
-@pytest.mark.parametrize("more", [b":Mn#" + b":Qn#" * 9, b":Qn#:Mn#" * 20, b":Qn", b"", b"#" * 600])
+@each("more", [b":Mn#" + b":Qn#" * 9, b":Qn#:Mn#" * 20, b":Qn", b"", b"#" * 600])
 def test_nothing_is_left_out_of_what_is_no_repetition(more: bytes) -> None:
     assert unrepeated(b":Qn#" * 128, more) == more
 

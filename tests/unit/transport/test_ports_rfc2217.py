@@ -17,6 +17,7 @@ from gateway.app.gateway import Gateway
 from gateway.transport import open_port
 from gateway.transport.handler import Listener
 from gateway.transport.rfc2217 import over_telnet
+from tests.support.each import each
 from tests.unit.transport.test_ports import ask, serve
 
 EVERY_BYTE = bytes(range(256)) + b"\xff\xff\xf0\xff\xfa"
@@ -159,7 +160,7 @@ def test_no_telnet_before_the_client_begins_it() -> None:
     assert telnet.echo.closed
 
 
-@pytest.mark.parametrize("nonsense", [
+@each("nonsense", [
     b"\xff\xf0",  # an end without a beginning
     b"\xff\xfa\xff\xf0", b"\xff\xfa\x2c\xff\xf0", b"\xff\xfa\x2c\x01\x00\xff\xf0",  # too few bytes
     b"\xff\xfa\x2c\x03\x63\xff\xf0", b"\xff\xfa\x2c\x04\x63\xff\xf0", b"\xff\xfa\x2c\x05\x63\xff\xf0",  # no such value

@@ -16,6 +16,7 @@ from gateway.core.errors import UserError
 from gateway.transport import open_port, serial_port
 from gateway.transport.pty import speed
 from gateway.transport.wires import SerialTransport
+from tests.support.each import each
 from tests.unit.transport.test_ports import PATIENCE, serve
 from tests.unit.transport.test_ports_rfc2217 import Echo
 
@@ -112,7 +113,7 @@ def test_a_loop_hears_itself() -> None:
     asyncio.run(main())
 
 
-@pytest.mark.parametrize("where", ["COM5", "com5", "\\\\.\\COM12", "/dev/none", "./none"])
+@each("where", ["COM5", "com5", "\\\\.\\COM12", "/dev/none", "./none"])
 def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
     async def main() -> None:
         await open_port(where, lambda name, host, write: Echo(write))

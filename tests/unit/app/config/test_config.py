@@ -16,6 +16,7 @@ from gateway.app.config.describing import keys
 from gateway.app.config.lines import line_of
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.errors import UserError
+from tests.support.each import each
 
 SURFACE = '[[surface]]\nat = "lx200@tcp://:0"\n'
 MOUNT = '[mount]\nat = "nexstar@sim"\n'
@@ -161,7 +162,7 @@ def test_a_file_of_windows_is_read(tmp_path: Path) -> None:
         make_config(*read_tables(tmp_path / "w.toml"))
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "says"),
     [
         (("--lowest", "95"), "--lowest '95': write a number from -90 to 90"),

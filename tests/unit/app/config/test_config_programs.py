@@ -13,6 +13,7 @@ from gateway.app.config.describing import named
 from gateway.app.config.programs import programs, recognisable, settled, wanted_by
 from gateway.clients.equinox import J2000
 from gateway.core.wire_log import Entry
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import files, read
 from tests.support.virtual import run
@@ -37,7 +38,7 @@ def house(**keys: str) -> tuple[House, list[Entry]]:
     return built, entries
 
 
-@pytest.mark.parametrize(
+@each(
     ("at", "client", "key", "value"),
     [
         (TCP, "stellarium-mobile", "equinox", "j2000"),

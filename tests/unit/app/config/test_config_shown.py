@@ -15,6 +15,7 @@ from gateway.app.config.lines import Place
 from gateway.app.config.programs import settled
 from gateway.app.config.showing import effective, example, table, toml
 from gateway.cli import main
+from tests.support.each import each
 
 ROOT = Path(__file__).parents[4]
 ALL = """log = true
@@ -112,7 +113,7 @@ def test_the_table_of_the_keys_is_fresh() -> None:
     assert rest.partition("<!-- end of keys -->")[0] == table(), "put in what mount-gateway config --table prints"
 
 
-@pytest.mark.parametrize("value", [True, 0, -1.5, 'a "b" \\ \x7f \n é', [1.0, -2.0], ["a"]])
+@each("value", [True, 0, -1.5, 'a "b" \\ \x7f \n é', [1.0, -2.0], ["a"]])
 def test_values_are_written_as_toml(value: object) -> None:
     assert tomli.loads(f"x = {toml(value)}") == {"x": value}
 

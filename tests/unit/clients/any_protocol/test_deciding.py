@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.clients.any_protocol.deciding import HTTP, decide, may_change, undecided, waiting
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS, surfaces
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 
 #: First commands as programs send them, by hand.
 FIRST = [
@@ -38,14 +37,14 @@ FIRST = [
 ]
 
 
-@pytest.mark.parametrize("more", [b"", b":GR#", b"e", b"\r\n", b"\xff"])
-@pytest.mark.parametrize(("sent", "protocol"), FIRST)
+@each("more", [b"", b":GR#", b"e", b"\r\n", b"\xff"])
+@each(("sent", "protocol"), FIRST)
 def test_whole_with_more_behind(sent: bytes, protocol: str, more: bytes) -> None:
     found = decide(sent + more)
     assert found is not None and found == (protocol, "")
 
 
-@pytest.mark.parametrize(("sent", "protocol"), FIRST)
+@each(("sent", "protocol"), FIRST)
 def test_byte_by_byte_nothing_else_is_ever_told(sent: bytes, protocol: str) -> None:
     told = [decide(sent[:count]) for count in range(1, len(sent) + 1)]
     assert {found.protocol for found in told if found is not None} == {protocol}
@@ -76,13 +75,13 @@ def test_methods_that_begin_with_a_command_of_a_hand_control_are_its() -> None:
         assert decide(method[:1].encode()) == ("nexstar", "")
 
 
-@pytest.mark.parametrize("sent", [b"P", b"H", b"R", b"S", b"G", b"PO", b"HEA", b"T", b"K", b"\x14"])
+@each("sent", [b"P", b"H", b"R", b"S", b"G", b"PO", b"HEA", b"T", b"K", b"\x14"])
 def test_what_may_become_more_than_one_is_waited_for(sent: bytes) -> None:
     found = decide(sent)
     assert found is None or sent in (b"K", b"\x14"), "one letter of two protocols"
 
 
-@pytest.mark.parametrize("sent", [b"XYZ", b"\xff\xfb\x01", b"!", b"\x01", b"9"])
+@each("sent", [b"XYZ", b"\xff\xfb\x01", b"!", b"\x01", b"9"])
 def test_what_is_nobodys_is_taken_for_the_first_with_a_reason(sent: bytes) -> None:
     assert decide(sent) == ("lx200", "because no protocol's commands begin so")
 

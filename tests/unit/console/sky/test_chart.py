@@ -15,6 +15,7 @@ import pytest
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from tests.programs.processes import requires
+from tests.support.each import each
 
 FOLDER = Path(__file__).resolve().parents[4] / "gateway/console/page/js/sky"
 MUNICH = (48.137, 11.575)
@@ -88,7 +89,7 @@ def test_precession_over_a_century(sky: Sky) -> None:
         assert separation(*told, *sky.to_of_date(*place, unix)) < LEFT_OUT
 
 
-@pytest.mark.parametrize(
+@each(
     ("facing", "azimuth", "way"),
     [(180, 0, (0, -1)), (180, 90, (-1, 0)), (180, 180, (0, 1)), (180, 270, (1, 0)), (0, 0, (0, 1)), (90, 0, (-1, 0))],
 )

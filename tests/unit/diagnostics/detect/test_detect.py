@@ -15,6 +15,7 @@ from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
 from gateway.diagnostics.detect.probe import sentence
 from gateway.diagnostics.detect.report import block, command
 from gateway.diagnostics.detect.scan_port import OTHERS
+from tests.support.each import each
 from tests.support.uart import Device, UartWire
 from tests.support.virtual import run
 
@@ -77,7 +78,7 @@ def silent(data: bytes) -> bytes:
 # --- mounts -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("what", [*(f"lx200:{name}" for name in MEADES), *(f"nexstar:{n}" for n in HAND_CONTROLS)])
+@each("what", [*(f"lx200:{name}" for name in MEADES), *(f"nexstar:{n}" for n in HAND_CONTROLS)])
 def test_every_mount_is_found_at_9600(what: str) -> None:
     finding, wire = seen(lambda: mount(what).feed)
     protocol, _, model = what.partition(":")
@@ -204,7 +205,7 @@ def test_an_echo_is_not_a_mount() -> None:
     assert wire.sent() == [b"Kx"]
 
 
-@pytest.mark.parametrize(("answer", "state"), [
+@each(("answer", "state"), [
     (b"ERROR\r\n", "stranger"), (b"Ready#", "stranger"), (b"A\r\n", "stranger"), (b"P1", "stranger"),
     (b"D", "downloader"),
 ])  # fmt: skip

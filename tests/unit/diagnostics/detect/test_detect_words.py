@@ -18,6 +18,7 @@ from gateway.diagnostics.detect.advice import next_steps
 from gateway.diagnostics.detect.identify import Mount
 from gateway.diagnostics.detect.report import block, toml, values
 from gateway.transport.wires import group_of
+from tests.support.each import each
 
 PORT = "/dev/ttyUSB0"
 
@@ -49,7 +50,7 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
     assert ("# allow = " in path.read_text()) is network
 
 
-@pytest.mark.parametrize(
+@each(
     ("finding", "says"),
     [
         (
@@ -125,7 +126,7 @@ def test_a_service_runs_as_somebody_who_exists(tmp_path: Path, capsys: pytest.Ca
     assert "this computer has no user 'nobody-of-that-name'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
+@each(
     ("at", "others"),
     [
         ("lx200@tcp://0.0.0.0:4030", True),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-import pytest
 from msgspec.structs import replace
 
 from gateway.diagnostics.doctor.checks import CHECKS, examine
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Listener, Package, Port, Result, Running
+from tests.support.each import each
 
 
 def at(day: str) -> float:
@@ -50,7 +50,7 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
     assert {(result.state, result.do) for result in results} == {(GOOD, "")}
 
 
-@pytest.mark.parametrize(
+@each(
     ("check", "facts", "state", "found", "do"),
     [
         ("python", {"python": (3, 10, 9)}, BAD, "too old", "install Python 3.11 to 3.14"),

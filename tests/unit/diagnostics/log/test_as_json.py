@@ -5,12 +5,11 @@ from __future__ import annotations
 import io
 import json
 
-import pytest
-
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log import as_json
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
+from tests.support.each import each
 
 #: 2026-01-15 22:00:00.25 UTC.
 AT = 1768514400.25
@@ -53,7 +52,7 @@ def test_what_is_dropped_or_fails_is_refused_and_events_go_no_way() -> None:
     assert {one["direction"] for one in (come, dropped, note, gone)} == {None}
 
 
-@pytest.mark.parametrize(
+@each(
     ("log", "wanted", "kept"),
     [
         (True, False, "all"),

@@ -11,6 +11,7 @@ from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log import layout
 from gateway.diagnostics.log.layout import Row, plain, wrapped
 from gateway.diagnostics.log.printing import Rows, printer
+from tests.support.each import each
 
 LONG = [
     Row(0.0, "mount", "<", b"331D2100,0DBC7900#", "e: RA 04:47:04, Dec +19°18'55\""),
@@ -22,8 +23,8 @@ LONG = [
 ]
 
 
-@pytest.mark.parametrize("columns", [1, 40, 60, 80, 100, 132, 250])
-@pytest.mark.parametrize("row", LONG)
+@each("columns", [1, 40, 60, 80, 100, 132, 250])
+@each("row", LONG)
 def test_lines_fit_and_nothing_is_left_out(row: Row, columns: int) -> None:
     lines = wrapped(row, columns)
     assert max(len(line) for line in lines) <= max(columns, 40)

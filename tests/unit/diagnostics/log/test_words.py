@@ -11,6 +11,7 @@ from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.printing import Rows
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 
 #: Protocol, command, its words, reply, its words; the bytes are those of the manuals.
 SAID = [
@@ -71,7 +72,7 @@ SAID = [
 ]
 
 
-@pytest.mark.parametrize(("protocol", "command", "words", "reply", "answer"), SAID)
+@each(("protocol", "command", "words", "reply", "answer"), SAID)
 def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: str) -> None:
     side = Side(protocol)
     assert side.command(command).words == words

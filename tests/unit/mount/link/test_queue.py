@@ -17,6 +17,7 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.transport.wires import OnData, OnLost
+from tests.support.each import each
 from tests.support.virtual import run
 
 
@@ -213,7 +214,7 @@ def test_a_lost_port_is_opened_again() -> None:
     run(program())
 
 
-@pytest.mark.parametrize(
+@each(
     ("ask", "reply", "expected"),
     [
         (Send("J"), b"\x01#", {"aligned": 1}),
@@ -225,7 +226,7 @@ def test_a_lost_port_is_opened_again() -> None:
         (Send("gps_linked"), b"\x00\x00#", NoDevice),
     ],
 )
-@pytest.mark.parametrize("way", ["whole", "byte by byte"])
+@each("way", ["whole", "byte by byte"])
 def test_replies_are_framed_by_length(ask: Send, reply: bytes, expected: Any, way: str) -> None:
     pieces = [reply] if way == "whole" else [bytes((byte,)) for byte in reply]
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from gateway.astro.spherical import wrap180
 from gateway.mount.readings.reckoning import Reading, course, place
+from tests.support.each import each
 
 FAST = 8.0 * 2.0**0.5
 
@@ -43,7 +44,7 @@ def test_two_halves_that_came_one_after_the_other_are_told_of_one_instant() -> N
     assert place(course(before, last, fastest=FAST * 2), 100.0) == pytest.approx((105.6, 14.0))
 
 
-@pytest.mark.parametrize(
+@each(
     ("before", "last", "why"),
     [
         (None, at(120.0, 30.0, 100.0), "one reading"),

@@ -15,6 +15,7 @@ from gateway.mount.safety.admission.path_shapes import STEP, clear, one_rests, t
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.altitude import leaving
 from gateway.mount.safety.rules.meridian import check_hour_angle, past_meridian
+from tests.support.each import each
 
 angles = st.floats(-180.0, 180.0)
 readings = st.tuples(angles, st.floats(-180.0, 180.0))
@@ -50,7 +51,7 @@ def test_both_shapes_begin_and_end_at_the_same_places(start: Pair, turn: Pair) -
         assert separation(*shape(start, turn, length), *end) < 1e-6
 
 
-@pytest.mark.parametrize(
+@each(
     ("turn", "sun", "free"),
     [
         ((90.0, 0.0), (45.0, 25.0), True),
@@ -64,7 +65,7 @@ def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(turn: Pair, sun: P
     assert clear((0.0, 0.0), turn, sun, 20.0) is free
 
 
-@pytest.mark.parametrize(
+@each(
     ("hour_angle", "side", "past"),
     [
         (10.0, "W", 10.0), (-10.0, "W", -10.0), (-10.0, "E", 10.0), (10.0, "E", -10.0),  # German: towards the pier

@@ -17,6 +17,7 @@ from gateway.mount.safety.rules.sun import farthest, near_sun
 from gateway.mount.safety.rules.unknown_position import blind
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.view import View
+from tests.support.each import each
 
 HERE = op.Equatorial(10.0, 20.0)
 DOWN = op.Move(op.Direction.SOUTH, op.Rate(name="max"))
@@ -71,7 +72,7 @@ def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> N
     assert near_sun(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
 
 
-@pytest.mark.parametrize(
+@each(
     ("german", "side", "reason"),
     [(False, None, True), (True, "W", True), (True, "E", False), (True, None, False), (None, None, False)],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.protocols.alpaca.http.requests import BadRequest, understood
+from tests.support.each import each
 
 
 def test_a_question_has_its_parameters_in_any_case() -> None:
@@ -22,7 +23,7 @@ def test_an_order_has_its_parameters_in_exactly_this_case() -> None:
         understood("PUT", "connected", [("connected", "true")])
 
 
-@pytest.mark.parametrize(
+@each(
     ("method", "member", "pairs", "words"),
     [
         ("GET", "nothing", [], "no member 'nothing'"),

@@ -15,6 +15,7 @@ from gateway.protocols.alpaca.http import programs
 from gateway.protocols.alpaca.http.face import AlpacaWeb
 from gateway.transport.handler import ConnectionRefused, HangUp, Write
 from gateway.transport.web_port import WebDevice
+from tests.support.each import each
 
 PATIENCE = 10.0
 API = "/api/v1/telescope/0/"
@@ -129,7 +130,7 @@ def test_a_refusal_is_answered_with_its_number() -> None:
     run(test)
 
 
-@pytest.mark.parametrize(
+@each(
     ("method", "path", "status"),
     [
         ("GET", "/api/v1/telescope/1/altitude", 400),

@@ -6,6 +6,7 @@ import pytest
 
 from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.lx200.framing import LONGEST, Framer
+from tests.support.each import each
 
 
 @pytest.mark.parametrize("endless", [b":", b"::x", b":1", b"x"])
@@ -18,7 +19,7 @@ def test_a_command_without_end_is_dropped(endless: bytes) -> None:
     assert last == b":GR#" and all(len(frame) <= LONGEST + 1 for frame in rest)
 
 
-@pytest.mark.parametrize("more", range(6))
+@each("more", range(6))
 def test_the_longest_command_is_as_long_with_colons_as_without(more: int) -> None:
     for filling in (b"x", b":"):
         frames = Framer().feed(b":S" + filling * (LONGEST - 5 + more) + b"1#", 0.0)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.protocols.lx200.handwriting import Handwriting
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(("answers", "command", "reply", "written"), [
+@each(("answers", "command", "reply", "written"), [
     ({}, "GD", b"+45*10:20#", b"+45*10:20#"),
     ({"GD": b"+00\xdf00:00#"}, "GD", b"-45*10:20#", b"-45\xdf10:20#"),
     ({"GD": b"+00\xdf00:00#"}, "Gd", b"-45*10:20#", b"-45\xdf10:20#"),

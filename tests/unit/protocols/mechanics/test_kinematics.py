@@ -10,6 +10,7 @@ import pytest
 from gateway.astro.axes import Build, Geometry, Sky
 from gateway.astro.spherical import separation, sidereal_time, wrap180
 from gateway.protocols.mechanics.mount import Mechanics
+from tests.support.each import each
 
 START = 1_775_000_000.0
 ARCSECOND = 1 / 3600
@@ -37,8 +38,8 @@ def apart(made: Mechanics, now: float, ra: float, dec: float) -> float:
     return separation(*made.truth(now), ra, dec) * 3600
 
 
-@pytest.mark.parametrize("latitude", SITES)
-@pytest.mark.parametrize("build", BUILDS)
+@each("latitude", SITES)
+@each("build", BUILDS)
 def test_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: float) -> None:
     made = mount(build, latitude)
     ra, dec = made.truth(START)
@@ -55,9 +56,9 @@ def test_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: floa
     assert drifted[1] == pytest.approx(dec, abs=1e-9)
 
 
-@pytest.mark.parametrize("latitude", SITES)
-@pytest.mark.parametrize("build", BUILDS)
-@pytest.mark.parametrize("where", [(25.0, 10.0), (-60.0, -20.0), (-5.0, 5.0), (40.0, 20.0)])
+@each("latitude", SITES)
+@each("build", BUILDS)
+@each("where", [(25.0, 10.0), (-60.0, -20.0), (-5.0, 5.0), (40.0, 20.0)])
 def test_goto_arrives_exactly_on_the_moving_target(build: Build, latitude: float, where: tuple[float, float]) -> None:
     made = mount(build, latitude)
     ra = made.sky.sidereal(START) - where[0]

@@ -17,6 +17,7 @@ from gateway.cli import main
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.mechanics.truth import Truth, sample, truth_of
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.process import Running, ask
 from tests.support.simulated_meade import Clock
@@ -65,7 +66,7 @@ def test_a_fork_driven_over_the_zenith_looks_the_other_way() -> None:
     assert min(seen.azimuth, 360.0 - seen.azimuth) == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     ("first", "second", "hour_angle", "dec", "past"),
     [
         (90.0, 90.0, None, 90.0, -90.0),  # as it is switched on: counterweight straight down
@@ -94,9 +95,9 @@ def test_a_german_mount_beyond_its_meridian(
     assert seen.altitude == pytest.approx(math.degrees(height))
 
 
-@pytest.mark.parametrize("start", MOMENTS)
-@pytest.mark.parametrize("site", SITES)
-@pytest.mark.parametrize(("protocol", "model"), [("nexstar", "cpc"), ("nexstar", "cge"), ("lx200", "lx200")])
+@each("start", MOMENTS)
+@each("site", SITES)
+@each(("protocol", "model"), [("nexstar", "cpc"), ("nexstar", "cge"), ("lx200", "lx200")])
 def test_against_another_almanac(protocol: str, model: str, site: tuple[float, float], start: float) -> None:
     """PyEphem's sidereal time, horizon and Sun: the tube is seen where a star of that place would be."""
     simulator, _ = mount(protocol, model, site, start)
@@ -216,8 +217,8 @@ def unmoved(simulator: Any, clock: Clock, words: list[bytes]) -> None:
     assert simulator.mechanics.believed(clock.now) != believed  # it did hear them
 
 
-@pytest.mark.parametrize("model", ["cpc", "cge", "6-8se", "cgx"])
-@pytest.mark.parametrize("aligned", [True, False])
+@each("model", ["cpc", "cge", "6-8se", "cgx"])
+@each("aligned", [True, False])
 def test_nothing_that_a_nexstar_program_says_moves_the_truth(model: str, aligned: bool) -> None:
     simulator, clock = mount("nexstar", model, aligned=aligned)
     simulator.feed(b"T\x00")

@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 
 from gateway.protocols.wireformat.fields import codec
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("form", "raw", "value"),
     [
         ("number", b"1.5", 1.5), ("number", b"-3", -3.0), ("number", b"1e-3", 0.001), ("number", b"+7", 7.0),
@@ -25,7 +26,7 @@ def test_what_comes_in(form: str, raw: bytes, value: object) -> None:
     assert codec(form).decode(raw) == value
 
 
-@pytest.mark.parametrize(
+@each(
     ("form", "raw"),
     [
         ("number", b""), ("number", b"inf"), ("number", b"nan"), ("number", b"1_0"), ("number", b"1,5"),
@@ -41,7 +42,7 @@ def test_what_is_no_such_value(form: str, raw: bytes) -> None:
         codec(form).decode(raw)
 
 
-@pytest.mark.parametrize(
+@each(
     ("form", "value", "raw"),
     [
         ("number", 0.1 + 0.2, b"0.30000000000000004"), ("number", 3, b"3.0"), ("hours", 360.0, b"0.0"),

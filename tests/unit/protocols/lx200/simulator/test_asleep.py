@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import meade, overhead
 from tests.support.virtual import run
@@ -26,7 +27,7 @@ TURNS = [
 ]
 
 
-@pytest.mark.parametrize(("order", "answer"), TURNS)
+@each(("order", "answer"), TURNS)
 def test_a_sleeping_telescope_turns_nothing_until_it_is_woken(order: bytes, answer: bytes) -> None:
     sim, clock = meade("lx200gps")
     assert sim.feed(overhead(sim) + b":Sa+60*00#:Sz120*00#:hN#") == b"1111"

@@ -111,10 +111,8 @@ def test_an_lx200gps_takes_the_reading_nearer_the_hosts_clock(offset: float, utc
         assert instants(talk.mount) == [true], (text, error)
 
 
-@pytest.mark.parametrize("host", ["2023-01-01 00:00:00", "2026-07-01 00:00:00", "2026-07-09 00:00:00"])
-@pytest.mark.parametrize(
-    ("offset", "local", "sent"), [(b"+05", "21:30:00", "07/05/26"), (b"-10", "05:00:00", "07/03/26")]
-)
+@each("host", ["2023-01-01 00:00:00", "2026-07-01 00:00:00", "2026-07-09 00:00:00"])
+@each(("offset", "local", "sent"), [(b"+05", "21:30:00", "07/05/26"), (b"-10", "05:00:00", "07/03/26")])
 def test_an_lx200gps_goes_by_the_manual_where_the_host_has_lost_its_clock(
     host: str, offset: bytes, local: str, sent: str
 ) -> None:
@@ -176,7 +174,7 @@ def test_an_offset_on_the_next_connection_belongs_to_the_time_on_the_last(gap: f
     assert told(talk) % 86400 == 2 * 3600 + 10 + int(gap), "21:00:00 and five hours, ten seconds ago"
 
 
-@pytest.mark.parametrize("question", [b":GL#", b":GC#", b":GG#", b":Ga#", b":GS#"])
+@each("question", [b":GL#", b":GC#", b":GG#", b":Ga#", b":GS#"])
 def test_a_question_about_time_hands_on_what_is_there_first(question: bytes) -> None:
     talk = Talk()
     talk.send(b":SL23:00:00#:SC03/22/26#")

@@ -9,6 +9,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Direction, Rate
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 
 
@@ -22,11 +23,11 @@ def asked(*frames: bytes, model: str = "autostar") -> list[Any]:
 # --- arrows -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("letter", "direction"),
     [(b"n", Direction.NORTH), (b"s", Direction.SOUTH), (b"e", Direction.EAST), (b"w", Direction.WEST)],
 )
-@pytest.mark.parametrize(
+@each(
     ("choice", "rate"),
     [
         (b":RG#", Rate(name="guide")),
@@ -82,7 +83,7 @@ def test_a_stop_ends_everything_and_a_directions_stop_its_axis() -> None:
     assert asked(b":Qn#:Qs#:Qe#:Qw#") == [op.StopAxis(2), op.StopAxis(2), op.StopAxis(1), op.StopAxis(1)]
 
 
-@pytest.mark.parametrize(
+@each(
     ("frame", "pulse"),
     [
         (b":Mgn0500#", op.Pulse(Direction.NORTH, 500)),
@@ -96,7 +97,7 @@ def test_a_guide_pulse_has_a_direction_and_milliseconds(frame: bytes, pulse: op.
     assert asked(frame) == [pulse]
 
 
-@pytest.mark.parametrize("frame", [b":Mg#", b":Mgn#", b":Mgx0500#", b":Mgn-500#", b":Mgnabc#"])
+@each("frame", [b":Mg#", b":Mgn#", b":Mgx0500#", b":Mgn-500#", b":Mgnabc#"])
 def test_half_a_guide_pulse_moves_nothing(frame: bytes) -> None:
     assert asked(frame) == []
 
@@ -110,7 +111,7 @@ def test_a_command_without_a_reply_stays_silent_when_the_mount_fails() -> None:
 # --- tracking -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("frames", "told", "rate"),
     [
         (b":TQ#", b"60.1#", op.TrackRate(name="sidereal")),

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from gateway.clients.access import Access
 from gateway.mount.safety.limits import Limits
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -18,8 +19,8 @@ MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
 WITH_HORIZON = ["autostar", "lx200-16", "lx200gps"]
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize(
+@each("model", MODELS)
+@each(
     "bad",
     [
         b":So91#",
@@ -49,20 +50,20 @@ def test_four_digits_of_a_limit_are_arcminutes_as_one_program_sends_them() -> No
     assert Talk().send(b":So0600#:Sh4800#:Go#:Gh#") == b"1110*#80*#"
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("bad", [b":SB0#", b":SB10#", b":SBabc#", b":SB#", b":SB-1#", b":SBz#"])
+@each("model", MODELS)
+@each("bad", [b":SB0#", b":SB10#", b":SBabc#", b":SB#", b":SB-1#", b":SBz#"])
 def test_a_baud_rate_that_is_none_is_refused(model: str, bad: bytes) -> None:
     """The manual has no form for this no; it is the one of every other setting."""
     assert Talk(model=model).send(bad) == b"0"
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("good", [b":SB1#", b":SB6#", b":SB9#"])
+@each("model", MODELS)
+@each("good", [b":SB1#", b":SB6#", b":SB9#"])
 def test_a_baud_rate_of_the_manual_is_taken(model: str, good: bytes) -> None:
     assert Talk(model=model).send(good) == b"1"
 
 
-@pytest.mark.parametrize(
+@each(
     "bad",
     [
         b":Srab:cd:ef#",
@@ -83,7 +84,7 @@ def test_letters_in_place_of_a_number_are_answered_once(bad: bytes) -> None:
     assert talk.send(b":GR#") == b"12:34:56#"
 
 
-@pytest.mark.parametrize(
+@each(
     ("bad", "reads", "before"),
     [
         (b":Sr12:34:60#", b":Gr#", b"00:00:00#"),
@@ -122,9 +123,7 @@ def test_sixty_carries_where_programs_round_to_it(model: str) -> None:
     assert talk.send(b":Sg074*60#:St40*60#:Gg#:Gt#") == b"11+075*00#+41*00#"
 
 
-@pytest.mark.parametrize(
-    "bad", [b":Sz180*61#", b":Sz180*99#", b":Sa+30*61#", b":Sg074*61#", b":Sg074*99#", b":St+40*61#", b":St+40*99#"]
-)
+@each("bad", [b":Sz180*61#", b":Sz180*99#", b":Sa+30*61#", b":Sg074*61#", b":Sg074*99#", b":St+40*61#", b":St+40*99#"])
 def test_sixty_one_is_no_minute(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":Sg074*30#:St+40*45#") == b"11"
@@ -132,7 +131,7 @@ def test_sixty_one_is_no_minute(bad: bytes) -> None:
     assert talk.send(b":Gg#:Gt#") == b"+074*30#+40*45#"
 
 
-@pytest.mark.parametrize("bad", [b":Se+181*00#", b":Se-181*00#", b":Se+360*00#", b":Se+200*00#", b":SE+91*00#"])
+@each("bad", [b":Se+181*00#", b":Se-181*00#", b":Se+360*00#", b":Se+200*00#", b":SE+91*00#"])
 def test_a_place_on_the_moon_is_on_the_moon(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":SE+20*00#:Se-010*30#") == b"11"
@@ -143,8 +142,8 @@ def test_a_place_on_the_moon_is_on_the_moon(bad: bytes) -> None:
 # --- the altitude of a target -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", WITH_HORIZON)
-@pytest.mark.parametrize("out", [b":Sa-10*00#", b":Sa+95*00#", b":Sa-00*01#"])
+@each("model", WITH_HORIZON)
+@each("out", [b":Sa-10*00#", b":Sa+95*00#", b":Sa-00*01#"])
 def test_an_altitude_out_of_the_slew_range_is_refused_and_nothing_is_chosen(model: str, out: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":Sz180*00#:Sa+30*00#") == b"11"

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.core import operations as op
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 
 
@@ -21,7 +22,7 @@ def _place(talk: Talk) -> tuple[Any, Any]:
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("sent", "east", "told"),
     [
         (b"122*25", -(122 + 25 / 60), b"+122*25#"),
@@ -64,9 +65,7 @@ def test_latitude(north: int) -> None:
     assert _place(talk) == (pytest.approx(north / 60), None)
 
 
-@pytest.mark.parametrize(
-    "refused", [b":St+91*00#", b":St+90*01#", b":St#", b":Stabc#", b":Sg361*00#", b":Sg-181*00#", b":Sg#"]
-)
+@each("refused", [b":St+91*00#", b":St+90*01#", b":St#", b":Stabc#", b":Sg361*00#", b":Sg-181*00#", b":Sg#"])
 def test_an_impossible_place_is_refused(refused: bytes) -> None:
     talk = Talk()
     assert talk.send(refused) == b"0"

@@ -144,7 +144,7 @@ def test_a_pair_is_one_instant(first: bytes, second: bytes, before: bytes, after
 # --- truthful about the mount -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("tracking", "aligned", "equatorial", "ack", "state"),
     [
         (op.Tracking.ALTAZ, True, False, b"A", b"AT1"),

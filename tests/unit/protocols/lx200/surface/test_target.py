@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from gateway.core import errors
 from gateway.core import operations as op
 from gateway.mount.safety.limits import Limits
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 
 TARGET = b":Sr05:34:32#:Sd+22*00:52#"
@@ -20,7 +21,7 @@ REFUSED_DEC = (b":Sd+91*00:00#", b":Sd+90*00:01#", b":Sd-90*00:01#", b":Sd+12*60
 # --- targets ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("half", REFUSED_RA + REFUSED_DEC)
+@each("half", REFUSED_RA + REFUSED_DEC)
 def test_a_refused_half_clears_the_whole_target(half: bytes) -> None:
     talk = Talk()
     assert talk.send(TARGET) == b"11"
@@ -76,7 +77,7 @@ def test_a_goto_of_a_client_in_land_mode_starts_no_tracking() -> None:
 # --- refusals -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("fault", "reply"),
     [
         (errors.BelowHorizon(), b"1Object Below Horizon.#"),

@@ -55,8 +55,8 @@ def aimed(**settings: Any) -> Talk:
 # --- refused as a whole -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(
+@each("way", WAYS)
+@each(
     "lost",
     [
         b":Sr07:00:00:MS#",
@@ -100,8 +100,8 @@ def test_what_follows_in_the_same_run_is_answered_and_moves_nothing(way: str) ->
     assert talk.send(b":MS#") == b"0"
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("stop", stops())
+@each("way", WAYS)
+@each("stop", stops())
 def test_a_stop_inside_or_behind_is_carried_out(stop: bytes, way: str) -> None:
     for sent in (
         b":Sr07:00:00" + stop,
@@ -207,8 +207,8 @@ def test_what_never_ends_needs_no_memory(endless: bytes) -> None:
 # --- left as it was -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(
+@each("way", WAYS)
+@each(
     ("sent", "reply", "moved"),
     [
         (b":QA+:GR#", b"12:34:56#", 0),

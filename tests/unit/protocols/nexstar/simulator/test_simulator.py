@@ -13,6 +13,7 @@ from gateway.astro.spherical import separation, sidereal_time, wrap180
 from gateway.core.errors import UserError
 from gateway.protocols.nexstar.simulator.hand_control import HANDLERS, SimulatedHandControl
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 
 #: 19:26:00 UT, 6 April 2005: the manual's example, 3:26 PM in New York in summer.
 APRIL = 1112815560.0
@@ -248,7 +249,7 @@ def number(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split("."))
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@each("version", VERSIONS)
 def test_a_version_lacks_what_came_later(version: str) -> None:
     for name, request, since, _ in forms():
         bench = Bench("cge", version)
@@ -281,7 +282,7 @@ def test_every_command_has_a_handler_and_every_handler_a_command() -> None:
     assert set(HANDLERS) == set(load("nexstar").commands)
 
 
-@pytest.mark.parametrize("model", list(load("nexstar").models))
+@each("model", list(load("nexstar").models))
 def test_devices_by_model(model: str) -> None:
     bench, row = Bench(model, "4.21"), load("nexstar").models[model]
     assert bench(b"m") == bytes((row["id"],)) + b"#"

@@ -226,7 +226,7 @@ def test_a_gps_unit_that_the_mount_has_not_is_not_linked() -> None:
     assert talk.send(read(176, 4, 2)) == b"\x07\xea#"
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_real_time_clock(model: str) -> None:
     talk = talk_to(model)
     talk.mount.clock = op.Moment(unix("2026-03-31 23:30:35"), -8.0)
@@ -242,7 +242,7 @@ def test_real_time_clock(model: str) -> None:
         assert talk.mount.of(op.SetClock) == []
 
 
-@pytest.mark.parametrize(
+@each(
     "setting",
     [
         b"P\3\xb2\x83\x02\x1e\0\0",

@@ -6,6 +6,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Unsupported
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 
 
@@ -26,11 +27,9 @@ KEYS = [0.002089, 0.004178, 0.016712, 0.033425, 0.066849, 0.267397, 1.0, 3.0, 5.
 # --- fixed rates ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", ["6-8se", "cge"])
-@pytest.mark.parametrize("latitude", [45.0, -45.0])
-@pytest.mark.parametrize(
-    ("device", "command", "axis", "sense"), [(16, 36, 1, 1), (16, 37, 1, -1), (17, 36, 2, 1), (17, 37, 2, -1)]
-)
+@each("model", ["6-8se", "cge"])
+@each("latitude", [45.0, -45.0])
+@each(("device", "command", "axis", "sense"), [(16, 36, 1, 1), (16, 37, 1, -1), (17, 36, 2, 1), (17, 37, 2, -1)])
 def test_motor_sense_is_kept(model: str, latitude: float, device: int, command: int, axis: int, sense: int) -> None:
     """Whatever hemisphere and side of the pier: programs make their own north of it, each in its way."""
     mount = Mount()
@@ -61,11 +60,9 @@ def test_hand_motion_is_no_goto() -> None:
 # --- variable rates -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("device", "axis"), [(16, 1), (17, 2)])
-@pytest.mark.parametrize(("command", "sense"), [(6, 1), (7, -1)])
-@pytest.mark.parametrize(
-    ("code", "arcseconds"), [(1, 0.25), (60, 15.0), (600, 150.0), (0x2323, 2248.75), (0xFFFC, 16383.0)]
-)
+@each(("device", "axis"), [(16, 1), (17, 2)])
+@each(("command", "sense"), [(6, 1), (7, -1)])
+@each(("code", "arcseconds"), [(1, 0.25), (60, 15.0), (600, 150.0), (0x2323, 2248.75), (0xFFFC, 16383.0)])
 def test_quarter_arcseconds(device: int, axis: int, command: int, sense: int, code: int, arcseconds: float) -> None:
     (move,) = asked(bytes((80, 3, device, command, code >> 8, code & 255, 0, 0)))
     assert isinstance(move, op.MoveAxis)
@@ -73,9 +70,9 @@ def test_quarter_arcseconds(device: int, axis: int, command: int, sense: int, co
     assert move.rate.degrees == pytest.approx(arcseconds / 3600, rel=1e-12)
 
 
-@pytest.mark.parametrize(("device", "axis"), [(16, 1), (17, 2)])
-@pytest.mark.parametrize(("command", "sense"), [(6, 1), (7, -1)])
-@pytest.mark.parametrize(
+@each(("device", "axis"), [(16, 1), (17, 2)])
+@each(("command", "sense"), [(6, 1), (7, -1)])
+@each(
     ("code", "arcseconds"),
     [(1, 1 / 1024), (0x025800, 150.0), (0x232323, 2248.7841796875), (0xFFFFFF, 16383.9990234375)],
 )
@@ -94,8 +91,8 @@ def test_variable_rate_0_halts_that_axis(command: int) -> None:
     assert asked(bytes((80, 4, 17, command, 0, 0, 0, 0))) == [op.StopAxis(2)]
 
 
-@pytest.mark.parametrize("command", [6, 7])
-@pytest.mark.parametrize(("code", "name"), [(0xFF, "sidereal"), (0xFE, "solar"), (0xFD, "lunar")])
+@each("command", [6, 7])
+@each(("code", "name"), [(0xFF, "sidereal"), (0xFE, "solar"), (0xFD, "lunar")])
 def test_three_codes_are_tracking_rates_and_never_a_slew(command: int, code: int, name: str) -> None:
     assert asked(bytes((80, 3, 16, command, 255, code, 0, 0))) == [op.TrackRate(name=name)]
 
@@ -105,12 +102,12 @@ def test_three_codes_are_tracking_rates_and_never_a_slew(command: int, code: int
 ACTIVE = {axis: bytes((80, 1, 15 + axis, 39, 0, 0, 0, 1)) for axis in (1, 2)}
 
 
-@pytest.mark.parametrize("axis", [1, 2])
-@pytest.mark.parametrize(
+@each("axis", [1, 2])
+@each(
     ("rate", "sense", "part"),
     [(50, 1, 0.5), (206, -1, 0.5), (1, 1, 0.01), (255, -1, 0.01), (100, 1, 1.0), (35, 1, 0.35)],
 )
-@pytest.mark.parametrize("ticks", [1, 30, 35, 255])
+@each("ticks", [1, 30, 35, 255])
 def test_pulse(axis: int, rate: int, sense: int, part: float, ticks: int) -> None:
     talk = talk_to()
     assert talk.send(ACTIVE[axis]) == b"\0#"
@@ -163,8 +160,8 @@ def test_mode_is_a_number_and_told_as_it_was_set(tracking: op.Tracking, code: in
     assert talk.mount.of(op.SetTracking) == [op.SetTracking(on=code > 0, mode=tracking)]
 
 
-@pytest.mark.parametrize("version", ["3.01", "3.02", "3.04"])
-@pytest.mark.parametrize("model", ["cge", "advanced-gt"])
+@each("version", ["3.01", "3.02", "3.04"])
+@each("model", ["cge", "advanced-gt"])
 def test_modes_are_shifted_on_some_german_versions(model: str, version: str) -> None:
     """NexStar protocol, tracking modes of the CGE and Advanced GT 3.01-3.04: EQ north 1, EQ south 2."""
     talk = talk_to(model, version=version)
@@ -214,7 +211,7 @@ def test_a_declination_past_the_pole_is_folded() -> None:
     assert talk.mount.of(op.Sync) == [op.Sync(180.0, 78.75)]
 
 
-@pytest.mark.parametrize("low", [b"00", b"FF", b"7f", b"\0\0", b"##", b"zz", b",,"])
+@each("low", [b"00", b"FF", b"7f", b"\0\0", b"##", b"zz", b",,"])
 def test_the_low_byte_may_be_anything(low: bytes) -> None:
     talk = talk_to()
     assert talk.send(b"r355555" + low + b",200000" + low) == b"#"
@@ -223,7 +220,7 @@ def test_the_low_byte_may_be_anything(low: bytes) -> None:
     assert goto.dec == pytest.approx(45.0, abs=360 / 2**24)
 
 
-@pytest.mark.parametrize("low", [b"  ", b"\r\n", b"\t\t", b"1 ", b"_1"])
+@each("low", [b"  ", b"\r\n", b"\t\t", b"1 ", b"_1"])
 def test_the_low_byte_may_be_blank(low: bytes) -> None:
     talk = talk_to()
     assert talk.send(b"r355555" + low + b",200000" + low) == b"#"

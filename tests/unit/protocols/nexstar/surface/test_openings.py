@@ -13,6 +13,7 @@ from gateway.core import operations as op
 from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 
 #: Typed by hand from the manual and from what programs send: opcode -> length, and the version it came with.
@@ -218,8 +219,8 @@ def test_the_log_says_why_there_is_no_answer() -> None:
 # --- the simulated hand control -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(("model", "version"), CASES)
+@each("way", WAYS)
+@each(("model", "version"), CASES)
 def test_a_simulated_hand_control_passes_over_what_it_lacks(model: str, version: str, way: str) -> None:
     for letter, request in REQUESTS.items():
         now = [1768514400.0]

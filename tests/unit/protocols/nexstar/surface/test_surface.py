@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from gateway.core import operations as op
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 
 LETTERS = [letter.encode() for letter in "EeZzRrBbSsTtPWwHhVvmKJLMplxyiIu"]
@@ -92,7 +93,7 @@ def test_every_command_has_a_row() -> None:
     assert set(protocol.commands) == set(protocol.surface)
 
 
-@pytest.mark.parametrize("version", ["1.2", "1.6", "2.2", "4.21", "5.31"])
+@each("version", ["1.2", "1.6", "2.2", "4.21", "5.31"])
 def test_the_variant_is_told_whatever_the_version(version: str) -> None:
     """One program asks it of every hand control, and waits five seconds for it, twice."""
     assert talk_to(version=version).send(b"v") == b"\x11#"
