@@ -23,6 +23,8 @@ from tests.support.forked import Forked
 from tests.support.process import ALIVE, Running
 
 _COUNT = itertools.count()
+#: New objects between two looks of the garbage collector, in its three generations.
+SELDOM = (20_000, 20, 20)
 
 # No example is measured: a small or a shared machine may take its time.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -64,7 +66,7 @@ def pytest_collection_finish() -> None:
     A play makes and drops hundreds of thousands of values, of which next to nothing needs the collector.
     """
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
+    gc.set_threshold(*SELDOM)
     gc.enable()
 
 
@@ -75,6 +77,7 @@ def pytest_sessionfinish() -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Iterator[None]:
     """What a test itself has started ends with it, also when it fails: left open it makes others fail after it."""
+    gc.set_threshold(*SELDOM)  # a command of the product that ran in this process has set its own
     before = len(ALIVE)
     try:
         return (yield)
