@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import count
 from typing import Any
 
-from gateway.core.bell import Bell
 from gateway.core.errors import Busy, Fault, NoAnswer
+from gateway.core.timed_event import TimedEvent
 from gateway.protocols.base.driver import Send
 
 STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
@@ -68,7 +68,7 @@ class RequestQueue:
         self._waiting: list[Request] = []
         self._urgent: list[float] = []
         self._motions = self._passed_over = 0
-        self._wake = Bell()
+        self._wake = TimedEvent()
 
     def __len__(self) -> int:
         return len(self._waiting)

@@ -11,9 +11,9 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from gateway.core.bell import Bell
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
+from gateway.core.timed_event import TimedEvent
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.answers import LATEST, AnswerTimes, LateReplies
 from gateway.mount.link.queue import RequestQueue
@@ -65,7 +65,7 @@ class Transaction:
         #: Whether any byte has ever come; the last question that was not answered as it should, and what came instead.
         self.heard_ever = False
         self.trouble = b"", b""
-        self._buffer, self._arrived = b"", Bell()
+        self._buffer, self._arrived = b"", TimedEvent()
         self._heard = self._stray = -1e9
         self._last: Send | None = None
         self._stops = 0

@@ -9,8 +9,8 @@ from __future__ import annotations
 import asyncio
 
 from gateway.core import operations as op
-from gateway.core.bell import Bell
 from gateway.core.errors import Fault, NoAnswer, NotAligned
+from gateway.core.timed_event import TimedEvent
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
 from gateway.mount.link.line import MountLink
@@ -59,7 +59,7 @@ class Poller:
         self._site_clock, self._settings = site_clock, settings
         self._movement, self._watch, self._ends = movement, watch, ends
         self._axes_refused = -1e9
-        self._news = {kind: Bell() for kind in RENEW}
+        self._news = {kind: TimedEvent() for kind in RENEW}
         cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
