@@ -95,11 +95,6 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     ) -> _Due:
         return self.call_at(self.elapsed + delay, callback, *args, context=context)
 
-    def others_are_ready(self) -> bool:
-        """Whether anything besides what runs just now would have its turn before time goes on."""
-        timers = self._timers
-        return bool(self._soon) or bool(timers and timers[0][0] < self.elapsed + RESOLUTION)
-
     def _add_callback(self, handle: asyncio.Handle) -> None:
         """What the system has something for, in asyncio's own form."""
         self.call_soon(_run, handle)

@@ -62,8 +62,6 @@ class RequestQueue:
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
-        #: A loop of virtual time knows when a turn would be for nothing; others have always something to look after.
-        self._others_are_ready: Callable[[], bool] = getattr(self._loop, "others_are_ready", lambda: True)
         self._numbers = count()
         self._waiting: list[Request] = []
         self._urgent: list[float] = []
@@ -150,7 +148,7 @@ class RequestQueue:
     def _what_follows(self) -> Iterator[None]:
         """Give whoever had an answer its turns, unless nothing or a stop waits."""
         for _ in range(TURNS):
-            if not self._waiting or self.stop_waits or not self._others_are_ready():
+            if not self._waiting or self.stop_waits:
                 return
             yield  # a turn, as asyncio.sleep(0) is one; there are eight to an exchange
 
