@@ -34,7 +34,7 @@ ROOT = str(Path(gateway.__file__).parent)
 LAYERS = ("core", "system", "astro", "transport", "protocols", "mount", "clients", "app", "diagnostics", "cli")
 #: What stands in for the world outside: the mount, and whatever runs on its account; and what is passed through.
 WORLD = ("/simulator/", "protocols/mechanics/", "app/simulated")
-PASSED = ("diagnostics/", "core/signals", "core/bell")
+PASSED = ("diagnostics/", "core/signals")
 
 
 class Walk:
