@@ -283,7 +283,7 @@ def test_a_gateway_under_nohup_outlives_its_terminal() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         assert not asyncio.run(program())
-        signal.signal(signal.SIGHUP, before)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ``before`` may ignore it: the tests run under nohup, too
         assert asyncio.run(program())
     finally:
         signal.signal(signal.SIGHUP, before)
