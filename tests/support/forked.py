@@ -192,10 +192,7 @@ def become(request: dict[str, Any], out: int, err: int) -> None:
     sys.argv = [str(PRODUCT), *request["words"]]
     shown = "\0".join([sys.executable, "-bb", "-P", *sys.argv]).encode() + b"\0"
     first, end = (int(number) for number in Path("/proc/self/stat").read_text().rpartition(")")[2].split()[45:47])
-    with (
-        contextlib.suppress(OSError),
-        open("/proc/self/mem", "r+b", buffering=0) as memory,
-    ):  # else it shows the other's
+    with contextlib.suppress(OSError), open("/proc/self/mem", "r+b", buffering=0) as memory:  # else ps shows the other
         memory.seek(first)
         memory.write(shown.ljust(end - first, b"\0"))
 
