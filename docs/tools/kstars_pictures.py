@@ -15,11 +15,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from PIL import Image, ImageGrab
-
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from docs.tools.pictures import picture  # noqa: E402
+from tests.programs.display import start_display  # noqa: E402
 from tests.programs.indi import IndiServer  # noqa: E402
 from tests.programs.processes import Workshop, wait_until  # noqa: E402
 from tests.programs.product import PRODUCT, start_simulator  # noqa: E402
@@ -99,18 +99,11 @@ class Program:
         (home / "run").mkdir(mode=0o700)
         for name, text in SETTINGS.items():
             (home / ".config" / name).write_text(text)
-        size = f"{SIZE[0]}x{SIZE[1]}x24"
-        workshop.start(["sh", "-c", f"exec Xvfb -displayfd 3 -screen 0 {size} -noreset 3>{home}/display"])
-        shown = home / "display"
-        wait_until("a display", lambda: shown.exists() and shown.read_text().strip().isdecimal(), 20.0)
         self._environment = {
-            "DISPLAY": f":{shown.read_text().strip()}",
-            "HOME": str(home),
+            **start_display(workshop, home, SIZE),
             "XDG_CONFIG_HOME": str(home / ".config"),
             "XDG_RUNTIME_DIR": str(home / "run"),
             "LC_ALL": "C.UTF-8",
-            "LIBGL_ALWAYS_SOFTWARE": "1",
-            "QT_QPA_PLATFORM": "xcb",
         }
         bus = workshop.start(["dbus-daemon", "--session", "--nofork", "--print-address=1"], self._environment)
         [address] = bus.wait_for_lines("unix:", 1)
@@ -139,10 +132,7 @@ class Program:
         time.sleep(2.0)
 
     def picture(self, name: str, part: tuple[int, int, int, int]) -> None:
-        path = ROOT / "docs" / "pictures" / f"{name}.png"
-        image = ImageGrab.grab(xdisplay=self._environment["DISPLAY"]).crop(part).convert("RGB")
-        image.quantize(colors=256, dither=Image.Dither.NONE).save(path, optimize=True)
-        print(path.name, path.stat().st_size)
+        picture(name, part, self._environment["DISPLAY"])
 
 
 if __name__ == "__main__":

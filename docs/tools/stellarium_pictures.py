@@ -15,11 +15,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from PIL import Image, ImageGrab
-
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from docs.tools.pictures import picture  # noqa: E402
 from tests.programs import stellarium  # noqa: E402
 from tests.programs.processes import Workshop, wait_until  # noqa: E402
 from tests.programs.product import start_simulator, start_stellarium_gateway  # noqa: E402
@@ -54,7 +53,7 @@ def main() -> None:
             program.slew()
             wait_until("the slew", truth.goto_running, 20.0)
             time.sleep(3.0)
-            picture("stellarium", WINDOW)
+            picture("stellarium", WINDOW, os.environ["DISPLAY"])
             wait_until("arrival", lambda: not truth.goto_running(), 120.0)
             form()
         finally:
@@ -70,20 +69,13 @@ def form() -> None:
     act("mousemove", "400", "420", *["click", "5"] * 8)  # down to the connection
     act("mousemove", "570", "328", "click", "--repeat", "3", "1", "type", "10001")
     act("key", "Tab")
-    picture("stellarium-telescope", FORM)
+    picture("stellarium-telescope", FORM, os.environ["DISPLAY"])
 
 
 def act(*what: str) -> None:
     """As a person would, who waits for the next window to open."""
     subprocess.run(["xdotool", *what], check=True)
     time.sleep(2.5)
-
-
-def picture(name: str, part: tuple[int, int, int, int]) -> None:
-    path = ROOT / "docs" / "pictures" / f"{name}.png"
-    image = ImageGrab.grab(xdisplay=os.environ["DISPLAY"]).crop(part).convert("RGB")
-    image.quantize(colors=256, dither=Image.Dither.NONE).save(path, optimize=True)
-    print(path.name, path.stat().st_size)
 
 
 if __name__ == "__main__":

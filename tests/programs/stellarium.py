@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from .display import start_display
 from .processes import Workshop, requires, wait_until
 from .sky import NIGHT, Site
 
@@ -74,16 +75,7 @@ class Planetarium:
         home = workshop.folder / "home"
         self._workshop = workshop
         _files(home / ".stellarium", port, star, site)
-        # it chooses a free display itself, and writes its number
-        workshop.start(["sh", "-c", f"exec Xvfb -displayfd 3 -screen 0 1024x768x24 -noreset 3>{home}/display"])
-        shown = home / "display"
-        wait_until("a display", lambda: shown.exists() and shown.read_text().strip().isdecimal(), 20.0)
-        self._environment = {
-            "DISPLAY": f":{shown.read_text().strip()}",
-            "HOME": str(home),
-            "LIBGL_ALWAYS_SOFTWARE": "1",
-            "QT_QPA_PLATFORM": "xcb",
-        }
+        self._environment = start_display(workshop, home, (1024, 768))
         self._program = workshop.start(["stellarium"], self._environment)
         wait_until("the star is selected", self._selected, STARTS)
 
