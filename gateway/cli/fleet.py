@@ -46,7 +46,7 @@ def add_fleet(commands: Commands) -> None:
 
 
 def _fleet(arguments: argparse.Namespace) -> int:
-    from gateway.app.config.sections.mqtt import PARTS
+    from gateway.app.config.tables import PARTS
     from gateway.fleet.access import access
 
     if not 0 <= arguments.port <= 65535:

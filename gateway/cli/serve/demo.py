@@ -10,7 +10,7 @@ import sys
 
 from gateway.app.config import Source, make_config
 from gateway.app.config.describing import keys
-from gateway.app.config.lines import Place
+from gateway.app.config.source import Place
 from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import serve_mounts, with_loop
 from gateway.cli.serve.settings import add_console, add_flag, put_console

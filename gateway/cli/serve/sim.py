@@ -9,7 +9,7 @@ from math import inf
 from typing import TextIO
 
 from gateway.app.config import parse_device, parse_site
-from gateway.app.config.places import right
+from gateway.app.config.endpoints import right
 from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
