@@ -29,6 +29,7 @@ SAID_TO_PEOPLE = {
     "app/config/checks.py",
     "app/config/keys.py",
     "app/config/reading.py",
+    "app/config/tables.py",
     "cli/command_line.py",
     "cli/inspect/detect.py",
     "cli/inspect/tables.py",
