@@ -12,7 +12,8 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
+from gateway.cli.mount.asking import add_which
 from gateway.core.errors import UserError
 from gateway.system import journal
 
@@ -25,9 +26,7 @@ Examples:
 """
 
 
-def add(commands: Commands) -> None:
-    from gateway.cli.mount.asking import add_which
-
+def add_stop(commands: Commands) -> None:
     stop = commands.add_parser(
         "stop", help="stop the mount: of every running gateway, and of one that was killed",
         description="Ends every motion of every mount here, and looks at each until it rests. Exit code 0: every one "

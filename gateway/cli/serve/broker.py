@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from gateway.app.config.describing import keys
-from gateway.app.config.sections.mqtt import MqttConfig
+from gateway.app.config.tables import MqttConfig
 
 if TYPE_CHECKING:
     from gateway.app.config import Config, Source

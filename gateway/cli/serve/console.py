@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.config.sections.console import ConsoleConfig
+from gateway.app.config.tables import ConsoleConfig
 from gateway.cli.serve.live import Screen
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.transport.listening import SERVED

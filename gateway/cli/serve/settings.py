@@ -15,9 +15,9 @@ from typing import Any
 import msgspec
 
 from gateway.app.config import Config, Source, make_config, read_tables
-from gateway.app.config.declaring import OFF
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
+from gateway.app.config.keys import OFF
 from gateway.cli.serve.broker import add_mqtt, put_mqtt
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
