@@ -49,25 +49,11 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.lx200.session import LxSession
-    from gateway.protocols.lx200.surface import (
-        accessories,
-        clock,
-        help,
-        moon,
-        motion,
-        objects,
-        own,
-        search,
-        site,
-        target,
-        tracking,
-    )  # fmt: skip
+    from gateway.protocols.lx200.surface import accessories, clock, help, motion, objects, own, site, target, tracking
 
     protocol = load(NAME)
     name = settings.model or DEFAULT_MODEL
-    handlers = handlers_of(
-        accessories, clock, help, moon, motion, objects, own, search, site, target, tracking
-    )  # fmt: skip
+    handlers = handlers_of(accessories, clock, help, motion, objects, own, site, target, tracking)
     surface = Surface(protocol, handlers)
     surface.stands_against, surface.session = own.stands_against, LxSession
     return MadeSurface(
@@ -78,24 +64,13 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.lx200.driver import (
-        drive,
-        ends,
-        home,
-        identify,
-        library,
-        motion,
-        pier,
-        place,
-        pointing,
-        put_back,
-    )
+    from gateway.protocols.lx200.driver import drive, ends, home, identify, motion, place, pointing
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
-    handlers = handlers_of(drive, home, identify, library, motion, pier, place, pointing)
+    handlers = handlers_of(drive, home, identify, motion, place, pointing)
     return MadeDriver(
         Lx200Driver(now, settings, handlers),
-        {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, put_back.PutBack: put_back.put_back},
+        {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, ends.PutBack: ends.put_back},
         _reply_rules(),
     )
 
