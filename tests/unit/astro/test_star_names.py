@@ -13,7 +13,7 @@ from gateway.astro.catalog.files import NotInstalled
 from gateway.astro.catalog.star_names import ALSO, HIPPARCOS
 from gateway.astro.spherical import separation
 from gateway.cli.completion import script
-from gateway.cli.mount.places import place
+from gateway.cli.mount.requests import place
 from gateway.core.errors import UserError
 from tests.support.each import each
 
