@@ -13,10 +13,10 @@ from typing import Any, TypeVar, cast
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
+from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
 from gateway.mount.consequences import Consequences
 from gateway.mount.context import Context
-from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.hibernation import HibernationGate

@@ -13,7 +13,7 @@ from typing import Any, TypeVar, cast
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer, Stopped
 from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
-from gateway.core.shared_work import Outcome, over_before, refused, result_of
+from gateway.core.waiting import Outcome, over_before, refused, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink

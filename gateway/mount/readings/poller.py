@@ -10,7 +10,7 @@ import asyncio
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned
-from gateway.core.timed_event import TimedEvent
+from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
 from gateway.mount.link.line import MountLink

@@ -11,10 +11,9 @@ from typing import Any, TypeVar, cast
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
-from gateway.core.shared_work import heed, result_of
 from gateway.core.signals import Signal
+from gateway.core.waiting import FairScheduler, heed, result_of
 from gateway.mount.context import Context
-from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import POSITION, READ
