@@ -14,7 +14,7 @@ from typing import Any
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.commands.reply_cache import PAIR
+from gateway.clients.commands.turn import PAIR
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.commands.outstanding import BEGUN
+from gateway.clients.commands.turn_runner import BEGUN
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
 from gateway.transport.intake import BREATH, SHARE
