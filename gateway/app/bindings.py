@@ -16,8 +16,7 @@ from gateway.clients.access import Access, networks
 from gateway.clients.profiles import J2000, ClientProfile, SurfaceBinding
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
-from gateway.mount.policy import Policy
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits, Policy
 from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies

@@ -21,14 +21,13 @@ from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, Movement, Order, WantedState
+from gateway.mount.policy import Hold
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.readings.standing import Standing
 from gateway.mount.safety.rules.dead_man import HostActivity
-from gateway.mount.safety.rules.held import Hold
-from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.ephemeris_reads import PLACES
+from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 
 _T = TypeVar("_T")

@@ -16,7 +16,7 @@ from msgspec import Meta, Struct
 from gateway.app.config.declaring import OFF, Plain, Word, key
 from gateway.app.config.sections.console import ConsoleConfig
 from gateway.app.config.sections.mqtt import MqttConfig
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 
 _Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Longitude = Annotated[float, Meta(ge=-180.0, le=360.0)]

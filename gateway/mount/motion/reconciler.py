@@ -26,8 +26,7 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
 from gateway.mount.motion.order_runner import OrderRunner
-from gateway.mount.motion.outcomes import Done, may_have_begun
-from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
+from gateway.mount.motion.outcomes import Done, forsaken, may_have_begun, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
 from gateway.mount.motion.wanted import RESUMED, Movement, Order, Theirs, Wanted, WantedState
 from gateway.protocols.base.driver import Schedule

@@ -11,11 +11,11 @@ from msgspec.structs import replace
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.core.errors import Fault, PastMeridian
+from gateway.mount.policy import Limits
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.first_stretch import Start, as_motion, check_either_way, check_turns, turn
 from gateway.mount.safety.admission.questions import over, tilt
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.altitude import leaving
 from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
 from gateway.mount.safety.watch import LimitWatch

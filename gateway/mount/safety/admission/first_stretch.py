@@ -13,8 +13,8 @@ from typing import NamedTuple
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination
 from gateway.core import operations as op
 from gateway.core.errors import NearSun, PastMeridian
+from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.limits import AT_LIMIT, Limits
 from gateway.mount.safety.rules.altitude import leaving
 from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
 from gateway.mount.safety.stop_timing import SHORTEST

@@ -15,17 +15,15 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.core.motion_kinds import GOTOS
+from gateway.mount.policy import CHOOSE, Hold, Limits, check_own_park
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission
 from gateway.mount.safety.admission.contradictions import check_contradictions
-from gateway.mount.safety.admission.path_shapes import clear
 from gateway.mount.safety.admission.questions import over, tilt
+from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.limits import Limits
-from gateway.mount.safety.rules.held import Hold
 from gateway.mount.safety.rules.meridian import check_hour_angle, check_shaft
-from gateway.mount.safety.rules.park import CHOOSE, check_own_park
 from gateway.mount.safety.rules.sync_sum import SyncTotal, check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.site_clock import BestSources

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from gateway.mount.safety.view import ALLOWED, Verdict, View
 
 #: A goto that ends at a limit may overshoot by so much.

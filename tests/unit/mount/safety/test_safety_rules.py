@@ -8,9 +8,9 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.mount.motion.seen import PositionSample, Seen, begin, first, see
 from gateway.mount.motion.wanted import Moving
+from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.motions import needs_alignment
 from gateway.mount.safety.allow import allow, first_stretch
-from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.altitude import altitude
 from gateway.mount.safety.rules.meridian import meridian
 from gateway.mount.safety.rules.sun import farthest, near_sun
