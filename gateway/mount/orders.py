@@ -55,10 +55,7 @@ class Orders:
         self._reader, self._own = reader, own
         self._reconciler, self._movement, self._wanted, self._hold = reconciler, movement, wanted, hold
         self._astrometry, self._told = astrometry, told
-        self._handlers = {
-            **settings.handlers,
-            **Standing(context, reader, wanted, reconciler.done, astrometry).handlers,
-        }
+        self._handlers = {**settings.handlers, **Standing(context, reader, wanted, astrometry).handlers}
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""

@@ -86,13 +86,11 @@ def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, spe
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
             void = {other.number for other in wanted.pending if other.unless == order.number or pulses(other)}
             pending = tuple(other for other in wanted.pending if other.number not in void)
-            return replace(
-                wanted, motion=Slew(operation, order.by, now), slews=wanted.slews + 1, pulses=(), pending=pending
-            )
+            motion, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
+            return replace(wanted, motion=motion, homed=homed, slews=wanted.slews + 1, pulses=(), pending=pending)
         case op.Move() | op.MoveAxis():
-            return _with(
-                _without_pulses(wanted, operation.axis), operation.axis, AxisMotion(operation, order.by, now, speed)
-            )
+            wanted = replace(_without_pulses(wanted, operation.axis), homed=False)
+            return _with(wanted, operation.axis, AxisMotion(operation, order.by, now, speed))
         case op.StopAxis() if order.follow_up:
             return wanted
         case op.StopAxis():

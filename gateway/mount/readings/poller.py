@@ -12,7 +12,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
-from gateway.mount.link.hibernation import HibernationGate
+from gateway.mount.link.driver_runner import HibernationGate
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.wanted import Movement

@@ -19,12 +19,10 @@ from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import allow, first_stretch
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.axis_altitude import AltitudeAxis
-from gateway.mount.safety.rules.meant_sky import MeantSky
-from gateway.mount.safety.rules.stalled import StallWatch
+from gateway.mount.safety.rules.altitude import AltitudeAxis
+from gateway.mount.safety.rules.positions import MeantSky, StallWatch, blind
 from gateway.mount.safety.rules.sun import farthest
 from gateway.mount.safety.rules.sync_sum import SyncTotal
-from gateway.mount.safety.rules.unknown_position import blind
 from gateway.mount.safety.stop_timing import SHORTEST, StopDeadline
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 

@@ -13,8 +13,8 @@ from gateway.mount.safety.admission.motions import needs_alignment
 from gateway.mount.safety.allow import allow, first_stretch
 from gateway.mount.safety.rules.altitude import altitude
 from gateway.mount.safety.rules.meridian import meridian
+from gateway.mount.safety.rules.positions import blind
 from gateway.mount.safety.rules.sun import farthest, near_sun
-from gateway.mount.safety.rules.unknown_position import blind
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.view import View
 from tests.support.each import each
