@@ -18,8 +18,7 @@ from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
 from gateway.protocols.base.frames import Framer
-from gateway.protocols.base.plain_replies import PlainReplies
-from gateway.protocols.base.reply_rules import Replies
+from gateway.protocols.base.reply_rules import PlainReplies, Replies
 from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
@@ -27,7 +27,7 @@ Once, for your own user:
 """
 
 
-def add(commands: Commands) -> None:
+def add_completion(commands: Commands) -> None:
     completion = commands.add_parser(
         "completion",
         help="a script that completes commands and flags in your shell",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.cli.serve.settings import add_settings, settings
 
 
-def add(commands: Commands) -> None:
+def add_config(commands: Commands) -> None:
     config = commands.add_parser(
         "config", help="the configuration in effect, or an example of gateway.toml",
         description="Prints what run would go by, and where each value comes from.",

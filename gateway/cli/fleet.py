@@ -8,7 +8,7 @@ import re
 import time
 from typing import TYPE_CHECKING
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ The page is for browsers of this computer. From elsewhere: ssh -L 4090:127.0.0.1
 """
 
 
-def add(commands: Commands) -> None:
+def add_fleet(commands: Commands) -> None:
     from gateway.app.config.describing import keys
 
     fleet = commands.add_parser(
@@ -46,7 +46,7 @@ def add(commands: Commands) -> None:
 
 
 def _fleet(arguments: argparse.Namespace) -> int:
-    from gateway.app.config.sections.mqtt import PARTS
+    from gateway.app.config.tables import PARTS
     from gateway.fleet.access import access
 
     if not 0 <= arguments.port <= 65535:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.config.sections.broker import Broker, parse_broker
+from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError, about_file
 from gateway.system.own_commands import how_to_add
 

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from gateway.app.config.checks import EVERY
-from gateway.app.config.sections.mqtt import MqttConfig
+from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet.access import Access
 from gateway.fleet.client import Connect

@@ -12,7 +12,7 @@ import socket
 from msgspec import Struct
 
 from gateway.app.config.checks import EVERY
-from gateway.app.config.declaring import WORD
+from gateway.app.config.keys import WORD
 
 #: What a mount without a name is called.
 UNNAMED = "mount"

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import asyncio
 import re
-import socket
 from collections.abc import Sequence
 from typing import cast
 
-from gateway.app.discovery.offer import EVERYWHERE, Offer
+from gateway.app.discovery.offer import EVERYWHERE, Offer, seen_from
 
 PORT = 4031
 #: Where SkySafari connects unless it is told otherwise.
@@ -52,13 +51,3 @@ def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> 
     best = min(able, key=lambda offer: offer.port != USUAL)
     address = seen_from(asker) if best.host in EVERYWHERE else best.host
     return match[1] + b"@" + address.encode() if address else b""
-
-
-def seen_from(asker: tuple[str, int]) -> str:
-    """This computer's address on the way to somebody; empty when there is no way. Nothing is sent."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
-        try:
-            way.connect(asker)
-        except OSError:
-            return ""
-        return str(way.getsockname()[0])

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError, about_file
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NONE_FOUND = 1
 
 
-def add(commands: Commands) -> None:
+def add_detect(commands: Commands) -> None:
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",
         description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "

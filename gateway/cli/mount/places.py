@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import re
 
-from gateway.app.control import objects
 from gateway.app.control.commands import Spot, Where
 from gateway.core.errors import UserError
 from gateway.protocols.wireformat import sexagesimal
@@ -35,6 +34,8 @@ def place(arguments: argparse.Namespace) -> Where:
     """What was typed. Raises UserError that says what would be right."""
     words = [word.strip() for word in arguments.place]
     if len(words) != 2 or not words[0][:1].isdecimal():
+        from gateway.app.control import objects  # the catalogues: neither two angles nor another command needs them
+
         return objects.find(" ".join(words))
     ra, dec = words
     degrees = ":" not in ra and "h" not in ra.lower()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from gateway.cli.help import EXIT_CODES, Commands, endpoints
+from gateway.cli.command_line import EXIT_CODES, Commands, endpoints
 from gateway.cli.serve.serving import serve_mounts, start_watchdog, with_loop
 from gateway.cli.serve.settings import add_settings, settings
 
@@ -23,8 +23,7 @@ Examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Put the command into the parser."""
+def add_run(commands: Commands) -> None:
     run = commands.add_parser(
         "run", help="connect programs to a mount, or to several",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "

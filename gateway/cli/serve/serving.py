@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
-from gateway.cli.serve.broker import let_in, open_broker
-from gateway.cli.serve.console import announced, answered_there, open_console, to_be_found
+from gateway.cli.serve.elsewhere import announced, answered_there, let_in, open_broker, open_console, to_be_found
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
 from gateway.cli.serve.signals import before_suspension, until_signal
@@ -190,7 +189,7 @@ def _from_elsewhere(names: Sequence[str]) -> list[str]:
     """What to type on a phone or on another computer to reach these surfaces; nothing for those that only this one
     reaches."""
     from gateway.app.discovery import offered
-    from gateway.app.discovery.addresses import in_words, to_type
+    from gateway.app.discovery.offer import in_words, to_type
 
     return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
 

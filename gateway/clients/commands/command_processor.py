@@ -20,10 +20,9 @@ from gateway.core.operations import AbortMotion, Operation
 from gateway.core.wire_log import ClientLog, WireLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
-from gateway.protocols.base.ends import Ending
 from gateway.protocols.base.frames import Framer, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Surface
+from gateway.protocols.base.surface import Ending, Surface
 from gateway.transport.baud_trial import BaudTrial
 from gateway.transport.handler import Write
 

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from gateway.core.operations import Operation
 from gateway.core.wire_log import ClientLog
-from gateway.protocols.base.ends import Ending
+from gateway.protocols.base.surface import Ending
 from gateway.protocols.base.wants import Handling
 
 #: In the place of the count of stops: it was sent before all of them, and nobody may be there any more who sent it. It

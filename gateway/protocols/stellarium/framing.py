@@ -6,7 +6,7 @@ has drops what comes with it, and after half a message nothing counts until the 
 
 from __future__ import annotations
 
-from gateway.protocols.base.by_length import LengthFramer
+from gateway.protocols.base.frames import LengthFramer
 
 #: Bytes of the length and the type, and of the longest message that is believed.
 HEADER, LONGEST = 4, 255

@@ -15,8 +15,8 @@ import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
 from gateway.app.discovery import Announcement, Offer, offered
-from gateway.app.discovery.addresses import in_words, to_type
 from gateway.app.discovery.mdns import Publisher
+from gateway.app.discovery.offer import in_words, to_type
 from gateway.app.discovery.skyfi import answer
 from gateway.cli.serve import serving
 from gateway.protocols.registry import streams

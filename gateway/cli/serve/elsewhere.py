@@ -1,4 +1,8 @@
-"""The console of a gateway that serves: opened once the surfaces are ready, so that no program waits for it."""
+"""Where a gateway that serves is shown besides its surfaces: on the console's page, and on an MQTT broker.
+
+No program waits for either: the console is opened once the surfaces are ready, and the broker is connected to beside
+all else. What is not wanted is not loaded.
+"""
 
 from __future__ import annotations
 
@@ -8,24 +12,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.config.sections.console import ConsoleConfig
+from gateway.app.config.tables import ConsoleConfig, MqttConfig
 from gateway.cli.serve.live import Screen
 from gateway.protocols.registry import ANY, PROTOCOLS
-from gateway.transport.listening import SERVED
+from gateway.transport.listening import SERVED, split_address
 
 if TYPE_CHECKING:
     from gateway.app.discovery import Offer
     from gateway.app.gateway import Gateway
     from gateway.clients.access import Access
     from gateway.console.server import Console
+    from gateway.fleet import access as brokers
+    from gateway.fleet.station import Station
 
 
 async def open_console(config: Config, gateways: Sequence[Gateway], screen: Screen) -> Console | None:
     """Open the page and say where it is; None where there is to be none, or where it cannot be opened."""
     if config.page is None:
         return None
-    from gateway.transport.listening import split_address
-
     console = await asyncio.to_thread(_made_ready)  # a quarter of a second that nobody is to wait for
     page = console(gateways, _access(config.page), config.page.pin or "", config.page.names, _doors(gateways))
     host, port = split_address(config.page.at)
@@ -58,8 +62,6 @@ def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 
 def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
     """The ports of surfaces where browsers come in, too, and who may do what there."""
-    from gateway.transport.listening import split_address
-
     return {
         split_address(port.where)[1]: reception.access
         for gateway in gateways
@@ -105,7 +107,7 @@ def announced(page: Console | None) -> list[Offer]:
 
 def from_elsewhere(page: Console) -> list[str]:
     """What to type on a phone, and the same as a QR code, where other computers reach the page."""
-    from gateway.app.discovery.addresses import to_type
+    from gateway.app.discovery.offer import to_type
 
     found = offer(page)
     if not found.wide:
@@ -131,3 +133,27 @@ def qr_code(address: str) -> list[str]:
     drawn = io.StringIO()
     segno.make(address, micro=False, error="l").terminal(drawn, compact=True)
     return drawn.getvalue().rstrip("\n").split("\n")
+
+
+def let_in(config: Config) -> brokers.Access | None:
+    """What the broker asks for; None where there is to be none. Raises UserError for what is missing."""
+    if not config.mqtt:
+        return None
+    from gateway.fleet.access import access
+
+    mqtt = config.mqtt[0]
+    return access(mqtt.at, mqtt.user, mqtt.password_file, mqtt.ca)
+
+
+def open_broker(
+    config: Config, access: brokers.Access | None, gateways: Sequence[Gateway], screen: Screen
+) -> Station | None:
+    """Show the mounts on the broker, as soon as it is there and for as long as the gateway runs."""
+    if access is None:
+        return None
+    from gateway.fleet.station import Station
+
+    mqtt: MqttConfig = config.mqtt[0]
+    station = Station(mqtt, access, gateways, screen.say, screen.warn)
+    station.start()
+    return station

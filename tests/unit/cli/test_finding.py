@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.config import parse_endpoint
 from gateway.cli.serve import finding
-from gateway.cli.serve.meeting import not_found, waiting
+from gateway.cli.serve.finding import not_found, waiting
 from gateway.core.errors import UserError
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run

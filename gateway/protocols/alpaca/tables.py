@@ -1,4 +1,8 @@
-"""Refusals that ASCOM has and no mount, and the number of each: ``mappings/alpaca/errors.toml``."""
+"""The two further tables of Alpaca, and the refusals that ASCOM has and no mount.
+
+``mappings/alpaca/errors.toml`` has the number of each kind of refusal, ``members.toml`` what a member of the interface
+needs besides its operations: a connected program, a mount in service.
+"""
 
 from __future__ import annotations
 
@@ -56,3 +60,40 @@ def refusal(frame: bytes, fault: Fault | None) -> bytes:
 def is_refusal(reply: bytes) -> bool:
     """Whether a line is such an answer: no value looks so."""
     return reply.startswith(b'{"ErrorNumber"')
+
+
+# --- what a member needs ------------------------------------------------------------------------------------------
+
+
+class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """``always``: for programs that are not connected, too. ``unparked``: not while the mount is parked. ``tracking``:
+    only while it tracks, or only while it does not. ``arrival``: answered when the goto that it begins is over.
+    """
+
+    always: bool = False
+    unparked: bool = False
+    tracking: bool | None = None
+    arrival: bool = False
+
+
+#: What most members need.
+PLAIN = Member()
+
+
+@cache
+def members() -> dict[str, Member]:
+    """By command. Raises MappingError."""
+    protocol, rows = load("alpaca"), {}
+    for name, row in protocol.extra("members.toml").items():
+        if name not in protocol.commands:
+            raise MappingError("mappings/alpaca/members.toml", name, "commands.toml has no such command")
+        try:
+            rows[name] = msgspec.convert(row, Member)
+        except msgspec.ValidationError as error:
+            raise MappingError("mappings/alpaca/members.toml", name, str(error)) from None
+    return rows
+
+
+def member(name: str) -> Member:
+    """What this command needs."""
+    return members().get(name, PLAIN)
