@@ -1,1 +1,1 @@
-"""What other computers may find. A surface that only this one reaches is nobody else's business: none is announced."""
+"""What other computers may find: surfaces and pages that are not for this one alone, announced in two ways."""
