@@ -37,6 +37,8 @@ presented one that fits.
   WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, or sim (a simulated one)
             of a surface, where programs connect: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0
 """
+#: What a command adds itself to.
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 class Layout(argparse.HelpFormatter):
@@ -67,10 +69,6 @@ class Parser(argparse.ArgumentParser):
 
     def _text_below(self) -> str:
         return self._late() if self._late is not None else self.epilog or ""
-
-
-#: What a command adds itself to.
-Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def endpoints() -> str:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 
 #: What is written where something is not wanted at all.
 OFF = "off"

@@ -55,8 +55,7 @@ def _detect(arguments: argparse.Namespace) -> int:
     import json
 
     from gateway.diagnostics.detect import here, look_at_all, named
-    from gateway.diagnostics.detect.advice import next_steps
-    from gateway.diagnostics.detect.report import block, values
+    from gateway.diagnostics.detect.report import block, next_steps, values
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
         raise _there_already(arguments.write)

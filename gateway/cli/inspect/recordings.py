@@ -15,7 +15,7 @@ from gateway.protocols.registry import PROTOCOLS, guess
 from gateway.system import streams
 
 if TYPE_CHECKING:
-    from gateway.diagnostics.captures import Capture
+    from gateway.diagnostics.decode import Capture
 
 
 def add_decode(commands: Commands) -> None:
@@ -32,8 +32,7 @@ def add_decode(commands: Commands) -> None:
 
 
 def _decode(arguments: argparse.Namespace) -> int:
-    from gateway.diagnostics.captures import Capture
-    from gateway.diagnostics.decode import NoConversation, decode, folded
+    from gateway.diagnostics.decode import Capture, NoConversation, decode, folded
     from gateway.diagnostics.log.conversation import Side
     from gateway.diagnostics.recorded_sides import RecordedSides
 
@@ -59,7 +58,7 @@ def _decode(arguments: argparse.Namespace) -> int:
 
 def _guessed(capture: Capture, path: Path) -> str:
     """The protocol of a capture, by what a client sent in it. Raises UserError."""
-    from gateway.diagnostics.captures import is_text
+    from gateway.diagnostics.decode import is_text
 
     sample = capture.sample()
     if capture.bare and is_text(sample):

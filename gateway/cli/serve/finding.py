@@ -25,6 +25,8 @@ USUAL = 9600
 QUICK = 0.5
 #: How the reason begins of a line whose port cannot be opened.
 CANNOT_OPEN = "cannot open"
+#: Seconds after which it is said what is waited for.
+SAID_AFTER = 1.0
 
 
 async def serve(
@@ -106,10 +108,6 @@ def _instead(gateway: Gateway, reason: str) -> str:
             "need another --surface, end it and start it with that one, too"
         )
     return f"{holder(gateway.mount.where) or 'it'} has to be ended first"
-
-
-#: Seconds after which it is said what is waited for.
-SAID_AFTER = 1.0
 
 
 def waiting(gateway: Gateway) -> str:

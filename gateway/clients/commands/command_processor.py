@@ -13,8 +13,7 @@ from collections import deque
 from collections.abc import Callable
 
 from gateway.clients.commands.pushes import Pushes
-from gateway.clients.commands.reply_cache import ReplyCache
-from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
+from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, ReplyCache, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from gateway.astro.catalog import objects
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
-from gateway.clients.equinox import J2000
+from gateway.clients.profiles import J2000
 from gateway.core import operations as op
 from tests.support import in_process_gateway as bridges
 from tests.support.fake_mount import Mount, Talk, unix

@@ -16,7 +16,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
 from gateway.core.motion_kinds import MOTIONS
-from gateway.mount.safety.rules.held import Hold
+from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 

@@ -17,7 +17,7 @@ import gateway
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_outcomes, command_tables
 from gateway.diagnostics.rehearsal.explain import explain
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, ProtocolSpec, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS as SPECS
 from gateway.protocols.registry import pairs

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from gateway.core.errors import NoAnswer
-from gateway.mount.fair_scheduler import FEW, WAY, FairScheduler
+from gateway.core.waiting import FEW, WAY, FairScheduler
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.virtual import run
 

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.core.errors import Fault
-from gateway.diagnostics.metrics.counting import Counts, Histogram
+from gateway.diagnostics.metrics import Counts, Histogram
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
