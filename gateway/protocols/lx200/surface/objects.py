@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from gateway.astro.catalog import QUALITIES, Entry, Wanted, cross_numbers, deepsky, describe, search, stars
+from gateway.astro.catalog import QUALITIES, Entry, Wanted, deepsky, describe, stars
 from gateway.astro.spherical import separation
 from gateway.core.errors import Fault, Invalid, Unsupported
 from gateway.core.operations import (
@@ -67,7 +67,7 @@ def choose_stars(session: LxSession, command: Command, values: Values) -> None:
     if catalog == _HIPPARCOS:
         _check(session, lambda: stars.hipparcos(1, 2000.0))
     elif catalog in _CROSS:
-        _check(session, lambda: cross_numbers.look_up(_CROSS[catalog], 1, 2000.0))
+        _check(session, lambda: stars.by_other_number(_CROSS[catalog], 1, 2000.0))
 
 
 def _check(session: LxSession, look_up: Callable[[], object]) -> None:
@@ -96,7 +96,7 @@ def select_star(session: LxSession, command: Command, values: Values) -> Handlin
     elif catalog == _HIPPARCOS:
         yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
     elif catalog in _CROSS:
-        yield from _select(session, _CROSS[catalog], values, lambda name, one: cross_numbers.look_up(name, one, year))
+        yield from _select(session, _CROSS[catalog], values, lambda name, one: stars.by_other_number(name, one, year))
     elif number == _MOON:
         yield from _follow(session, MoonPlace(), "MOON")
     elif number in _PLANETS:
@@ -183,9 +183,9 @@ def browse(session: LxSession, command: Command, values: Values) -> Handling:
         visible, meridian = yield from _sky(session)
         entry = session.kept.entry
         if entry is None or command.name == "LF":
-            found = search.first(candidates, visible, meridian)
+            found = deepsky.first(candidates, visible, meridian)
         else:
-            found = search.beside(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
+            found = deepsky.beside(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
         if found is None:
             session.kept.select_nothing("No object found")
         else:
@@ -204,7 +204,7 @@ def identify(session: LxSession, command: Command, values: Values) -> Handling:
         seen: Equatorial = yield Position()
         centre: Equatorial = yield ToJ2000(seen.ra, seen.dec)
         radius = session.kept.search.field / 120.0
-        found = [c for c in search.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
+        found = [c for c in deepsky.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
         nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""
         return {"text": f"{len(found)} - Objects found{nearest}"}
     except Unsupported as missing:
