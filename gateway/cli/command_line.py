@@ -98,7 +98,7 @@ COMMANDS = {
     "unpark": "mount.requests",
     "stop": "mount.stop",
     "fleet": "fleet",
-    "config": "config",
+    "config": "serve.run",
     "service": "serve.service",
     "sim": "serve.sim",
     "tables": "inspect.tables",

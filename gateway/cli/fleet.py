@@ -12,7 +12,7 @@ from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 
 if TYPE_CHECKING:
-    from gateway.fleet.access import Access
+    from gateway.fleet.client import Access
 
 PORT = 4090
 #: The keys of ``[mqtt]`` that are flags here.
@@ -47,7 +47,7 @@ def add_fleet(commands: Commands) -> None:
 
 def _fleet(arguments: argparse.Namespace) -> int:
     from gateway.app.config.tables import PARTS
-    from gateway.fleet.access import access
+    from gateway.fleet.client import access
 
     if not 0 <= arguments.port <= 65535:
         raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import EVERY
 from gateway.app.control import commands
-from gateway.app.control.messages import draw
+from gateway.app.control.exchange import draw
 from gateway.app.gateway import Gateway
 from gateway.console import actions
 from gateway.console.places import find

@@ -14,8 +14,7 @@ import msgspec
 from gateway.app.config.checks import EVERY
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
-from gateway.fleet.access import Access
-from gateway.fleet.client import Connect
+from gateway.fleet.client import Access, Connect
 from gateway.fleet.home_assistant import discovery
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.orders import WHO, Orders

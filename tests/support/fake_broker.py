@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from gateway.app.config.endpoints import Broker
-from gateway.fleet.access import Access
+from gateway.fleet.client import Access
 from gateway.fleet.topics import Message
 
 NOWHERE = Access(Broker("broker.invalid", 1883, False))

@@ -12,7 +12,7 @@ import contextlib
 from collections.abc import Callable, Coroutine, Iterable
 from typing import TypeVar
 
-from gateway.app.control.endpoints import ControlEndpoint
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
@@ -37,7 +37,7 @@ def add_which(command: argparse.ArgumentParser, which: str = "which one, where s
 
 def found(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """The gateways that run and are meant, or ``all_of_them`` that could be."""
-    from gateway.app.control.endpoints import listened
+    from gateway.app.control.exchange import listened
     from gateway.app.reach import look, scope_of
 
     only = None if all_of_them else arguments.mount

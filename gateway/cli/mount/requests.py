@@ -1,25 +1,26 @@
 """``goto``, ``sync``, ``move``, ``park``, ``unpark``: what a person asks of the mount, through the gateway that runs.
 
 Each is one request to that gateway, whose limits hold; what it refuses is said in words, with exit code 1. Ctrl-C takes
-the request back: what it began is stopped.
+the request back: what it began is stopped. A place is two angles, of date as the mount and ``status`` tell them unless
+they are said to be of 2000 as a catalogue's are, or the name of an object.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import re
 import sys
 from collections.abc import Callable
 from typing import TypeAlias
 
 from gateway.app.control import commands as wishes
-from gateway.app.control.endpoints import ControlEndpoint
-from gateway.app.control.messages import draw
+from gateway.app.control.exchange import ControlEndpoint, draw
 from gateway.cli.command_line import Commands, Parser
 from gateway.cli.mount.asking import ANSWERED, add_which, carried_out, over, told, unless, wished
-from gateway.cli.mount.places import PLACES, add_place, place
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
+from gateway.protocols.wireformat import sexagesimal
 
 #: A request, made of the arguments and of the number by which it is known from then on. Raises UserError.
 Make: TypeAlias = Callable[
@@ -38,6 +39,15 @@ Examples:
   mount-gateway move west --rate 9 --seconds 10     Ctrl-C stops it before its time
 """
 DIRECTIONS = ("north", "south", "east", "west")
+PLACES = """\
+A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and maps do), or the name of an object.
+  05:34:32 +22:00:52     hours and degrees; 5h34m32s 22d00m52s, and fewer parts (05:34 22), are understood as well
+  83.633 22.014          degrees both
+  Moon  Mercury  Venus  Mars  Jupiter  Saturn  Uranus  Neptune
+  Polaris  Vega  Sirius and about seventy other bright stars, by name
+  M42  NGC7000  IC434  C14  UGC12914  HIP32349  "Ring Nebula"
+                         from the object library, which is installed apart: docs/programs.md
+"""
 
 
 def add_goto(commands: Commands) -> None:
@@ -154,3 +164,35 @@ async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> 
                 return None
     finally:
         screen.clear()
+
+
+def add_place(command: argparse.ArgumentParser) -> None:
+    """The arguments."""
+    command.add_argument("place", nargs="+", metavar="PLACE", help="RA DEC, or the name of an object: see below")
+    command.add_argument("--j2000", action="store_true", help="RA and DEC are of 2000, as catalogues have them")
+
+
+def place(arguments: argparse.Namespace) -> wishes.Where:
+    """What was typed. Raises UserError that says what would be right."""
+    words = [word.strip() for word in arguments.place]
+    if len(words) != 2 or not words[0][:1].isdecimal():
+        from gateway.app.control import objects  # the catalogues: neither two angles nor another command needs them
+
+        return objects.find(" ".join(words))
+    ra, dec = words
+    degrees = ":" not in ra and "h" not in ra.lower()
+    right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
+    up = _angle(dec, "a declination", 90.0, -90.0)
+    return wishes.Spot(right if degrees else right * 15.0, up, arguments.j2000)
+
+
+def _angle(text: str, what: str, most: float, least: float) -> float:
+    """Whole units and their fraction. Raises UserError."""
+    plain = re.sub(r"[hdms°'\"′″*]", ":", text.lower()).rstrip(":")
+    try:
+        value = sexagesimal.parse(plain.encode(), least=1)
+    except ValueError:
+        raise UserError(f"{text!r} is not {what}: write it like 05:34:32, or in degrees like 83.63") from None
+    if not least <= value <= most:
+        raise UserError(f"{text!r} is not {what}: it is from {least:g} to {most:g}")
+    return value

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from gateway.app.control.commands import See, written
-from gateway.app.control.endpoints import ControlEndpoint
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.status import OLD, Rate, State, does, status, where
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.asking import add_which, carried_out, found, nobody, over, told, unless, wished

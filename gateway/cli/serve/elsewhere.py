@@ -18,11 +18,11 @@ from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.transport.listening import SERVED, split_address
 
 if TYPE_CHECKING:
-    from gateway.app.discovery import Offer
+    from gateway.app.discovery.offer import Offer
     from gateway.app.gateway import Gateway
     from gateway.clients.access import Access
     from gateway.console.server import Console
-    from gateway.fleet import access as brokers
+    from gateway.fleet import client as brokers
     from gateway.fleet.station import Station
 
 
@@ -139,7 +139,7 @@ def let_in(config: Config) -> brokers.Access | None:
     """What the broker asks for; None where there is to be none. Raises UserError for what is missing."""
     if not config.mqtt:
         return None
-    from gateway.fleet.access import access
+    from gateway.fleet.client import access
 
     mqtt = config.mqtt[0]
     return access(mqtt.at, mqtt.user, mqtt.password_file, mqtt.ca)

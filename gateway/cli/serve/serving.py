@@ -29,7 +29,7 @@ from gateway.system.file_limits import make_room
 from gateway.system.systemd import notify
 
 if TYPE_CHECKING:
-    from gateway.app.discovery import Offer
+    from gateway.app.discovery.offer import Offer
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog import Watchdog
@@ -66,7 +66,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     Raises UserError for a port that cannot be opened, and when no mount is found.
     """
-    from gateway.app.discovery import Announcement, offered
+    from gateway.app.discovery.announcing import Announcement
+    from gateway.app.discovery.offer import offered
     from gateway.app.gateway import Gateway
     from gateway.astro.ephemeris.sky import Sky
     from gateway.clients.any_protocol.web import Web
@@ -188,8 +189,7 @@ def _recorder(path: str, gateway: Gateway) -> Recorder:
 def _from_elsewhere(names: Sequence[str]) -> list[str]:
     """What to type on a phone or on another computer to reach these surfaces; nothing for those that only this one
     reaches."""
-    from gateway.app.discovery import offered
-    from gateway.app.discovery.offer import in_words, to_type
+    from gateway.app.discovery.offer import in_words, offered, to_type
 
     return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
 

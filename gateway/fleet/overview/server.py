@@ -17,8 +17,7 @@ from msgspec import Struct
 
 from gateway.console.pages import Pages, guarded, listen, of_the_page, runner_of, same_token
 from gateway.console.server import PAGE
-from gateway.fleet.access import Access
-from gateway.fleet.client import Connect
+from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
 from gateway.fleet.topics import Heard, Message, Topics
