@@ -8,13 +8,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
+from typing import Protocol
 
 from gateway.astro.axes import Pair
-from gateway.protocols.base.frames import Framer
 from gateway.protocols.mechanics.mount import Mechanics
 
 #: Takes an answer that comes after a while: seconds, bytes.
 Later = Callable[[float, bytes], None]
+
+
+class Framer(Protocol):
+    """Cuts commands out of the bytes of one connection; it is told when they came."""
+
+    def feed(self, data: bytes, now: float) -> list[bytes]: ...
 
 
 class Simulated(ABC):

@@ -11,7 +11,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from gateway.protocols.base.frames import Framer as AnyFramer
+from gateway.protocols.mechanics.simulated import Framer as AnyFramer
 from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.simulator.clock import CLOCKS
