@@ -216,13 +216,13 @@ def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Cli
 
 def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
     """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
-    before = controller.before_motion.announce
+    before = controller.order_runner.announce
 
     async def before_motion() -> None:
         watched.begin()
         await before()
 
-    controller.before_motion.announce = before_motion
+    controller.order_runner.announce = before_motion
     controller.changed.connect(lambda _: watched.renew())
 
 

@@ -9,11 +9,11 @@ from datetime import UTC, datetime
 
 from gateway.app.config import Endpoint, MountConfig
 from gateway.core.errors import UserError
-from gateway.protocols.mechanics.truth import Simulator
+from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Arrive, Listener, open_port
+from gateway.transport.baud import SerialPace
 from gateway.transport.handler import HandOver, HangUp
-from gateway.transport.serial_pace import Pace
 from gateway.transport.wires import BAUD, SimulatedTransport
 
 DEFAULT_SITE = (45.0, 10.0)
@@ -46,7 +46,7 @@ def make_simulator(
     aligned: bool = True,
     speed: float = 1.0,
     **settings: object,
-) -> Simulator:
+) -> Simulated:
     """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
 
     Raises UserError for a version the model never had, and for a protocol whose mounts nobody can play.
@@ -72,16 +72,16 @@ class _Caller:
     ended = False
 
     def __init__(
-        self, simulator: Simulator, latency: float, baud: int | None, write: Callable[[bytes], object]
+        self, simulator: Simulated, latency: float, baud: int | None, write: Callable[[bytes], object]
     ) -> None:
         self._latency, self._write = latency, write
         #: Answers that are under way.
         self._owed = 0
         self._answer: Callable[[bytes], bytes] = simulator.connection(self._later)
         self.feed: Callable[[bytes], None] = self._heard
-        self._paces: list[Pace] = []
+        self._paces: list[SerialPace] = []
         if baud is not None:
-            self._paces = [Pace(baud, self._heard), Pace(baud, write)]
+            self._paces = [SerialPace(baud, self._heard), SerialPace(baud, write)]
             self.feed, self._write = self._paces[0].send, self._paces[1].send
 
     def _later(self, seconds: float, answer: bytes) -> None:
@@ -121,7 +121,7 @@ class _Caller:
 
 
 async def serve_simulator(
-    simulator: Simulator, places: list[str], latency: float, baud: int | None = None
+    simulator: Simulated, places: list[str], latency: float, baud: int | None = None
 ) -> list[Listener]:
     """Open a simulated mount for other programs, as many at once as come; all of them see the same one.
 

@@ -51,7 +51,7 @@ def script(shell: str) -> str:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.app.config.describing import keys
     from gateway.app.control.objects import BODIES
-    from gateway.astro.catalog.star_names import HIPPARCOS
+    from gateway.astro.catalog.names import HIPPARCOS
     from gateway.cli.command_line import parser
     from gateway.diagnostics.command_outcomes import versions
     from gateway.protocols.registry import PROTOCOLS, usual_ports

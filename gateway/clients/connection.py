@@ -22,7 +22,7 @@ from gateway.clients.greeting import Beginning, Piece
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, page
 from gateway.clients.wrong_preset import FirstWords
-from gateway.transport.baud_trial import BaudTrial
+from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.intake import LATE, SHARE
 

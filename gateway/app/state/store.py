@@ -176,7 +176,7 @@ class StateStore:
                 self.in_thread,
                 there=self.past.left is not None,
             )
-            controller.before_motion.announce = self._mark.before_motion
+            controller.order_runner.announce = self._mark.before_motion
 
     def _content(self) -> MarkerContent:
         return MarkerContent(self._marked.mount, self._marked.baud, self._memory(True))

@@ -23,7 +23,7 @@ from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.frames import Framer, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Ending, Surface
-from gateway.transport.baud_trial import BaudTrial
+from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import Write
 
 

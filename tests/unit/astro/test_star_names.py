@@ -9,8 +9,8 @@ import pytest
 
 from gateway.app.control.commands import Spot
 from gateway.astro.catalog import names, stars
-from gateway.astro.catalog.files import NotInstalled
-from gateway.astro.catalog.star_names import ALSO, HIPPARCOS
+from gateway.astro.catalog.names import ALSO, HIPPARCOS
+from gateway.astro.catalog.objects import NotInstalled
 from gateway.astro.spherical import separation
 from gateway.cli.completion import script
 from gateway.cli.mount.requests import place
