@@ -28,7 +28,6 @@ BURST, RATE, LONGEST = 20.0, 5.0, 500
 def state(gateway: Gateway) -> dict[str, Any]:
     """What is not known is None."""
     controller = gateway.controller
-    assert controller is not None
     seen = look(controller, gateway.config.name or "", str(gateway.mount), len(gateway.programs()))
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     status = seen.status
@@ -50,7 +49,6 @@ def state(gateway: Gateway) -> dict[str, Any]:
 
 
 def _places(gateway: Gateway, seen: op.Equatorial | None) -> dict[str, float | None]:
-    assert gateway.controller is not None
     derived = gateway.controller.astrometry
     over = None if seen is None or derived.site_clock.site() is None else derived.horizon(seen)
     return {

@@ -36,7 +36,6 @@ class RunningGateway:
     """
 
     def __init__(self, gateway: Gateway) -> None:
-        assert gateway.controller is not None
         self._gateway, self._controller = gateway, gateway.controller
         self._host = self._controller.presence.arrive("the program that embeds the gateway")
 
