@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from gateway.astro.catalog.files import data_file
-from gateway.astro.catalog.star_names import HIPPARCOS
+from gateway.astro.catalog.names import HIPPARCOS
+from gateway.astro.catalog.objects import data_file
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "gateway/console/page/data/stars.json"

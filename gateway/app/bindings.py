@@ -11,18 +11,14 @@ from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.app.watchdog import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.acceptor import ConnectionAcceptor
+from gateway.clients.acceptor import ConnectionAcceptor, LateAcceptor
 from gateway.clients.access import Access, networks
-from gateway.clients.equinox import J2000
-from gateway.clients.late import LateAcceptor
-from gateway.clients.profiles import ClientProfile, SurfaceBinding
+from gateway.clients.profiles import J2000, ClientProfile, SurfaceBinding
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
-from gateway.mount.policy import Policy
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits, Policy
 from gateway.protocols.base.frames import Framer
-from gateway.protocols.base.plain_replies import PlainReplies
-from gateway.protocols.base.reply_rules import Replies
+from gateway.protocols.base.reply_rules import PlainReplies, Replies
 from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces

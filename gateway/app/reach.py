@@ -13,7 +13,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.control.endpoints import ControlEndpoint, doors
+from gateway.app.control.exchange import ControlEndpoint, doors
 from gateway.app.state.file import MarkerContent, read_mark
 from gateway.system import processes
 from gateway.system.files import directory

@@ -12,8 +12,8 @@ from gateway.core.errors import UserError
 from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Arrive, Listener, open_port
+from gateway.transport.baud import SerialPace
 from gateway.transport.handler import HandOver, HangUp
-from gateway.transport.serial_pace import Pace
 from gateway.transport.wires import BAUD, SimulatedTransport
 
 DEFAULT_SITE = (45.0, 10.0)
@@ -79,9 +79,9 @@ class _Caller:
         self._owed = 0
         self._answer: Callable[[bytes], bytes] = simulator.connection(self._later)
         self.feed: Callable[[bytes], None] = self._heard
-        self._paces: list[Pace] = []
+        self._paces: list[SerialPace] = []
         if baud is not None:
-            self._paces = [Pace(baud, self._heard), Pace(baud, write)]
+            self._paces = [SerialPace(baud, self._heard), SerialPace(baud, write)]
             self.feed, self._write = self._paces[0].send, self._paces[1].send
 
     def _later(self, seconds: float, answer: bytes) -> None:

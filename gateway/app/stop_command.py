@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from gateway.app.control.client import ask
-from gateway.app.control.endpoints import ControlEndpoint
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
 from gateway.app.reach import Scope, doubt, look, reachable, unseen
 from gateway.app.state.file import MarkerContent

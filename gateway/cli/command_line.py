@@ -1,17 +1,87 @@
-"""Every command there is, and the parser of the command line.
+"""The parser of the command line: every command there is, how help is laid out, how a mistake is answered.
 
-In every module ``add`` puts its command into the parser, and the rest of the file carries it out. Only the one that is
-asked for is loaded: a gateway should be there soon after power-on.
+``add_NAME`` of a command's module puts the command into the parser, and the rest of the module carries it out. Only the
+one that is asked for is loaded: a gateway should be there soon after power-on. Likewise the models are only read when
+somebody asks for help: an epilog may be made then.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from itertools import groupby
+from typing import Any, NoReturn, TypeAlias
 
-from gateway.cli.help import EXIT_CODES, Parser, endpoints
+from gateway.cli.suggestions import example, plainly
 from gateway.core.about import VERSION
+from gateway.core.errors import UserError
+
+EXIT_CODES = """\
+Exit codes:
+  0  done
+  1  the answer is no: no mount was found (detect); something is to be mended (doctor); a mount could not be stopped
+     (stop); no gateway runs, or it refused (status, watch, goto, sync, move, park, unpark); the bytes differ from the
+     recording (replay), or from the tables (tables --check)
+  2  it could not be tried: a mistake in the command or in gateway.toml, a port in use, no mount that answers; one line
+     on stderr says what is wrong and where
+"""
+
+WHERE = """\
+An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE. Without a model a mount is asked what it is, and programs are
+presented one that fits.
+  PROTOCOL  lx200 (Meade) or nexstar (Celestron); of a surface stellarium (Stellarium's own) and alpaca (ASCOM), too,
+            and any (tcp:// only): every one of them and web browsers, told by what they say first
+  VERSION   of the hand control, like 4.21
+  WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, or sim (a simulated one)
+            of a surface, where programs connect: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0
+"""
+#: What a command adds itself to.
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+class Layout(argparse.HelpFormatter):
+    """Descriptions and epilogs: lines that begin with a blank stay as they are, the others are paragraphs."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        filled: list[str] = []
+        for kept, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
+            lines = list(group)
+            filled += lines if kept else textwrap.wrap(" ".join(lines), width)
+        return "\n".join(indent + line for line in filled)
+
+
+class Parser(argparse.ArgumentParser):
+    """One line for a mistake, as everywhere. ``late`` makes the epilog when somebody asks for help."""
+
+    def __init__(self, *, late: Callable[[], str] | None = None, **others: Any) -> None:
+        super().__init__(**{"formatter_class": Layout, **others})
+        self._late = late
+
+    def format_help(self) -> str:
+        """The help, with what stands under it."""
+        self.epilog = self._text_below()
+        return super().format_help()
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(plainly(message, self.prog, example(self._text_below(), self.prog)))
+
+    def _text_below(self) -> str:
+        return self._late() if self._late is not None else self.epilog or ""
+
+
+def endpoints() -> str:
+    """How to write an endpoint, with every model there is."""
+    from gateway.protocols.registry import PROTOCOLS
+    from gateway.protocols.wireformat.command_set import load
+
+    lines = [WHERE + "models:"]
+    for protocol in PROTOCOLS:
+        names = textwrap.wrap(" ".join(load(protocol).models), 100, break_on_hyphens=False)
+        lines += [f"  {protocol if number == 0 else '':<9} {text}" for number, text in enumerate(names)]
+    return "\n".join(lines)
+
 
 #: Every command, in the order in which ``--help`` lists them, and the module that it lies in.
 COMMANDS = {
@@ -20,22 +90,22 @@ COMMANDS = {
     "doctor": "inspect.doctor",
     "run": "serve.run",
     "status": "mount.status",
-    "watch": "mount.watch",
-    "goto": "mount.goto",
-    "sync": "mount.sync",
-    "move": "mount.move",
-    "park": "mount.park",
-    "unpark": "mount.unpark",
+    "watch": "mount.status",
+    "goto": "mount.requests",
+    "sync": "mount.requests",
+    "move": "mount.requests",
+    "park": "mount.requests",
+    "unpark": "mount.requests",
     "stop": "mount.stop",
     "fleet": "fleet",
-    "config": "config",
+    "config": "serve.run",
     "service": "serve.service",
     "sim": "serve.sim",
     "tables": "inspect.tables",
-    "explain": "inspect.explain",
-    "replay": "inspect.replay",
-    "decode": "inspect.decode",
-    "report": "inspect.report",
+    "explain": "inspect.tables",
+    "replay": "inspect.recordings",
+    "decode": "inspect.recordings",
+    "report": "inspect.recordings",
     "completion": "completion",
 }
 
@@ -60,7 +130,7 @@ def parser(asked: Sequence[str] = ()) -> Parser:
     whole.add_argument("--version", action="version", version=f"mount-gateway {VERSION}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
-        import_module(f"gateway.cli.{COMMANDS[name]}").add(commands)
+        getattr(import_module(f"gateway.cli.{COMMANDS[name]}"), f"add_{name}")(commands)
     return whole
 
 

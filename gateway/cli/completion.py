@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
@@ -27,7 +27,7 @@ Once, for your own user:
 """
 
 
-def add(commands: Commands) -> None:
+def add_completion(commands: Commands) -> None:
     completion = commands.add_parser(
         "completion",
         help="a script that completes commands and flags in your shell",
@@ -51,7 +51,7 @@ def script(shell: str) -> str:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.app.config.describing import keys
     from gateway.app.control.objects import BODIES
-    from gateway.astro.catalog.star_names import HIPPARCOS
+    from gateway.astro.catalog.names import HIPPARCOS
     from gateway.cli.command_line import parser
     from gateway.diagnostics.command_outcomes import versions
     from gateway.protocols.registry import PROTOCOLS, usual_ports

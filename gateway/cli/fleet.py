@@ -8,11 +8,11 @@ import re
 import time
 from typing import TYPE_CHECKING
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 
 if TYPE_CHECKING:
-    from gateway.fleet.access import Access
+    from gateway.fleet.client import Access
 
 PORT = 4090
 #: The keys of ``[mqtt]`` that are flags here.
@@ -28,7 +28,7 @@ The page is for browsers of this computer. From elsewhere: ssh -L 4090:127.0.0.1
 """
 
 
-def add(commands: Commands) -> None:
+def add_fleet(commands: Commands) -> None:
     from gateway.app.config.describing import keys
 
     fleet = commands.add_parser(
@@ -46,8 +46,8 @@ def add(commands: Commands) -> None:
 
 
 def _fleet(arguments: argparse.Namespace) -> int:
-    from gateway.app.config.sections.mqtt import PARTS
-    from gateway.fleet.access import access
+    from gateway.app.config.tables import PARTS
+    from gateway.fleet.client import access
 
     if not 0 <= arguments.port <= 65535:
         raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")

@@ -22,7 +22,7 @@ from gateway.clients.greeting import Beginning, Piece
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, page
 from gateway.clients.wrong_preset import FirstWords
-from gateway.transport.baud_trial import BaudTrial
+from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.intake import LATE, SHARE
 
@@ -149,7 +149,7 @@ class ClientConnection:
 
     def _feed(self, data: bytes, behind: int | None) -> None:
         """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""
-        urgent = self._face.surface.ends.may_be_in(data)
+        urgent = self._face.surface.protocol.may_end_motion(data)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
         if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.fair_scheduler.open()):
             self._go_on()

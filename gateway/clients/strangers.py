@@ -2,7 +2,7 @@
 
 Only the beginning of a connection is looked at. There nothing that a mount's program says can be taken for one of
 these; later the same bytes may be part of a site's name, or the digits of an angle. What they say is
-``mappings/strangers.toml``.
+``mappings/strangers.toml``; an HTTP request whose method is no known one is told by its form.
 """
 
 from __future__ import annotations
@@ -12,10 +12,14 @@ from functools import cache
 
 from msgspec import Struct
 
-from gateway.clients.own_method import OwnMethod
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
 
+#: What a method may consist of (RFC 9110), what an address may, and the longest word that is looked at.
+_WORD = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
+_PRINTABLE = frozenset(range(0x20, 0x7F))
+_BEHIND = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
+LONGEST = 65536
 #: What programs send in front of their first command: it ends nothing, asks nothing, and both protocols pass it over.
 IDLE = b"#\r\n\0 ?"
 
@@ -84,6 +88,43 @@ def _beginning_with(byte: int, own: str) -> list[Greeting]:
     return [greeting for greeting in greetings(own) if byte in greeting.first[0]]
 
 
+class OwnMethod:
+    """Hears whether a connection begins with an HTTP request whose method is no known one.
+
+    A web page may choose any word where it was given our address. (DNS rebinding: the page's own name points here, so
+    the browser asks nobody.) Whatever the word, a blank, the ``/`` of the address and two printable characters follow;
+    no program for telescopes begins so, though a latitude of 32°47' comes near. The word itself holds nothing up,
+    because every single letter may be a command.
+    """
+
+    def __init__(self) -> None:
+        self._letters, self._behind = 0, 0
+        #: Whether such a request may still come.
+        self.possible = True
+
+    @property
+    def begun(self) -> bool:
+        """Whether the blank has come: what follows is not to be heard before it is known what it is."""
+        return self.possible and self._behind > 0
+
+    def hear(self, data: bytes) -> bool:
+        """More bytes have come -> whether they complete what such a request begins with."""
+        for byte in data if self.possible else b"":
+            if not self._letters and byte in IDLE:
+                continue
+            if self._letters and byte in _BEHIND[self._behind]:
+                self._behind += 1
+                if self._behind == len(_BEHIND):
+                    self.possible = False
+                    return True
+            elif self._behind or byte not in _WORD or self._letters == LONGEST:
+                self.possible = False
+                break
+            else:
+                self._letters += 1
+        return False
+
+
 class Recogniser:
     """Hears a connection from its first byte on, in pieces of any size, until it is known who it cannot be.
 
@@ -95,7 +136,7 @@ class Recogniser:
         self._own = own
         #: Whether one of the table may still be recognised.
         self._known = True
-        self._own_method = OwnMethod(IDLE)
+        self._own_method = OwnMethod()
         self._begun: list[tuple[Greeting, int]] = []
         self._leading = True
 

@@ -7,7 +7,7 @@ outside.
 from __future__ import annotations
 
 from gateway.app.control import commands
-from gateway.app.control.messages import draw
+from gateway.app.control.exchange import draw
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway

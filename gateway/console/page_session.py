@@ -20,9 +20,9 @@ from gateway.console.mounts import Mounts
 from gateway.console.places import known, look_up, verdict
 from gateway.console.shown.frame import Frame, talk
 from gateway.core.about import VERSION
-from gateway.core.background import BackgroundTasks
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
+from gateway.core.waiting import BackgroundTasks
 
 #: Seconds without a sign of life after which arrows are let go; how often that is looked at, and held ones said again.
 SILENT, LOOK, HOLD_ON = 1.5, 0.2, 5.0

@@ -1,6 +1,6 @@
 """The console's web server: its page, the page's WebSocket, and recordings to fetch.
 
-Whatever comes in passes the gate first (``gate.py``). aiohttp is loaded when the surfaces are ready, not before.
+Whatever comes in passes the gate first (``pages.py``). aiohttp is loaded when the surfaces are ready, not before.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ from aiohttp import WSMsgType, web
 
 from gateway.app.gateway import Gateway
 from gateway.clients.access import Access
-from gateway.console import gate
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
-from gateway.console.pages import Pages, guarded, listen, runner_of
-from gateway.diagnostics.metrics.exposition import Metrics, missing
+from gateway.console.pages import Pages, guarded, listen, of_the_page, runner_of, same_token
+from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system.own_names import known_host
 from gateway.transport.listening import in_brackets
@@ -116,7 +115,7 @@ class Console:
             return "This address is not in the console's allow list."
         if not known_host(headers.get("Host"), _door(request)[0], self._names):
             return "This gateway is not called that; add the name to [console] names if it is."
-        if not gate.of_the_page(headers, request.path):
+        if not of_the_page(headers, request.path):
             return "Only the console's own page may ask for this."
         return ""
 
@@ -139,7 +138,7 @@ class Console:
         return web.Response(body=text, headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"})
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
-        if not gate.same_token(request.query.get("token"), self._token):
+        if not same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
         mount, name = request.match_info["mount"], request.match_info["name"]
         recordings = self._mounts.recordings
@@ -149,7 +148,7 @@ class Console:
         return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{name}"'})
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        if not gate.same_token(request.query.get("token"), self._token):
+        if not same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
         if len(self._pages) >= MOST_PAGES:
             raise web.HTTPServiceUnavailable(reason=f"{MOST_PAGES} pages are open already")

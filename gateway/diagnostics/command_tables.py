@@ -28,8 +28,7 @@ from gateway.diagnostics.command_outcomes import (
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Way
-from gateway.protocols.wireformat.template import Source
+from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, Source, SurfaceRow, Way
 
 _HEAD = (
     """# What becomes of every command

@@ -1,23 +1,34 @@
-"""The MQTT client of one connection, held within bounds: what a broker sends may be small, or the connection is cut.
+"""The MQTT client of one connection: what is needed to be let in, and bounds that hold the broker.
 
-aiomqtt has no limit of its own for what comes in, and leaves a connection open that did not answer. Both is mended here
-and nowhere else, for it needs paho's client, which lies within. MQTT 5 is spoken, by which a broker passes on whether a
-message was published with the retain flag; one that knows only 3.1.1 tells that of stored messages alone.
+The password comes from a file or from the environment. Whatever is missing is told before anything is opened. What a
+broker sends may be small, or the connection is cut: aiomqtt has no limit of its own for what comes in, and leaves a
+connection open that did not answer. Both is mended here and nowhere else, for it needs paho's client, which lies
+within. MQTT 5 is spoken, by which a broker passes on whether a message was published with the retain flag; one that
+knows only 3.1.1 tells that of stored messages alone.
 """
 
 from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import secrets
 import socket
+import ssl
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Protocol
 
-from gateway.fleet.access import Access
-from gateway.fleet.topics import Message
+from msgspec import Struct
 
+from gateway.app.config.endpoints import Broker, parse_broker
+from gateway.core.errors import UserError, about_file
+from gateway.fleet.topics import Message
+from gateway.system.own_commands import how_to_add
+
+PASSWORD = "MOUNT_GATEWAY_MQTT_PASSWORD"
 #: Seconds after which a broker that said nothing is asked, and that an answer may take.
 KEEPALIVE, ANSWER = 10, 5.0
 #: How the topics end by which mounts are given orders.
@@ -26,6 +37,45 @@ ORDERS = "/command"
 OLD = (1, 132)
 #: Bytes of one packet, and messages that wait to be looked at.
 LARGEST, WAITING = 65536, 2000
+
+
+class Access(Struct, frozen=True):
+    """``user`` is None where the broker lets everybody in."""
+
+    broker: Broker
+    user: str | None = None
+    password: str | None = None
+    ca: str | None = None
+
+    def tls(self) -> ssl.SSLContext | None:
+        """The certificates that are trusted; None without TLS. Raises OSError."""
+        return ssl.create_default_context(cafile=self.ca) if self.broker.tls else None
+
+
+def access(at: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> Access:
+    """Raises UserError for what is missing or cannot be read."""
+    if find_spec("aiomqtt") is None:
+        raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {how_to_add('mqtt')}")
+    broker = parse_broker(at)
+    found = Access(broker, user or broker.user or None, _password(password_file), ca)
+    if found.password is not None and found.user is None:
+        raise UserError("there is a password for the broker and no user: write user under [mqtt]")
+    try:
+        found.tls()
+    except OSError as error:  # an SSLError is one, too
+        raise UserError(f"{ca}: {'no certificates' if isinstance(error, ssl.SSLError) else error.strerror}") from None
+    return found
+
+
+def _password(file: str | None) -> str | None:
+    if file is None:
+        return os.environ.get(PASSWORD) or None
+    try:
+        return Path(file).expanduser().read_text("utf-8").strip("\r\n")
+    except OSError as error:
+        raise UserError(f"{file}: {about_file(file, error)}") from None
+    except UnicodeDecodeError:
+        raise UserError(f"{file}: this is no UTF-8 text") from None
 
 
 class Client(Protocol):

@@ -16,10 +16,8 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.access import Access
-from gateway.fleet.client import LARGEST, Client, Connect, Flooded, connecting, too_much
-from gateway.fleet.outbox import Outbox
-from gateway.fleet.topics import Heard, Message
+from gateway.fleet.client import LARGEST, Access, Client, Connect, Flooded, connecting, too_much
+from gateway.fleet.topics import Heard, Message, Outbox
 
 _T = TypeVar("_T")
 _Arguments = TypeVarTuple("_Arguments")

@@ -11,12 +11,12 @@ from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import EVERY
 from gateway.app.control import commands
-from gateway.app.control.messages import draw
+from gateway.app.control.exchange import draw
 from gateway.app.gateway import Gateway
 from gateway.console import actions
 from gateway.console.places import find
-from gateway.core.background import BackgroundTasks
 from gateway.core.errors import UserError
+from gateway.core.waiting import BackgroundTasks
 
 WHO = "mqtt"
 #: Characters of an order; seconds between two stops on the line, however many are asked for.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.core.background import BackgroundTasks
+from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import WireLog
 from gateway.mount.policy import Policy
 from gateway.protocols.base.driver import Driver

@@ -13,16 +13,14 @@ from typing import Any, TypeVar, cast
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
+from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
-from gateway.mount.consequences import Consequences
 from gateway.mount.context import Context
-from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.identification import Identification
-from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.hibernation import HibernationGate
+from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
-from gateway.mount.motion.order_runner import BeforeMotion, OrderRunner
+from gateway.mount.motion.order_runner import BeforeMotion, Consequences, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
@@ -37,8 +35,7 @@ from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.assembled import Safety
 from gateway.mount.safety.rules.dead_man import Presence
 from gateway.mount.safety.rules.sun import SunAvoidance
-from gateway.mount.safety.supervisor import Supervisor
-from gateway.mount.safety.tracking_at_limit import TrackingAtLimit
+from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
@@ -104,7 +101,11 @@ class MountController:
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
-        Consequences(context, gate, cache, told, wanted, astrometry, safety, reconciler)
+        consequences = Consequences(context, gate, cache, told, wanted, astrometry, safety)
+        reconciler.begins.connect(consequences.begins)
+        reconciler.done.connect(consequences.done)
+        reconciler.stop_sent.connect(consequences.stop_sent)
+        reconciler.at_rest.connect(consequences.at_rest)
         safety.watch.must_stop.connect(self._stop_now)
         safety.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)

@@ -15,11 +15,10 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
-from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.hibernation import HibernationGate
+from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import READ, STOP
-from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers

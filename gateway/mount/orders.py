@@ -13,7 +13,7 @@ from typing import Any, TypeVar, cast
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer, Stopped
 from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
-from gateway.core.shared_work import Outcome, over_before, refused, result_of
+from gateway.core.waiting import Outcome, over_before, refused, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
@@ -21,14 +21,13 @@ from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, Movement, Order, WantedState
+from gateway.mount.policy import Hold
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.readings.standing import Standing
 from gateway.mount.safety.rules.dead_man import HostActivity
-from gateway.mount.safety.rules.held import Hold
-from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.ephemeris_reads import PLACES
+from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 
 _T = TypeVar("_T")
@@ -56,10 +55,7 @@ class Orders:
         self._reader, self._own = reader, own
         self._reconciler, self._movement, self._wanted, self._hold = reconciler, movement, wanted, hold
         self._astrometry, self._told = astrometry, told
-        self._handlers = {
-            **settings.handlers,
-            **Standing(context, reader, wanted, reconciler.done, astrometry).handlers,
-        }
+        self._handlers = {**settings.handlers, **Standing(context, reader, wanted, astrometry).handlers}
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""

@@ -19,9 +19,9 @@ import struct
 from collections.abc import Callable
 
 from gateway.core.errors import UserError
+from gateway.transport.baud import misread
 from gateway.transport.device_link import DeviceLink, like_a_serial_port
 from gateway.transport.handler import Arrive, ConnectionHandler
-from gateway.transport.uart import misread
 
 #: Linux: struct termios2, whose last number is the output rate itself.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")

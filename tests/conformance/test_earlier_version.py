@@ -13,8 +13,7 @@ import tomli
 
 from gateway.app.config import Config, make_config, read_tables
 from gateway.app.recording.format import read
-from gateway.app.state.file import read_mark
-from gateway.app.state.hold import is_held
+from gateway.app.state.file import is_held, read_mark
 from gateway.cli import main
 from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import add_settings, settings

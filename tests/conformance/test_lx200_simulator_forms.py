@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.cli import main
-from gateway.protocols.lx200.simulator.forms import well_formed
+from gateway.protocols.lx200.simulator.server import well_formed
 from tests.support.each import each
 from tests.support.manual_files import raw, rows
 from tests.support.sent_forms import malformed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.protocols.stellarium.framing import Framer
+from gateway.protocols.stellarium.surface import Framer
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 

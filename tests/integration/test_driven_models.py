@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
-from gateway.mount.site.ephemeris_reads import PLACES
+from gateway.mount.site.astrometry import PLACES
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
 from tests.support.operations_matrix import CHECKS, outcomes

@@ -10,8 +10,8 @@ import re
 from collections import defaultdict
 
 from gateway.protocols.base.frames import Unterminated
+from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.template import FrameTemplate
 from tests.support.manual_files import fits, rows
 
 #: What LX200 replies are made of: printable ASCII, the bar of :D#, the degree sign.

@@ -25,10 +25,9 @@ from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.commands.command_processor import CommandProcessor
-from gateway.clients.commands.reply_cache import MEMO
-from gateway.clients.commands.turn import INBOX
+from gateway.clients.commands.turn import INBOX, MEMO
 from gateway.core.wire_log import MOST, Entry
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
 from tests.soak.fuzz_bytes import KINDS, packets, thrown

@@ -8,8 +8,8 @@ from contextlib import asynccontextmanager
 from types import SimpleNamespace
 from typing import Any
 
-from gateway.app.config.sections.broker import Broker
-from gateway.fleet.access import Access
+from gateway.app.config.endpoints import Broker
+from gateway.fleet.client import Access
 from gateway.fleet.topics import Message
 
 NOWHERE = Access(Broker("broker.invalid", 1883, False))

@@ -14,14 +14,13 @@ from typing import Any
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.commands.reply_cache import PAIR
+from gateway.clients.commands.turn import PAIR
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from gateway.mount.safety.rules.sync_sum import check_sync
-from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.ephemeris_reads import PLACES
+from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.surface import Session
 from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed

@@ -121,7 +121,7 @@ class Forked:
 def load() -> None:
     """Everything that a process of the product may need."""
     import gateway
-    from gateway.astro.ephemeris.tables import TableLoader
+    from gateway.astro.ephemeris.sky import TableLoader
     from gateway.protocols.registry import pairs
     from gateway.protocols.wireformat.command_set import load as tables
 

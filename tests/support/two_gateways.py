@@ -13,8 +13,7 @@ from gateway.core import operations as op
 from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
-from gateway.mount.policy import Policy
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits, Policy
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.session import Shared
 from gateway.transport import ConnectionHandler

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from gateway.transport.uart import misread
+from gateway.transport.baud import misread
 from gateway.transport.wires import OnData, OnLost
 
 #: What is at the other end: bytes as they arrive there -> its answer.

@@ -15,10 +15,10 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault
+from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
-from gateway.mount.fair_scheduler import FairScheduler
+from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import MISSING
-from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.dead_man import HostActivity, Presence
 from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount

@@ -19,7 +19,7 @@ FATES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQ
 BLOCKED = 6
 PROGRAM = f"""
 import signal, sys, time
-from gateway.astro.ephemeris.tables import TableLoader
+from gateway.astro.ephemeris.sky import TableLoader
 from gateway.cli import main
 TableLoader.start = lambda *_: None
 signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell in the background has it ignored

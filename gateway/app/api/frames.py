@@ -15,9 +15,8 @@ from msgspec import Struct
 
 from gateway.core.errors import GatewayError
 from gateway.protocols.registry import PROTOCOLS
-from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command import Command, FrameTemplate
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.template import FrameTemplate
 
 
 class FrameError(GatewayError, ValueError):

@@ -1,15 +1,17 @@
 """What a user sets: on the command line or in ``gateway.toml``, under the same names.
 
-``keys.py`` is the one place where a key is declared and described: its reading, its flag, ``--help``, the example and
-the table of docs/configuration.md all follow from there. Every mistake is one line that says where it is and what
+A key is declared and described once, in ``keys.py`` or ``tables.py``: its reading, its flag, ``--help``, the example
+and the table of docs/configuration.md all follow from there. Every mistake is one line that says where it is and what
 would be right.
 """
 
 from __future__ import annotations
 
 from gateway.app.config.endpoints import Endpoint, parse_device, parse_endpoint, parse_site
-from gateway.app.config.keys import Config, MountConfig, SurfaceConfig
-from gateway.app.config.reading import Source, make_config, read_tables
+from gateway.app.config.keys import MountConfig, SurfaceConfig
+from gateway.app.config.reading import make_config, read_tables
+from gateway.app.config.source import Source
+from gateway.app.config.tables import Config
 
 __all__ = [
     "Config",

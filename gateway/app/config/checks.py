@@ -10,13 +10,11 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gateway.app.config.declaring import OFF
-from gateway.app.config.endpoints import nearest, parse_endpoint
-from gateway.app.config.keys import Config, MountConfig
-from gateway.app.config.lines import Place
-from gateway.app.config.places import right
+from gateway.app.config.endpoints import nearest, parse_broker, parse_endpoint, right
+from gateway.app.config.keys import OFF, MountConfig
 from gateway.app.config.programs import programs
-from gateway.app.config.sections.broker import parse_broker
+from gateway.app.config.source import Place
+from gateway.app.config.tables import Config
 from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken

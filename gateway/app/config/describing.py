@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 
 import msgspec
 
-from gateway.app.config.keys import TABLES
+from gateway.app.config.tables import TABLES
 
 
 class Key(NamedTuple):

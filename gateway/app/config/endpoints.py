@@ -1,21 +1,30 @@
-"""Endpoints and places, as a person types them.
+"""What is connected, as a person types it: endpoints, brokers and sites, and what was probably meant by a wrong one.
 
-An endpoint is ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a place is ``LAT,LON`` in degrees.
+An endpoint is ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a broker is ``mqtt://HOST:PORT``, or ``mqtts://`` with TLS; a site
+is ``LAT,LON`` in degrees.
 """
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import urlsplit
 
 import msgspec
 
 from gateway.app.config.called import named, suggestion
-from gateway.app.config.places import right
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.core.spelling import alike
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams
+
+_ADDRESS = re.compile(r"(?:(tcp|socket|rfc2217):/?)?([\w.-]+|\[[\w:]+\]):(\d{1,5})")
+#: The ports of brokers, by scheme.
+BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
+BROKER = "write mqtt://HOST:PORT, or mqtts://HOST:PORT with TLS"
 
 
 class Endpoint(msgspec.Struct, frozen=True):
@@ -96,6 +105,27 @@ def _version(spec: ProtocolSpec, text: str) -> str:
         raise UserError(f"{text!r} is no version; write it like 4.21") from None
 
 
+def right(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
+    """What was probably meant by the place of a surface (``listening``) or of a mount; empty where it may be right.
+
+    It cannot be meant as it is written without its scheme, or a port without its folder.
+    """
+    scheme, slashes, rest = where.partition("://")
+    if slashes:
+        wrong, good = ("socket", "tcp") if listening else ("tcp", "socket")
+        return f"{good}://{rest}" if scheme == wrong else ""
+    if match := _ADDRESS.fullmatch(where):
+        known = match[1] if match[1] == "rfc2217" else "tcp" if listening else "socket"
+        return f"{known}://{match[2]}:{match[3]}"
+    if listening and re.fullmatch(r":?\d{1,5}", where):
+        return f"tcp://127.0.0.1:{where.lstrip(':')}"
+    if not listening and where.startswith("pty:"):
+        return where.removeprefix("pty:")
+    if re.fullmatch(r"[\w.-]+", where) and not os.path.exists(where) and (devices / where).exists():
+        return str(devices / where)
+    return ""
+
+
 def nearest(word: str, choices: Sequence[str]) -> str:
     """What a mistyped word was probably meant to be, else all that it could be."""
     close = alike(word, choices)
@@ -142,3 +172,36 @@ def misplaced(latitude: float, longitude: float) -> str:
     if -90 <= longitude <= 90 and -180 <= latitude <= 360:
         words += f"; the latitude comes first: {longitude:g},{latitude:g}?"
     return words
+
+
+class Broker(msgspec.Struct, frozen=True):
+    """Where a broker is. ``user`` is empty where the address names none."""
+
+    host: str
+    port: int
+    tls: bool
+    user: str = ""
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"mqtt{'s' * self.tls}://{host}:{self.port}"
+
+
+def parse_broker(text: str) -> Broker:
+    """A user's name may stand before the host; a password may not: a flag is seen by everybody on the computer.
+
+    Raises UserError that says what would be right, and repeats no password.
+    """
+    try:
+        parts = urlsplit(text)
+        host, port, password = parts.hostname, parts.port, parts.password
+    except ValueError:
+        raise UserError(f"this is no address of a broker: {BROKER}") from None
+    if password is not None:
+        raise UserError(
+            "the address holds a password, which others could see: put it into a file and name that with "
+            "password-file, or into the environment variable MOUNT_GATEWAY_MQTT_PASSWORD"
+        )
+    if parts.scheme not in BROKER_PORTS or not host or parts.path.strip("/") or parts.query or parts.fragment:
+        raise UserError(f"{text!r}: {BROKER}")
+    return Broker(host, port or BROKER_PORTS[parts.scheme], parts.scheme == "mqtts", parts.username or "")

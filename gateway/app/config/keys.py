@@ -1,4 +1,4 @@
-"""Every key of ``gateway.toml``, declared once: its type, range, default, and the words that describe it.
+"""Every key of a mount and of a surface, declared once: its type, range, default, and the words that describe it.
 
 A new key is one field here. ``key`` takes the words of ``--help`` and of the documentation, what the value is called
 there, an example for keys that have no default, and the limits that msgspec checks; those of a key that may be absent
@@ -9,15 +9,24 @@ flag writes a list with commas.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
-from gateway.app.config.declaring import OFF, Plain, Word, key
-from gateway.app.config.sections.console import ConsoleConfig
-from gateway.app.config.sections.mqtt import MqttConfig
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 
+#: What is written where something is not wanted at all.
+OFF = "off"
+
+
+def key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, **limits: Any) -> Meta:
+    return Meta(description=words, extra={"shown": shown, "example": example, "flag": flag}, **limits)
+
+
+#: What a name may be made of: no blank, no slash, no wildcard.
+WORD = r"[A-Za-z0-9_.-]+"
+Word = Annotated[str, Meta(pattern=f"^{WORD}$", title="a word of letters, digits and _ . -")]
+Plain = Annotated[str, Meta(pattern=r"^[ -\"$-~]+$", title="plain text without #")]
 _Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Longitude = Annotated[float, Meta(ge=-180.0, le=360.0)]
 
@@ -231,58 +240,3 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
         ),
     ] = False
     max_clients: Annotated[int, key("network surfaces: how many connections at a time", "N", ge=1, le=10000)] = 400
-
-
-class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
-    """Everything that ``run`` needs."""
-
-    mount: list[MountConfig]
-    surface: list[SurfaceConfig] = []
-    console: list[ConsoleConfig] = []
-    mqtt: list[MqttConfig] = []
-    wait: Annotated[bool, key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
-    discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, Alpaca, mDNS)")] = True
-    watchdog: Annotated[
-        bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
-    ] = True
-    log: Annotated[
-        bool
-        | Literal[
-            "all",
-            "program",
-            "mount",
-            "changes",
-            "refusals",
-            "json",
-            "json-program",
-            "json-mount",
-            "json-changes",
-            "json-refusals",
-        ],
-        key(
-            "show the conversation in words. all or true: everything; program, mount: only that side; changes: only "
-            "what moves or sets something; refusals: only what is refused or fails. json, json-changes and so on: the "
-            "same for programs that collect logs, one JSON object a line",
-            "WHAT",
-        ),
-    ] = False
-    night: Annotated[bool, key("use only shades of red as colours on the terminal")] = False
-    status: Annotated[bool, key("show a status line on a terminal, renewed every second (not together with log)")] = (
-        True
-    )
-
-    @property
-    def page(self) -> ConsoleConfig | None:
-        """The console; None where there is to be none."""
-        console = self.console[0] if self.console else ConsoleConfig()
-        return None if console.at == OFF else console
-
-    def of(self, mount: MountConfig) -> list[SurfaceConfig]:
-        """The surfaces of one mount."""
-        return [surface for surface in self.surface if surface.mount == mount.name or len(self.mount) == 1]
-
-
-#: Every table and what its keys are; the keys outside any table last.
-TABLES: dict[str, type[Struct]] = {
-    "mount": MountConfig, "surface": SurfaceConfig, "console": ConsoleConfig, "mqtt": MqttConfig, "": Config
-}  # fmt: skip

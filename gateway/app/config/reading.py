@@ -1,7 +1,4 @@
-"""``gateway.toml`` and flags become a ``Config``, or one line that says where the mistake is.
-
-A ``Source`` remembers where every value was written, so that a message can name the line of the file or the flag.
-"""
+"""``gateway.toml`` and flags become a ``Config``, or one line that says where the mistake is."""
 
 from __future__ import annotations
 
@@ -17,8 +14,8 @@ import tomli
 from gateway.app.config.checks import Mistake, mistakes
 from gateway.app.config.describing import keys, named, title
 from gateway.app.config.endpoints import misplaced, nearest
-from gateway.app.config.keys import TABLES, Config
-from gateway.app.config.lines import Place, line_of
+from gateway.app.config.source import SINGLE, Place, Source
+from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, about_file
 
 #: What a person may have meant where the parser tells only what it found.
@@ -40,45 +37,6 @@ _BEYOND: dict[type[Exception], str] = {
     RecursionError: "this is nested too deep; no key here needs more than [ ] around a few values",
     ValueError: "this number has thousands of digits; no key here takes such a number",
 }
-
-
-#: Tables that a file writes once, and that are lists of one here.
-SINGLE = ("mount", "console", "mqtt")
-
-
-class Source(msgspec.Struct):
-    """Where the values come from: a file's name and text, and the flags that were given."""
-
-    name: str
-    text: str = ""
-    flags: dict[Place, str] = {}
-
-    def where(self, place: Place) -> str:
-        """``--lowest``, ``gateway.toml:12``, or the name alone. Places count mounts even where there is just one."""
-        ways = [place[:length] for length in range(len(place), 0, -1)]
-        for way in ways:
-            if way in self.flags:
-                return self.flags[way]
-        for way in ways:
-            line = line_of(self.text, self._written(way)) if self.text else None
-            if line is not None:
-                return f"{self.name}:{line}"
-        return self.name
-
-    def origin(self, place: Place) -> str | None:
-        """The flag or the line that sets exactly this; None when nothing does."""
-        if place in self.flags:
-            return self.flags[place]
-        line = line_of(self.text, self._written(place)) if self.text else None
-        overridden = any(place[:length] in self.flags for length in range(1, len(place)))
-        return None if line is None or overridden else f"{self.name}:{line}"
-
-    def _written(self, place: Place) -> Place:
-        """The place as the file has it: a single ``[mount]`` has no number."""
-        single = (
-            place[0] in SINGLE and place[1:2] == (0,) and isinstance(tomli.loads(self.text).get(str(place[0])), dict)
-        )
-        return (place[0], *place[2:]) if single else place
 
 
 def read_tables(path: Path) -> tuple[dict[str, object], Source]:

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from gateway.app.config.describing import Key, keys, title
-from gateway.app.config.keys import Config, SurfaceConfig
-from gateway.app.config.lines import Place
+from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import settled, wanted_by
-from gateway.app.config.reading import Source
-from gateway.app.config.sections.console import ConsoleConfig
+from gateway.app.config.source import Place, Source
+from gateway.app.config.tables import Config, ConsoleConfig
 
 
 def effective(config: Config, source: Source) -> str:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.app.control.endpoints import ControlEndpoint
-from gateway.app.control.messages import Parts, draw, seal, unseal
+from gateway.app.control.exchange import ControlEndpoint, Parts, draw, seal, unseal
 from gateway.system.processes import exists, is_gateway, suspended
 
 #: Seconds from one time that a question is sent to the next: a datagram may be lost.

@@ -11,9 +11,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gateway.app.control.commands import Body, Spot, Where
-from gateway.astro.catalog import cross_numbers, deepsky, names, stars
-from gateway.astro.catalog.files import NotInstalled
-from gateway.astro.catalog.objects import Entry
+from gateway.astro.catalog import deepsky, names, stars
+from gateway.astro.catalog.objects import Entry, NotInstalled
 from gateway.core.errors import Fault, UserError
 from gateway.system.own_commands import how_to_add, pip_command
 
@@ -88,8 +87,8 @@ def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
     name = f"{called}{number}"
     if called == "HIP":
         entry = _from_library(name, lambda: stars.hipparcos(number, _year()))
-    elif called in cross_numbers.COLUMNS:
-        entry = _from_library(name, lambda: cross_numbers.look_up(called, number, _year()))
+    elif called in stars.COLUMNS:
+        entry = _from_library(name, lambda: stars.by_other_number(called, number, _year()))
     else:
         entry = _from_library(name, lambda: deepsky.look_up(called, number))
     if entry is None:
@@ -114,10 +113,10 @@ def _named(text: str) -> tuple[str, Entry]:
 def _from_library(name: str, look: Callable[[], Entry | None]) -> Entry | None:
     try:
         return look()
-    except cross_numbers.NoCrossNumbers:
+    except stars.NoCrossNumbers:
         raise UserError(
             f"{name}: the list of SAO, HD and HR numbers is not installed. Write the star's name or its HIP number, or "
-            f"type {pip_command()} install --no-deps {cross_numbers.PACKAGE} (57 MB, GPL)"
+            f"type {pip_command()} install --no-deps {stars.CROSS_PACKAGE} (57 MB, GPL)"
         ) from None
     except NotInstalled:
         raise UserError(

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from gateway.app.control.server import Order
 from gateway.app.recording.entrance import Entrance
-from gateway.app.state import hold as on_disk
+from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
@@ -73,9 +73,9 @@ async def _on_disk(keeping: StateStore, *, held: bool) -> str:
     """Have the hold outlive this gateway, or end with it -> nothing, or what went wrong, to be said of it."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
-            await keeping.in_thread(on_disk.hold if held else on_disk.release, keeping.directory)
+            await keeping.in_thread(on_disk.hold_folder if held else on_disk.release_folder, keeping.directory)
     except OSError as error:  # a disk that hangs is one, too
-        where = keeping.directory / on_disk.NAME
+        where = keeping.directory / on_disk.HOLD
         why = error.strerror or "the disk does not answer"
         if held:
             return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"

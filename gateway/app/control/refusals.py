@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from gateway.core import errors
 from gateway.core.errors import Fault
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 
 
 def no(fault: Fault, limits: Limits) -> str:

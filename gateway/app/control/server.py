@@ -16,8 +16,7 @@ from typing import Any, cast
 
 import msgspec
 
-from gateway.app.control.endpoints import ENDING, ControlEndpoint, sweep
-from gateway.app.control.messages import WAIT, parts, seal, unseal
+from gateway.app.control.exchange import ENDING, WAIT, ControlEndpoint, parts, seal, sweep, unseal
 from gateway.core.errors import Fault
 from gateway.system.files import write_whole
 from gateway.system.runtime_folders import occupy

@@ -1,4 +1,4 @@
-"""The state file of a mount: what a real hand control would keep when it is switched off.
+"""The files of a state folder: what a real hand control would keep when it is switched off, what moves, what is held.
 
 A file is always complete, because it is written beside the old one, flushed to the disk, and renamed. A file that
 cannot be read is moved aside and never prevents a start. Nothing here waits or uses an event loop; ``store.py`` decides
@@ -7,6 +7,8 @@ when to write.
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -17,6 +19,7 @@ from msgspec import Meta, Struct
 from gateway.core.operations import Values
 from gateway.mount.safety.rules.sync_sum import SyncSum
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
+from gateway.system.files import flush_folder
 
 FORMAT: Final = 1
 #: Longest name of a mount's files: with an ending it must fit a directory entry.
@@ -25,6 +28,9 @@ LONGEST = 120
 Byte = Annotated[int, Meta(ge=0, le=255)]
 #: Names of values of the two motors in what clients have in common.
 MOTORS = ("backlash ", "guide rate ")
+#: The file that holds the mounts of its folder for as long as it exists: nothing moves them.
+HOLD = "hold"
+_HELD = b"mount-gateway stop --hold: no mount of this folder is moved until mount-gateway stop --release.\n"
 
 
 class SavedState(Struct, omit_defaults=True):
@@ -88,6 +94,35 @@ def move_aside(path: Path) -> Path:
     bad = path.with_name(f"{path.name}.bad")
     path.replace(bad)
     return bad
+
+
+# --- the hold ---------------------------------------------------------------------------------------------------
+
+
+def is_held(folder: Path) -> bool:
+    """Whether the mounts of a state folder are held. An empty file, whoever owns it, holds as well as any other."""
+    return os.path.lexists(folder / HOLD)
+
+
+def hold_folder(folder: Path) -> None:
+    """Hold them, over a power cut too as far as the disk allows. Raises OSError."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    number = os.open(folder / HOLD, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+    with contextlib.suppress(OSError):  # a full disk: the name is enough
+        os.write(number, _HELD)
+        os.fsync(number)
+    os.close(number)
+    with contextlib.suppress(OSError):
+        flush_folder(folder)
+
+
+def release_folder(folder: Path) -> bool:
+    """Hold them no longer -> whether they were held. Raises OSError."""
+    try:
+        os.unlink(folder / HOLD)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
 
 
 # --- between the file and what clients have in common -----------------------------------------------------------

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.state import hold
 from gateway.app.state.file import (
     FORMAT,
     MarkerContent,
@@ -21,6 +20,7 @@ from gateway.app.state.file import (
     encode,
     file_name,
     from_shared,
+    is_held,
     move_aside,
     read_kept,
     read_mark,
@@ -158,7 +158,7 @@ class StateStore:
         self._synced = lambda: controller.safety.synced.value
         recall(controller, self.past)
         controller.changed.connect(lambda _: self.changed())
-        controller.hold.on = hold.is_held(self.directory)
+        controller.hold.on = is_held(self.directory)
         if controller.hold.on:
             self._warn(
                 f"{self._marked.mount}: the mount is held: no program moves it until mount-gateway stop --release"

@@ -2,18 +2,23 @@
 
 Read with sqlite3 instead of the package's own functions: those return one object at a time with numpy arrays, and
 searches by limits take them seconds. UGC numbers are those of the objects that have an NGC or IC number.
+
+A search goes through the sky in strips of an hour of right ascension from north to south, the westernmost strip first:
+what sets first is seen first. What may not be gone to is passed over.
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from gateway.astro.catalog.files import data_file
-from gateway.astro.catalog.objects import FAINTEST, QUALITIES, Entry, Wanted, quality
+from gateway.astro.catalog.objects import FAINTEST, QUALITIES, Entry, Wanted, data_file, quality
+from gateway.astro.spherical import separation, wrap360
 
 #: OpenNGC's types as kinds; stars, doubles and what does not exist have none.
 _KINDS = {
@@ -32,6 +37,9 @@ _IN_PLACE_OF = {102: ("NGC", 5866)}
 
 #: What a search compares: row of the database, right ascension, declination. Plain, because there are twelve thousand.
 Candidate = tuple[int, float, float]
+#: Whether a J2000 place (degrees) may be gone to now.
+Visible = Callable[[float, float], bool]
+_EVERY_ROW = 1 << 60
 
 
 def look_up(catalog: str, number: int) -> Entry | None:
@@ -63,6 +71,33 @@ def names() -> dict[str, int]:
     return {name.strip(): row for called, row in rows for name in called.split(",")}
 
 
+def _original(name: str) -> tuple[object, ...] | None:
+    """The object that a duplicate record stands for."""
+    numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]
+    for picture, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
+        if number:
+            return next(iter(_rows("name = ?", picture.format(number))), None)
+    return next(iter(_rows("messier = ? AND type != 'Dup'", numbers[2])), None)
+
+
+def _entry(row: tuple[Any, ...], name: str | None = None) -> Entry:
+    own, kind, ra, dec, magnitude, size, width, messier = row
+    catalog, number = own[: len(own) - len(own.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))], own.lstrip("NGCI")
+    shown = f"M{int(messier)}" if messier else (f"{catalog}{int(number)}" if number.isdigit() else own)
+    return Entry(name or shown, _KINDS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width)
+
+
+def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
+    import sqlite3  # 10 ms that most gateways never need
+
+    path = data_file("pyongc", "ongc.db")
+    with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
+        return database.execute(f"SELECT {columns} FROM objects WHERE {where}", values).fetchall()
+
+
+# --- searching --------------------------------------------------------------------------------------------------------
+
+
 def matching(wanted: Wanted) -> list[Candidate]:
     """Everything within the limits, in the order of ``order``; not to be changed. Raises NotInstalled."""
     return _matching(data_file("pyongc", "ongc.db"), wanted)
@@ -91,25 +126,30 @@ def order(candidate: Candidate) -> tuple[int, float, int]:
     return int(ra / 15.0), -dec, row
 
 
-def _original(name: str) -> tuple[object, ...] | None:
-    """The object that a duplicate record stands for."""
-    numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]
-    for picture, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
-        if number:
-            return next(iter(_rows("name = ?", picture.format(number))), None)
-    return next(iter(_rows("messier = ? AND type != 'Dup'", numbers[2])), None)
+def first(candidates: Sequence[Candidate], visible: Visible, meridian: float) -> Candidate | None:
+    """The one to begin with; ``meridian`` is the right ascension in the south now."""
+    west = int(wrap360(meridian + 180.0) / 15.0), -90.0, 0
+    return _walk(candidates, bisect_left(candidates, west, key=order), 1, visible)
 
 
-def _entry(row: tuple[Any, ...], name: str | None = None) -> Entry:
-    own, kind, ra, dec, magnitude, size, width, messier = row
-    catalog, number = own[: len(own) - len(own.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))], own.lstrip("NGCI")
-    shown = f"M{int(messier)}" if messier else (f"{catalog}{int(number)}" if number.isdigit() else own)
-    return Entry(name or shown, _KINDS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width)
+def beside(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
+    """The next one after a place (``step`` 1) or the one before it (-1), not counting what stands at that place."""
+    after = bisect_left(candidates, order((_EVERY_ROW, ra, dec)), key=order)
+    before = bisect_left(candidates, order((0, ra, dec)), key=order) - 1
+    return _walk(candidates, after if step > 0 else before, step, visible)
 
 
-def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
-    import sqlite3  # 10 ms that most gateways never need
+def _walk(candidates: Sequence[Candidate], start: int, step: int, visible: Visible) -> Candidate | None:
+    """Once round the sky."""
+    count = len(candidates)
+    for offset in range(count):
+        candidate = candidates[(start + step * offset) % count]
+        if visible(*candidate[1:]):
+            return candidate
+    return None
 
-    path = data_file("pyongc", "ongc.db")
-    with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
-        return database.execute(f"SELECT {columns} FROM objects WHERE {where}", values).fetchall()
+
+def in_field(candidates: Sequence[Candidate], ra: float, dec: float, radius: float) -> list[Candidate]:
+    """Those within ``radius`` degrees of a J2000 place, the nearest first."""
+    near = [(separation(ra, dec, c[1], c[2]), c) for c in candidates if abs(c[2] - dec) <= radius]
+    return [candidate for distance, candidate in sorted(near) if distance <= radius]

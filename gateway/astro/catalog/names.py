@@ -1,19 +1,34 @@
 """Names that people call objects by: Vega, Rigel Kent, Ring Nebula; case, spaces, hyphens and the like do not count.
 
-Stars' names are this project's own list, with a Hipparcos number each; those of nebulae, clusters and galaxies are
-OpenNGC's. A name that nobody has given is None; names that look like it are suggested.
+Stars' names are this project's own list (``mappings/stars.toml``), with a Hipparcos number each; those of alignment
+lists and charts have their places there, too, because ``goto Polaris`` is what somebody types who has nothing yet.
+Names of nebulae, clusters and galaxies are OpenNGC's. A name that nobody has given is None; names that look like it are
+suggested.
 """
 
 from __future__ import annotations
 
 from gateway.astro.catalog import deepsky, stars
-from gateway.astro.catalog.files import NotInstalled
-from gateway.astro.catalog.objects import Entry
-from gateway.astro.catalog.star_names import ALSO, HIPPARCOS, PLACES, by_number
+from gateway.astro.catalog.objects import Entry, NotInstalled
 from gateway.core.spelling import alike
+from gateway.core.tables import read_table
 
+_TABLE = read_table("stars.toml")
+#: Name -> Hipparcos number.
+HIPPARCOS: dict[str, int] = _TABLE["numbers"]
+#: Another name -> name.
+ALSO: dict[str, str] = _TABLE["also"]
+#: Name -> right ascension and declination, degrees, at the catalogue's epoch; proper motion, mas a year.
+PLACES: dict[str, tuple[float, float, float, float]] = _TABLE["places"]
+_BY_NUMBER = {HIPPARCOS[name]: place for name, place in PLACES.items()}
 #: How like a name must be to be suggested, and how many are.
 ALIKE, SUGGESTED = 0.72, 3
+
+
+def by_number(number: int, year: float) -> tuple[float, float] | None:
+    """Where the star of a Hipparcos number stands in that year (2026.5), J2000, degrees; None for all but these."""
+    place = _BY_NUMBER.get(number)
+    return None if place is None else stars.moved(*place, year)
 
 
 def bare(name: str) -> str:

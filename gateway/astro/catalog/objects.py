@@ -1,16 +1,21 @@
-"""What a catalogue says of an object, and how well it can be seen.
+"""What a catalogue says of an object, and how well it can be seen, and where the catalogues' data files lie.
 
 Kinds are the letters of the Meade protocol's type string: G galaxy, P planetary nebula, D diffuse nebula, C globular
 cluster, O open cluster; a cluster with nebulosity is both D and O, and what has no letter is no deep sky object.
 No catalogue at hand rates an object's looks, so the quality is judged here: by its magnitude, and one step lower where
 its light is spread thinner than magnitude 14 to the square arcminute.
+The files are found without importing the packages they came with.
 """
 
 from __future__ import annotations
 
 import math
+from importlib.util import find_spec
+from pathlib import Path
 
 from msgspec import Struct
+
+from gateway.core.errors import Unsupported
 
 #: The best first, as the Meade protocol names them: super, excellent, very good, good, fair, poor, very poor.
 QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
@@ -18,6 +23,23 @@ QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 FAINTEST = (5.0, 7.0, 9.0, 11.0, 12.5, 14.0)
 _THIN = 14.0
 _WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "OPEN CLUS", "*": "STAR"}
+
+
+class NotInstalled(Unsupported):
+    """The catalogue's package is missing."""
+
+    words = "Object library not installed."
+
+
+def data_file(package: str, name: str) -> Path:
+    """The data file of an installed package. Raises NotInstalled."""
+    found = find_spec(package)
+    if found is None or found.origin is None:
+        raise NotInstalled
+    path = Path(found.origin).parent / name
+    if not path.is_file():
+        raise NotInstalled
+    return path
 
 
 class Entry(Struct, frozen=True):

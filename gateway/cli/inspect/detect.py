@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError, about_file
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NONE_FOUND = 1
 
 
-def add(commands: Commands) -> None:
+def add_detect(commands: Commands) -> None:
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",
         description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "
@@ -55,8 +55,7 @@ def _detect(arguments: argparse.Namespace) -> int:
     import json
 
     from gateway.diagnostics.detect import here, look_at_all, named
-    from gateway.diagnostics.detect.advice import next_steps
-    from gateway.diagnostics.detect.report import block, values
+    from gateway.diagnostics.detect.report import block, next_steps, values
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
         raise _there_already(arguments.write)

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 
 if TYPE_CHECKING:
     from gateway.diagnostics.doctor.facts import Result
@@ -21,7 +21,7 @@ Examples:
 """
 
 
-def add(commands: Commands) -> None:
+def add_doctor(commands: Commands) -> None:
     doctor = commands.add_parser(
         "doctor", help="what of this computer could be in the way, and what to do",
         description="Looks at Python and packages, serial ports and who may use or has them, programs that disturb "

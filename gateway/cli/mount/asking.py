@@ -9,17 +9,14 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import sys
 from collections.abc import Callable, Coroutine, Iterable
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
-from gateway.app.control.endpoints import ControlEndpoint
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
-if TYPE_CHECKING:
-    from gateway.app.control.commands import Goto, Move, Park, Sync, Unpark
-
+_T = TypeVar("_T")
 #: Seconds within which a gateway has carried out whatever takes no time of its own.
 ANSWERED = 15.0
 #: Seconds between two looks at what is under way.
@@ -38,14 +35,9 @@ def add_which(command: argparse.ArgumentParser, which: str = "which one, where s
     )
 
 
-def add_wait(command: argparse.ArgumentParser) -> None:
-    """The flag that waits for the end of it."""
-    command.add_argument("--wait", action="store_true", help="wait until it is there; Ctrl-C stops it")
-
-
 def found(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """The gateways that run and are meant, or ``all_of_them`` that could be."""
-    from gateway.app.control.endpoints import listened
+    from gateway.app.control.exchange import listened
     from gateway.app.reach import look, scope_of
 
     only = None if all_of_them else arguments.mount
@@ -132,7 +124,7 @@ def carried_out(
     return asyncio.run(run())
 
 
-async def unless(done: asyncio.Event, work: Coroutine[object, object, str]) -> str | None:
+async def unless(done: asyncio.Event, work: Coroutine[object, object, _T]) -> _T | None:
     """The answer; None when Ctrl-C came first."""
     asking, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
     await asyncio.wait([asking, end], return_when=asyncio.FIRST_COMPLETED)
@@ -148,51 +140,3 @@ async def over(done: asyncio.Event) -> bool:
     with contextlib.suppress(TimeoutError):
         await asyncio.wait_for(done.wait(), EVERY)
     return done.is_set()
-
-
-def wish_for(
-    arguments: argparse.Namespace,
-    make: Callable[[str], Goto | Sync | Park | Unpark | Move],
-    wait: bool = False,
-    seconds: float = ANSWERED,
-) -> int:
-    """Have a request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes.
-
-    ``make`` makes it, given the number by which it is known from then on.
-    """
-    from gateway.app.control import commands
-    from gateway.app.control.messages import draw
-
-    wish = make(draw())
-
-    async def work(door: ControlEndpoint, done: asyncio.Event) -> int:
-        answer = await unless(done, wished(door, commands.written(wish), seconds))
-        if answer is not None and answer.startswith("done ") and wait:
-            if sys.stdout.isatty():
-                told(answer)
-            answer = await _followed(door, wish.number, done)
-        if answer is not None:
-            return told(answer)
-        told(await wished(door, commands.written(commands.End(wish.number))))
-        return 1
-
-    return carried_out(arguments, work)
-
-
-async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
-    """What came of it in the end; None when Ctrl-C came first. A line on a terminal tells how it goes meanwhile."""
-    from gateway.app.control import commands
-    from gateway.cli.serve.live import Screen, find_terminal
-
-    screen = Screen(find_terminal())
-    line = commands.written(commands.Follow(number))
-    try:
-        while True:
-            answer = await unless(done, wished(door, line))
-            if answer is None or not answer.startswith("under way"):
-                return answer
-            screen.show(answer)
-            if await over(done):
-                return None
-    finally:
-        screen.clear()

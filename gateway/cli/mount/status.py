@@ -1,4 +1,7 @@
-"""``status``: what is wanted of the mounts, what is allowed, and what is seen, by the gateways that run."""
+"""``status`` and ``watch``: what is wanted of the mounts, what is allowed, and what is seen, by the gateways that run.
+
+``status`` tells everything once, of every gateway; ``watch`` tells of one mount every second until Ctrl-C, on one line.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,15 @@ import argparse
 import asyncio
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
-from gateway.cli.help import Commands
+import msgspec
 
-if TYPE_CHECKING:
-    from gateway.app.status import State
+from gateway.app.control.commands import See, written
+from gateway.app.control.exchange import ControlEndpoint
+from gateway.app.status import OLD, Rate, State, does, status, where
+from gateway.cli.command_line import Commands
+from gateway.cli.mount.asking import add_which, carried_out, found, nobody, over, told, unless, wished
+from gateway.system import journal, streams
 
 EXAMPLES = """\
 Examples:
@@ -20,41 +26,45 @@ Examples:
 """
 
 
-def add(commands: Commands) -> None:
-    from gateway.cli.mount.asking import add_which
-
-    status = commands.add_parser(
+def add_status(commands: Commands) -> None:
+    command = commands.add_parser(
         "status", help="how the mount is: what is wanted, allowed and seen by the gateway that runs",
         description="Tells of every gateway that runs here where its mount points, what it does and for whom, which "
                     "programs are connected, how its line is, what limits hold, and what was refused or ended in the "
                     "last minute. Exit code 1: no gateway runs here, or one does not answer.",
         epilog=EXAMPLES,
     )  # fmt: skip
-    status.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
-    add_which(status)
-    status.set_defaults(run=_status)
+    command.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
+    add_which(command)
+    command.set_defaults(run=lambda arguments: asyncio.run(_tell_once(arguments)))
 
 
-def _status(arguments: argparse.Namespace) -> int:
-    return asyncio.run(_told(arguments))
+def add_watch(commands: Commands) -> None:
+    command = commands.add_parser(
+        "watch", help="tell every second how the mount is, until Ctrl-C",
+        description="Tells every second where the mount of the gateway that runs here points and what it does: on a "
+                    "terminal on one line, else line by line.",
+        epilog="Example:\n  mount-gateway watch\n",
+    )  # fmt: skip
+    add_which(command)
+    command.set_defaults(run=lambda arguments: carried_out(arguments, _keep_telling))
 
 
-async def _told(arguments: argparse.Namespace) -> int:
-    import msgspec
+async def _state(door: ControlEndpoint) -> State | str:
+    """What a gateway knows of its mount; a sentence that begins with ``failed`` where it does not say."""
+    answer = await wished(door, written(See()))
+    try:
+        return msgspec.json.decode(answer, type=State)
+    except msgspec.MsgspecError:
+        return answer
 
-    from gateway.app.control import commands as wishes
-    from gateway.app.status import State
-    from gateway.cli.mount.asking import found, nobody, wished
-    from gateway.system import journal, streams
 
+async def _tell_once(arguments: argparse.Namespace) -> int:
     doors = found(arguments)
-    answers = await asyncio.gather(*(wished(door, wishes.written(wishes.See())) for door in doors))
-    states, bad = [], 0
+    answers = await asyncio.gather(*map(_state, doors))
+    states = [answer for answer in answers if isinstance(answer, State)]
     for door, answer in zip(doors, answers, strict=True):
-        try:
-            states.append(msgspec.json.decode(answer, type=State))
-        except msgspec.MsgspecError:
-            bad += 1
+        if isinstance(answer, str):
             streams.warn(f"{door.name or door.mount}: {answer.removeprefix('failed ')}", journal.ERROR)
     streams.tolerate()
     if arguments.json:
@@ -63,13 +73,34 @@ async def _told(arguments: argparse.Namespace) -> int:
         streams.say("\n\n".join("\n".join(lines(state)) for state in states))
     if not doors:
         nobody(arguments)
-    return 1 if bad or not doors else 0
+    return 0 if doors and len(states) == len(doors) else 1
+
+
+async def _keep_telling(door: ControlEndpoint, done: asyncio.Event) -> int:
+    from gateway.cli.serve.live import Screen, find_terminal
+
+    screen, rate = Screen(find_terminal()), Rate()
+    streams.tolerate()
+    now = asyncio.get_running_loop().time
+    try:
+        while (answer := await unless(done, _state(door))) is not None:
+            if isinstance(answer, str):
+                screen.clear()
+                return told(answer)
+            look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
+            if screen.terminal is not None:
+                screen.show(status([look], screen.columns))
+            else:
+                streams.say(status([look]))
+            if await over(done):
+                break
+    finally:
+        screen.clear()
+    return 0
 
 
 def lines(state: State) -> Iterator[str]:
     """A mount's state for a person."""
-    from gateway.app.status import OLD, does, where
-
     look = state.look
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
@@ -77,7 +108,7 @@ def lines(state: State) -> Iterator[str]:
     if look.position is not None and look.age <= OLD:
         seen += f", {look.age:.0f} s ago"
     doing = "" if look.state in ("opening", "down") else does(look)  # nobody knows what it does now
-    told = {
+    rows = {
         "mount": [state.found or "has not said yet which one it is"],
         "seen": [f"{seen}; {doing}" if doing else seen],
         "wanted": state.wanted or ["no motion"],
@@ -88,7 +119,7 @@ def lines(state: State) -> Iterator[str]:
         "programs": [", ".join(_counted(state.programs)) or "none"],
         "lately": state.lately or ["nothing was refused in the last minute"],
     }
-    for name, sentences in told.items():
+    for name, sentences in rows.items():
         for number, sentence in enumerate(sentences):
             yield f"  {name if number == 0 else '':<9} {sentence}"
 

@@ -12,7 +12,8 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
+from gateway.cli.mount.asking import add_which
 from gateway.core.errors import UserError
 from gateway.system import journal
 
@@ -25,9 +26,7 @@ Examples:
 """
 
 
-def add(commands: Commands) -> None:
-    from gateway.cli.mount.asking import add_which
-
+def add_stop(commands: Commands) -> None:
     stop = commands.add_parser(
         "stop", help="stop the mount: of every running gateway, and of one that was killed",
         description="Ends every motion of every mount here, and looks at each until it rests. Exit code 0: every one "
@@ -95,20 +94,20 @@ NOTHING = {
 
 def _on_disk(folder: Path, word: str) -> tuple[str, str]:
     """Hold or release what is started later on a state folder -> what was done, and what could not be."""
-    from gateway.app.state import hold
+    from gateway.app.state.file import HOLD, hold_folder, release_folder
 
     try:
         if word == "hold":
-            hold.hold(folder)
+            hold_folder(folder)
             return f"held: no gateway moves a mount of {folder} until mount-gateway stop --release", ""
-        return (f"released: gateways may move the mounts of {folder} again" if hold.release(folder) else ""), ""
+        return (f"released: gateways may move the mounts of {folder} again" if release_folder(folder) else ""), ""
     except OSError as error:
         after = (
             "a gateway that is started later will not know of the hold"
             if word == "hold"
             else ("a gateway that is started later is held again")
         )
-        return "", f"{folder / hold.NAME}: {error.strerror}: {after}"
+        return "", f"{folder / HOLD}: {error.strerror}: {after}"
 
 
 def _say(lines: list[str], stream: TextIO, level: int) -> None:

@@ -10,10 +10,10 @@ import sys
 
 from gateway.app.config import Source, make_config
 from gateway.app.config.describing import keys
-from gateway.app.config.lines import Place
-from gateway.cli.help import Commands
+from gateway.app.config.source import Place
+from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import serve_mounts, with_loop
-from gateway.cli.serve.settings import add_console, add_flag, put_console
+from gateway.cli.serve.settings import add_flag, add_shown, put_shown
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
 
@@ -26,8 +26,7 @@ OTHERS = 50
 SHOWN = ("log", "night")
 
 
-def add(commands: Commands) -> None:
-    """Put the command into the parser."""
+def add_demo(commands: Commands) -> None:
     demo = commands.add_parser(
         "demo", help="a simulated mount to play with, on TCP 4040 (any program), 4030 and a virtual serial port",
         description="Plays a mount and a gateway before it, so that a program can be tried out without either.",
@@ -48,7 +47,7 @@ def add(commands: Commands) -> None:
     for key in keys(""):
         if key.name in SHOWN:
             add_flag(demo, key)
-    add_console(demo)
+    add_shown(demo, "console")
     demo.set_defaults(run=_demo)
 
 
@@ -78,7 +77,7 @@ def _demo(arguments: argparse.Namespace) -> int:
         ("log",): "--log",
     }
     source = Source("demo", flags=flags)
-    put_console(arguments, tables, source)
+    put_shown(arguments, "console", tables, source)
     config = make_config(tables, source)
     speed = "" if arguments.speed == 1 else f"\nIt slews {arguments.speed:g} times as fast as a real one."
     banner = "\n".join(

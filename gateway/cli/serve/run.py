@@ -1,10 +1,10 @@
-"""``run``: connect clients to mounts, as the command line and ``gateway.toml`` say."""
+"""``run`` and ``config``: connect programs to mounts as flags and ``gateway.toml`` say, or print what they say."""
 
 from __future__ import annotations
 
 import argparse
 
-from gateway.cli.help import EXIT_CODES, Commands, endpoints
+from gateway.cli.command_line import EXIT_CODES, Commands, endpoints
 from gateway.cli.serve.serving import serve_mounts, start_watchdog, with_loop
 from gateway.cli.serve.settings import add_settings, settings
 
@@ -23,8 +23,7 @@ Examples:
 """
 
 
-def add(commands: Commands) -> None:
-    """Put the command into the parser."""
+def add_run(commands: Commands) -> None:
     run = commands.add_parser(
         "run", help="connect programs to a mount, or to several",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
@@ -44,3 +43,30 @@ def _run(arguments: argparse.Namespace) -> int:
         lambda: serve_mounts(config, watchdog=watchdog),
         any(mount.record for mount in config.mount),
     )
+
+
+def add_config(commands: Commands) -> None:
+    config = commands.add_parser(
+        "config", help="the configuration in effect, or an example of gateway.toml",
+        description="Prints what run would go by, and where each value comes from.",
+        epilog="Examples:\n  mount-gateway config --example > gateway.toml\n"
+               "  mount-gateway config --config gateway.toml",
+    )  # fmt: skip
+    group = config.add_mutually_exclusive_group()
+    group.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
+    group.add_argument("--table", action="store_true", help="every key as a Markdown table")
+    add_settings(config)
+    config.set_defaults(run=_config)
+
+
+def _config(arguments: argparse.Namespace) -> int:
+    from gateway.app.config import showing
+
+    if arguments.example:
+        text = showing.example()
+    elif arguments.table:
+        text = showing.table()
+    else:
+        text = showing.effective(*settings(arguments))
+    print(text, end="")
+    return 0

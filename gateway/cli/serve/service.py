@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.help import Commands
+from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 from gateway.system.own_commands import in_one_file, own_words
@@ -86,8 +86,7 @@ Example:
 """
 
 
-def add(commands: Commands) -> None:
-    """Put the command into the parser."""
+def add_service(commands: Commands) -> None:
     service = commands.add_parser(
         "service", help="a systemd unit that starts the gateway with the computer",
         description="Prints a systemd unit for this installation. It waits for a mount that is switched on later, and "

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
-from gateway.cli.serve.broker import let_in, open_broker
-from gateway.cli.serve.console import announced, answered_there, open_console, to_be_found
+from gateway.cli.serve.elsewhere import announced, answered_there, let_in, open_broker, open_console, to_be_found
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
 from gateway.cli.serve.signals import before_suspension, until_signal
@@ -30,7 +29,7 @@ from gateway.system.file_limits import make_room
 from gateway.system.systemd import notify
 
 if TYPE_CHECKING:
-    from gateway.app.discovery import Offer
+    from gateway.app.discovery.offer import Offer
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog import Watchdog
@@ -67,7 +66,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     Raises UserError for a port that cannot be opened, and when no mount is found.
     """
-    from gateway.app.discovery import Announcement, offered
+    from gateway.app.discovery.announcing import Announcement
+    from gateway.app.discovery.offer import offered
     from gateway.app.gateway import Gateway
     from gateway.astro.ephemeris.sky import Sky
     from gateway.clients.any_protocol.web import Web
@@ -189,8 +189,7 @@ def _recorder(path: str, gateway: Gateway) -> Recorder:
 def _from_elsewhere(names: Sequence[str]) -> list[str]:
     """What to type on a phone or on another computer to reach these surfaces; nothing for those that only this one
     reaches."""
-    from gateway.app.discovery import offered
-    from gateway.app.discovery.addresses import in_words, to_type
+    from gateway.app.discovery.offer import in_words, offered, to_type
 
     return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
 

@@ -15,10 +15,9 @@ from typing import Any
 import msgspec
 
 from gateway.app.config import Config, Source, make_config, read_tables
-from gateway.app.config.declaring import OFF
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
-from gateway.cli.serve.broker import add_mqtt, put_mqtt
+from gateway.app.config.keys import OFF
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
@@ -44,6 +43,15 @@ SURFACE = "about the surface, where there is one (where there are several: in th
 OF_NETWORK = ("allow", "max-clients")
 #: A flag that may be true or a list stands for true with this.
 ALL = "all"
+#: Tables that have flags of their own: what they are about, and each flag with the key that it stands for. What else
+#: there is to say of them stands in the file.
+SHOWN = {
+    "console": ("the console, a page in the browser", {"console": "at"}),
+    "mqtt": (
+        "an MQTT broker on which the mounts are shown, and from which they are stopped",
+        {"mqtt": "at", "mqtt-id": "id"},
+    ),
+}
 #: The file that is looked for where none is named.
 HERE = Path("gateway.toml")
 
@@ -87,25 +95,27 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         add_flag(group, key)
     for key in of_surface():
         add_flag(groups[SURFACE], key)
-    add_console(parser)
-    add_mqtt(parser)
+    for table in SHOWN:
+        add_shown(parser, table)
 
 
-def add_console(parser: Any) -> None:
-    """The flags of the console; what else there is to say of it stands in the file."""
-    group = parser.add_argument_group("the console, a page in the browser")
-    at = next(key for key in keys("console") if key.name == "at")
-    group.add_argument("--console", metavar=at.shown, help=at.help)
-    group.add_argument("--no-console", dest="console", action="store_const", const=OFF, help="no console")
+def add_shown(parser: argparse.ArgumentParser, table: str) -> None:
+    """The flags of a table by which a gateway is shown elsewhere."""
+    about, flags = SHOWN[table]
+    group, known = parser.add_argument_group(about), {key.name: key for key in keys(table)}
+    for flag, name in flags.items():
+        group.add_argument(f"--{flag}", metavar=known[name].shown, help=known[name].help)
+    if table == "console":
+        group.add_argument("--no-console", dest="console", action="store_const", const=OFF, help="no console")
 
 
-def put_console(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
-    """What the flags say of the console."""
-    if arguments.console is not None:
-        there = tables.get("console") or [{}]
-        if isinstance(there, list) and isinstance(there[0], dict):
-            tables["console"] = [{**there[0], "at": arguments.console}]
-            source.flags[("console", 0, "at")] = "--no-console" if arguments.console == OFF else "--console"
+def put_shown(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
+    """What the flags say of that table."""
+    for flag, name in SHOWN[table][1].items():
+        value, there = getattr(arguments, flag.replace("-", "_")), tables.get(table) or [{}]
+        if value is not None and isinstance(there, list) and isinstance(there[0], dict):
+            tables[table] = [{**there[0], name: value}]
+            source.flags[(table, 0, name)] = f"--no-{flag}" if value == OFF and table == "console" else f"--{flag}"
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
@@ -199,8 +209,8 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
         tables["surface"] = [{"at": surface} for surface in arguments.surface]
         source.flags |= {("surface", number): "--surface" for number in range(len(arguments.surface))}
     _put_surface_flags(arguments, tables, source)
-    put_console(arguments, tables, source)
-    put_mqtt(arguments, tables, source)
+    for table in SHOWN:
+        put_shown(arguments, table, tables, source)
     for key in keys(""):
         value = getattr(arguments, key.name)
         if value is not None:

@@ -9,8 +9,8 @@ from math import inf
 from typing import TextIO
 
 from gateway.app.config import parse_device, parse_site
-from gateway.app.config.places import right
-from gateway.cli.help import Commands
+from gateway.app.config.endpoints import right
+from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import until_signal
@@ -20,8 +20,7 @@ from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 
 
-def add(commands: Commands) -> None:
-    """Put the command into the parser."""
+def add_sim(commands: Commands) -> None:
     sim = commands.add_parser("sim", help="a simulated mount for other programs", late=_epilog)
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")

@@ -13,19 +13,17 @@ from collections import deque
 from collections.abc import Callable
 
 from gateway.clients.commands.pushes import Pushes
-from gateway.clients.commands.reply_cache import ReplyCache
-from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
+from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, ReplyCache, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
 from gateway.core.wire_log import ClientLog, WireLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
-from gateway.protocols.base.ends import Ending
 from gateway.protocols.base.frames import Framer, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Surface
-from gateway.transport.baud_trial import BaudTrial
+from gateway.protocols.base.surface import Ending, Surface
+from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import Write
 
 

@@ -1,7 +1,8 @@
 """Taking one command through the surface: what it asks for is at hand, begun, refused, or must be waited for.
 
 ``advance`` goes as far as it goes without waiting, ``finish`` the rest of the way. What a client may not ask for, and
-what it asks for too late, is refused here, whatever the protocol.
+what it asks for too late, is refused here, whatever the protocol. Of what nobody waits for a limited number is under
+way, plus whatever ends a motion.
 """
 
 from __future__ import annotations
@@ -9,12 +10,10 @@ from __future__ import annotations
 import asyncio
 
 from gateway.clients.access import Rights
-from gateway.clients.commands.outstanding import Begun
-from gateway.clients.commands.reply_cache import ReplyCache
-from gateway.clients.commands.turn import NO_IN_TIME, WAIT_FOR_MOUNT, Turn
-from gateway.clients.equinox import Equinox
+from gateway.clients.commands.turn import NO_IN_TIME, WAIT_FOR_MOUNT, ReplyCache, Turn
+from gateway.clients.profiles import Equinox
 from gateway.core.errors import Busy, Fault
-from gateway.core.motion_kinds import BY_HAND, begins_motion
+from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
 from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
@@ -24,6 +23,37 @@ from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
+
+#: Operations of one connection that may be under way without anybody waiting for them; only an end is begun beyond.
+BEGUN = 16
+
+
+class Begun:
+    """The operations of a client that are under way without anybody waiting for them. True while there are any."""
+
+    def __init__(self, controller: MountController, log: ClientLog, life: HostActivity) -> None:
+        self._controller, self._log, self._life = controller, log, life
+        self._operations: dict[asyncio.Future[None], Operation] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._operations)
+
+    def begin(self, operation: Operation, stops: int) -> None:
+        """An operation nobody is told the outcome of: a failure goes to the wire log."""
+        controller, name = self._controller, type(operation).__name__
+        if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or nobody is there
+            return
+        halts = isinstance(operation, StopAxis | AbortSlew)
+        if halts and controller.orders.again(operation):
+            return
+        ends = halts or ends_focus(operation)
+        if len(self._operations) >= BEGUN and (not ends or operation in self._operations.values()):
+            self._log.note_once(f"commands arrive faster than the mount accepts them: {name} is not carried out")
+            return
+        task = controller.begin(operation, stops, lambda fault: self._log.refused(f"{name}: {fault}"), self._life)
+        self._operations[task] = operation
+        task.add_done_callback(lambda done: self._operations.pop(done, None))
+
 
 #: What takes minutes by its manual, and ends with the next command: its answer is waited for until that comes.
 LASTING = ClockFromGps

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from gateway.console.shown.pulse import Sample
+from gateway.console.shown.mount import Sample
 
 #: A mount as pages see it.
 State = Mapping[str, Any]

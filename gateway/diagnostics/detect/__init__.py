@@ -1,6 +1,6 @@
 """Detection: what is at the other end of a serial port, asked so that nothing can move and nobody is disturbed.
 
-``probe`` is the law of asking, ``identify`` lets the real driver ask on, ``looking`` is one port from opening to
+``probe`` is the law of asking, ``identify`` lets the real driver ask on, ``scan_port`` is one port from opening to
 closing, ``ports`` says which ports there are, ``report`` puts the findings into words. Nothing else in the gateway may
 ask an unknown line anything.
 """

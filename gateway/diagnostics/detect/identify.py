@@ -1,11 +1,14 @@
-"""Who exactly it is, asked by the very driver that will drive it, over the line it will drive it by."""
+"""Who exactly it is, asked by the very driver that will drive it, over the line it will drive it by.
+
+How the gateway will go about things on that mount are the driver's rows, narrowed to what this version has.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import statistics
 import time
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from msgspec import Struct
 
@@ -15,11 +18,11 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import Values
 from gateway.core.wire_log import WireLog
-from gateway.diagnostics.detect.capabilities import ways
 from gateway.diagnostics.detect.port_listener import PortListener
 from gateway.mount.link.driver_runner import carry_out
 from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
+from gateway.protocols.registry import PROTOCOLS
 
 #: Seconds in all; a mount that answers takes less than two.
 LONGEST = 20.0
@@ -108,3 +111,35 @@ async def _maybe(talk: _Talk, operation: op.Operation[_T]) -> _T | None:
         return await talk.perform(operation)
     except Fault:
         return None
+
+
+class Row(NamedTuple):
+    """``none``: the words for a mount that has none of the commands that its protocol has for it."""
+
+    name: str
+    operation: type[op.Operation]
+    none: str
+
+
+ROWS = (
+    Row("coordinates", op.Position, ""),
+    Row("tracking", op.SetTracking, "left to the mount"),
+    Row("sync", op.Sync, "the gateway's offset"),
+    Row("arrows", op.Move, "small gotos"),
+    Row("site", op.GetSite, "its GPS unit, or --site"),
+    Row("clock", op.GetClock, "its GPS unit or this computer's"),
+)
+
+
+def ways(driver: Driver) -> dict[str, str]:
+    """What is done -> by which commands, or by what in their place. The driver must have identified its mount."""
+    found = {}
+    for row in ROWS:
+        way = driver.way(row.operation)
+        if way is not None:
+            first = PROTOCOLS[driver.protocol.name].capabilities.get(row.name, {})
+            known = [name for name in first if name in way.commands and driver.knows(name)]
+            found[row.name] = first[known[0]] if known else row.none
+    if not getattr(driver, "tells_status", True):
+        found["tracking"] = "left to the mount"  # a Meade without :GW# would lose its alignment over :AL#
+    return found

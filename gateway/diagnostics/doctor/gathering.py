@@ -1,7 +1,13 @@
-"""Looks at this computer: nothing is changed, no byte is sent to a port, and nothing is fetched."""
+"""Looks at this computer: nothing is changed, no byte is sent to a port, and nothing is fetched.
+
+What only Linux tells is in ``/proc``, ``/run/udev`` and ``/etc/group``; elsewhere there is nothing to read there.
+Whatever cannot be read is not told: another user's processes, a system without udev. The folders are arguments, so that
+a test can make its own computer.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import re
@@ -9,16 +15,16 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from gateway import __version__
-from gateway.app.control.endpoints import listened
+from gateway.app.control.exchange import listened
 from gateway.app.reach import Scope, look, reachable, unseen
 from gateway.diagnostics.detect.ports import here, holder
-from gateway.diagnostics.doctor import installed, linux
-from gateway.diagnostics.doctor.facts import Facts, Port, Running
-from gateway.diagnostics.doctor.places import USUAL
+from gateway.diagnostics.doctor import installed
+from gateway.diagnostics.doctor.checks import USUAL
+from gateway.diagnostics.doctor.facts import Facts, Listener, Port, Running
 from gateway.system.files import directory
 from gateway.system.own_commands import pip_command
 from gateway.system.runtime_folders import user_name
@@ -28,12 +34,15 @@ from gateway.transport.wires import group_of
 MEDDLERS = ("ModemManager", "brltty")
 #: Seconds that timedatectl is given.
 PATIENCE = 3.0
+PROC, UDEV = Path("/proc"), Path("/run/udev/data")
+#: The state of a TCP socket that listens, as the kernel writes it.
+LISTENS = "0A"
 
 
 def gather(state: str | None = None) -> Facts:
     """Everything that the checks look at; ``state`` is the folder that a gateway was told to keep its state in."""
     folder = directory(state)
-    groups, active = linux.groups()
+    own, active = groups()
     return Facts(
         version=__version__,
         python=sys.version_info[:3],
@@ -45,11 +54,11 @@ def gather(state: str | None = None) -> Facts:
         packages=list(installed.needed()),
         missing_extras=installed.missing_extras(),
         ports=list(ports()),
-        groups=groups,
+        groups=own,
         active_groups=active,
         clock_synchronized=clock_synchronized(),
-        meddlers=linux.named(MEDDLERS),
-        listeners=linux.listening(USUAL),
+        meddlers=named(MEDDLERS),
+        listeners=listening(USUAL),
         state_folder=str(folder),
         state_problem=unwritable(folder),
         gateways=list(running(Scope(folder, alone=state is not None))),
@@ -67,7 +76,7 @@ def ports() -> Iterator[Port]:
             permitted=os.name != "posix" or os.access(port.url, os.R_OK | os.W_OK),
             group=group_of(port.url),
             holder=holder(port.url),
-            modem_manager_ignores=os.name == "posix" and linux.modem_manager_ignores(port.url),
+            modem_manager_ignores=os.name == "posix" and modem_manager_ignores(port.url),
         )
 
 
@@ -103,3 +112,68 @@ def running(scope: Scope) -> Iterator[Running]:
             yield Running(door.pid, door.name or door.mount)
     for process in unseen(scope):
         yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
+
+
+def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
+    """The processes of these names, and their numbers."""
+    found = {}
+    for process in proc.glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            name = (process / "comm").read_text().strip()
+            if name in names:
+                found[name] = int(process.name)
+    return found
+
+
+def listening(ports: Collection[int], proc: Path = PROC) -> list[Listener]:
+    """Who listens on these TCP ports."""
+    sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
+    owners = dict(_owners(sockets, proc)) if sockets else {}
+    return [Listener(port, *owners.get(inode, ())) for inode, port in sockets.items()]
+
+
+def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
+    """Of every socket that listens, its inode and port."""
+    for name in ("tcp", "tcp6"):
+        with contextlib.suppress(OSError):
+            for line in (proc / "net" / name).read_text().splitlines()[1:]:
+                words = line.split()
+                if len(words) > 9 and words[3] == LISTENS:
+                    yield words[9], int(words[1].rpartition(":")[2], 16)
+
+
+def _owners(inodes: Collection[str], proc: Path) -> Iterator[tuple[str, tuple[int, str]]]:
+    """Whose sockets these are, as far as this user may see it."""
+    wanted = {f"socket:[{inode}]": inode for inode in inodes}
+    for process in proc.glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            for file in (process / "fd").iterdir():
+                with contextlib.suppress(OSError):
+                    if inode := wanted.get(os.readlink(file)):
+                        yield inode, (int(process.name), (process / "comm").read_text().strip())
+
+
+def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:
+    """Whether a udev rule has told ModemManager to leave a port alone."""
+    try:
+        number = os.stat(device).st_rdev
+        told = (udev / f"c{os.major(number)}:{os.minor(number)}").read_text()
+    except OSError:
+        return False
+    return any(line in told.splitlines() for line in ("E:ID_MM_PORT_IGNORE=1", "E:ID_MM_DEVICE_IGNORE=1"))
+
+
+def groups() -> tuple[set[str], set[str]]:
+    """The groups that this user was put into, and those of this session."""
+    try:
+        import grp
+        import pwd
+    except ImportError:
+        return set(), set()
+    every = grp.getgrall()
+    active = {group.gr_name for group in every if group.gr_gid in (*os.getgroups(), os.getegid())}
+    try:
+        user = pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return active, active
+    return active | {group.gr_name for group in every if user in group.gr_mem}, active

@@ -18,8 +18,7 @@ from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
-from gateway.clients.equinox import J2000
-from gateway.clients.profiles import SurfaceBinding
+from gateway.clients.profiles import J2000, SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.timed_event import TimedEvent
 from gateway.core.wire_log import Entry, WireLog

@@ -1,14 +1,21 @@
-"""The report as one HTML file: words first, then plots, then tables. It needs no script and no other file."""
+"""The report as one HTML file: words first, then plots, then tables. It needs no script and no other file.
+
+It looks as the reader's system asks for, by day and by night. Whoever's words come in are escaped.
+"""
 
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 
 from gateway.astro.ephemeris.sky import Sky
-from gateway.diagnostics.report import answer_plots, sky_plots, summary, tables
-from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.over_horizon import light, track
-from gateway.diagnostics.report.style import STYLE
+from gateway.diagnostics.report import answer_plots, sky_plots, summary
+from gateway.diagnostics.report.night import Night, Remark
+from gateway.diagnostics.report.sky_plots import light, track
+from gateway.diagnostics.report.svg import clock
+
+#: Commands that are named of each program, and rows of what was refused or noted.
+NAMED, ROWS = 8, 200
 
 
 def page(night: Night, source: str) -> str:
@@ -37,11 +44,9 @@ def page(night: Night, source: str) -> str:
         ))  # fmt: skip
         parts.append(_section("How often it took how long", "", _wide(answer_plots.histogram(night))))
     parts += [
-        _section("Programs", "", tables.programs(night)),
-        _section("Refused", "", tables.remarks(night.refusals, "Nothing was refused.", of_programs=True)),
-        _section(
-            "Noted about the mount and its line", "", tables.remarks(night.remarks, "Nothing.", of_programs=False)
-        ),
+        _section("Programs", "", programs(night)),
+        _section("Refused", "", remarks(night.refusals, "Nothing was refused.", of_programs=True)),
+        _section("Noted about the mount and its line", "", remarks(night.remarks, "Nothing.", of_programs=False)),
     ]
     title = summary.title(night)
     return (
@@ -62,3 +67,89 @@ def _wide(plot: str) -> str:
 def _section(title: str, note: str, content: str) -> str:
     head = f"<h2>{html.escape(title)}</h2>" if title else ""
     return f'<section>{head}{f"""<p class="note">{html.escape(note)}</p>""" if note else ""}{content}</section>'
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Cells are HTML already."""
+    head = "".join(f'<th scope="col">{html.escape(word)}</th>' for word in heads)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def programs(night: Night) -> str:
+    """The busiest first."""
+    rows = []
+    busiest = max((program.sent for program in night.programs.values()), default=1) or 1
+    for program in sorted(night.programs.values(), key=lambda one: -one.sent):
+        named = [f"<b>{html.escape(name)}</b> {times:,}" for name, times in program.commands.most_common(NAMED)]
+        more = len(program.commands) - NAMED
+        share = program.sent / busiest * 100.0
+        rows.append([
+            html.escape(program.host), html.escape(program.surface),
+            f"{clock(program.first)}–{clock(program.last)}", f"{program.connections:,}",
+            f'<span class="share" style="--share:{share:.1f}%">{program.sent:,}</span>', f"{program.per_minute:,.0f}",
+            f"{program.refused:,}", " · ".join(named) + (f" · {more} others" if more > 0 else ""),
+        ])  # fmt: skip
+    heads = ("host", "surface", "time", "connections", "commands", "a minute", "refused", "which ones")
+    return table(heads, rows) if rows else "<p>No program was connected.</p>"
+
+
+def remarks(found: Sequence[Remark], none: str, of_programs: bool) -> str:
+    """The same words once, with how often and when first and last; the most frequent first."""
+    same: dict[tuple[str, str], list[float]] = {}
+    for remark in found:
+        same.setdefault((remark.words, remark.who), []).append(remark.time)
+    if not same:
+        return f"<p>{html.escape(none)}</p>"
+    rows = []
+    for (words, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:ROWS]:
+        when = clock(times[0], seconds=True)
+        when += f" – {clock(times[-1], seconds=True)}" if len(times) > 1 else ""
+        rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if of_programs else []), html.escape(words)])
+    heads = ("how often", "when", *(["to whom"] if of_programs else []), "what")
+    left = f"<p>{len(same) - ROWS:,} others are not shown.</p>" if len(same) > ROWS else ""
+    return table(heads, rows) + left
+
+
+STYLE = """
+:root { color-scheme: light dark; --paper: #f3f5f9; --card: #fff; --ink: #1a2233; --soft: #5b677e; --line: #dce2ec;
+  --sky: #f6f8fc; --track: #1b63c9; --slew: #9aa9c4; --fault: #d0403f; --refusal: #b4690e; --band: #cfe0f8;
+  --day: #fdf3d6; --twilight: #e8ecf8; --dark: #d5dcec; }
+@media (prefers-color-scheme: dark) { :root { --paper: #0b101b; --card: #131a29; --ink: #e3e9f5; --soft: #93a0b8;
+  --line: #253048; --sky: #0d1424; --track: #6da8ff; --slew: #4b5b7c; --fault: #ff7a73; --refusal: #ffb454;
+  --band: #22385c; --day: #3a3420; --twilight: #1a2338; --dark: #101828; } }
+* { box-sizing: border-box }
+body { margin: 0; background: var(--paper); color: var(--ink); font: 16px/1.5 system-ui, -apple-system, "Segoe UI",
+  Roboto, sans-serif; }
+main { max-width: 1040px; margin: 0 auto; padding: 32px 20px 56px }
+h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 4px; letter-spacing: -.01em }
+h2 { font-size: 1.05rem; margin: 0 0 2px } p { margin: 0 0 8px }
+.from, .note { color: var(--soft); font-size: .875rem }
+.note { margin: 0 0 12px }
+section { background: var(--card); border: 1px solid var(--line); border-radius: 12px; padding: 18px 20px;
+  margin-top: 16px }
+.summary p { margin: 0 0 4px; max-width: 76ch; overflow-wrap: anywhere }
+.summary p:first-child { font-weight: 600 }
+svg { display: block; width: 100%; height: auto }
+.round svg { max-width: 560px; margin: 0 auto }
+.wide { overflow-x: auto } .wide svg { min-width: 640px }
+table { border-collapse: collapse; width: 100%; font-size: .875rem; font-variant-numeric: tabular-nums }
+th { text-align: left; font-weight: 600; color: var(--soft); white-space: nowrap }
+th, td { padding: 6px 14px 6px 0; border-bottom: 1px solid var(--line); vertical-align: top }
+td { overflow-wrap: anywhere } td:not(:last-child) { white-space: nowrap } td:last-child { min-width: 16em }
+tr:last-child td { border-bottom: 0 }
+.share { display: block; padding: 0 6px; border-radius: 3px;
+  background: linear-gradient(90deg, var(--band) var(--share), transparent var(--share)) }
+text { fill: var(--ink); font: 12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif }
+.tick { fill: var(--soft); font-size: 11px } .compass { font-size: 15px; font-weight: 650 }
+.time { font-size: 11px; font-weight: 600; paint-order: stroke; stroke: var(--sky); stroke-width: 3px }
+.grid { fill: none; stroke: var(--line) } .sky { fill: var(--sky); stroke: var(--soft); stroke-width: 1.5 }
+.limit { fill: none; stroke: var(--refusal); stroke-dasharray: 5 4 }
+.track { fill: none; stroke: var(--track); stroke-width: 2.5; stroke-linecap: round; stroke-linejoin: round }
+.slew { fill: none; stroke: var(--slew); stroke-width: 1.25; stroke-linejoin: round }
+.dot { fill: var(--track) } .day { fill: var(--day) } .twilight { fill: var(--twilight) } .dark { fill: var(--dark) }
+.spread { fill: var(--band) } .middle { fill: none; stroke: var(--track); stroke-width: 1.5 }
+.longest { fill: var(--slew) } .fault { stroke: var(--fault); stroke-width: 1.25 } .refusal { fill: var(--refusal) }
+.bar { fill: var(--track) } .bar.longer { fill: var(--refusal) }
+@media print { body { background: none } section { break-inside: avoid } }
+"""

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from gateway.diagnostics.report.answer_plots import at
 from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.over_horizon import Seen
+from gateway.diagnostics.report.sky_plots import Seen
 from gateway.diagnostics.report.svg import clock
 
 

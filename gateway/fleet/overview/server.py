@@ -15,11 +15,9 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.console import gate
-from gateway.console.pages import Pages, guarded, listen, runner_of
+from gateway.console.pages import Pages, guarded, listen, of_the_page, runner_of, same_token
 from gateway.console.server import PAGE
-from gateway.fleet.access import Access
-from gateway.fleet.client import Connect
+from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
 from gateway.fleet.topics import Heard, Message, Topics
@@ -121,9 +119,9 @@ class Overview:
     def _refused(self, request: web.Request) -> str:
         """Why a request is not served: it comes from elsewhere, or lacks the token for what only the page may have."""
         headers = request.headers
-        ours = known_host(headers.get("Host"), "127.0.0.1") and gate.of_the_page(headers, request.path)
+        ours = known_host(headers.get("Host"), "127.0.0.1") and of_the_page(headers, request.path)
         private = request.path in ("/fleet.json", "/stop")
-        if ours and (not private or gate.same_token(headers.get("X-Token"), self._token)):
+        if ours and (not private or same_token(headers.get("X-Token"), self._token)):
             return ""
         return "Only the page of this overview may ask for this."
 

@@ -1,6 +1,7 @@
 """Carries out what a driver's generators yield: their exchanges with the mount, as far as they can be believed.
 
-What a driver schedules for later, and a defect in it, is told by signals: who must act on that stands above.
+What a driver schedules for later, and a defect in it, is told by signals: who must act on that stands above. A mount
+that hibernates is left alone: what it would not answer in its sleep is refused without asking.
 """
 
 from __future__ import annotations
@@ -10,14 +11,61 @@ import math
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, TypeVar
 
-from gateway.core.errors import Busy, Fault, Refused
+from gateway.core.errors import Asleep, Busy, Fault, Refused
 from gateway.core.operations import Operation
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
-from gateway.mount.link.hibernation import HibernationGate
-from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, STOP
+from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, POSITION, STOP
 from gateway.mount.link.verification import ReplyVerifier
+from gateway.mount.motion.wanted import WantedState
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
+
+#: Seconds from one position that is tried to the next: no longer than where nobody asks a mount that is awake.
+TRY_AGAIN = 5.0
+
+
+class HibernationGate:
+    """Asks the driver whether its mount sleeps, and tells it when the mount is heard to be awake.
+
+    Stops are sent all the same, and the position is asked for now and then: somebody may have woken it at its keys, and
+    the first answer that no sleeper gives ends this. What a sleeper does not hear costs the line seconds, each time.
+    Where ``wanted`` says that it is being woken, what is asked for after that is asked of a mount that is awake.
+    """
+
+    def __init__(self, context: Context, wanted: WantedState) -> None:
+        self._driver, self._now, self._wanted = context.driver, context.now, wanted
+        self._next = 0.0
+
+    def begun(self) -> None:
+        """The mount has just been sent to sleep."""
+        self._next = self._now() + TRY_AGAIN
+
+    def doubt(self) -> None:
+        """The line was lost, and the mount perhaps switched off: the next read is tried."""
+        self._next = 0.0
+
+    @property
+    def deep(self) -> bool:
+        """Whether nothing would come of a read now."""
+        return self._driver.asleep and self._now() < self._next and not self._wanted.waking
+
+    def admit(self, ask: Send, rank: int) -> None:
+        """Whether to ask this of a mount that sleeps, now. Raises Asleep."""
+        if rank == STOP or self._heard(ask) or self._wanted.waking:
+            return
+        if self.deep or rank != POSITION:
+            raise Asleep
+        self._next = self._now() + TRY_AGAIN
+
+    def _heard(self, ask: Send) -> bool:
+        """Whether the mount hears this in its sleep."""
+        return bool(self._driver.protocol.commands[ask.command].while_asleep)
+
+    def answered(self, ask: Send) -> None:
+        """A mount that sleeps has answered."""
+        if not self._heard(ask):
+            self._driver.asleep = False
+
 
 _T = TypeVar("_T")
 

@@ -14,7 +14,7 @@ from itertools import count
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.timed_event import TimedEvent
+from gateway.core.waiting import TimedEvent
 from gateway.protocols.base.driver import Send
 
 STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)

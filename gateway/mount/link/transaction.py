@@ -13,7 +13,7 @@ from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
-from gateway.core.timed_event import TimedEvent
+from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.answers import LATEST, AnswerTimes, LateReplies
 from gateway.mount.link.queue import RequestQueue

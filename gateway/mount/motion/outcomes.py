@@ -1,8 +1,8 @@
-"""What is wanted once an order has come to its end: done by the mount, refused, or taken back.
+"""What is wanted once an order has come to its end: done by the mount, refused, taken back, or put off.
 
 The counterpart of ``apply``: pure functions again. What the mount has acknowledged becomes ``motion``; a guide pulse
 leaves its end or its rest behind as an order of the gateway's own; a release that waited for a goto counts if that was
-refused.
+refused. A goto that comes while a telescope calculates is put off until it hears again, and not for long.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
-from gateway.core.motion_kinds import BY_HAND, ENDS, MOVING
+from gateway.core.motion_kinds import BY_HAND, ENDS, GOTOS, MOVING
 from gateway.mount.motion.apply import pulses
 from gateway.mount.motion.wanted import (
     FIRST,
@@ -28,6 +28,9 @@ from gateway.mount.motion.wanted import (
     Theirs,
     Wanted,
 )
+
+#: Seconds from the order on that one waits for a mount that does not hear; and between two looks whether it does.
+LONGEST, LOOK = 15.0, 0.1
 
 
 class Done(NamedTuple):
@@ -83,13 +86,11 @@ def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, spe
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
             void = {other.number for other in wanted.pending if other.unless == order.number or pulses(other)}
             pending = tuple(other for other in wanted.pending if other.number not in void)
-            return replace(
-                wanted, motion=Slew(operation, order.by, now), slews=wanted.slews + 1, pulses=(), pending=pending
-            )
+            motion, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
+            return replace(wanted, motion=motion, homed=homed, slews=wanted.slews + 1, pulses=(), pending=pending)
         case op.Move() | op.MoveAxis():
-            return _with(
-                _without_pulses(wanted, operation.axis), operation.axis, AxisMotion(operation, order.by, now, speed)
-            )
+            wanted = replace(_without_pulses(wanted, operation.axis), homed=False)
+            return _with(wanted, operation.axis, AxisMotion(operation, order.by, now, speed))
         case op.StopAxis() if order.follow_up:
             return wanted
         case op.StopAxis():
@@ -142,3 +143,31 @@ def _without_pulses(wanted: Wanted, axis: int) -> Wanted:
     """An arrow takes the place of a guide pulse: its end must not end the arrow."""
     pending = tuple(order for order in wanted.pending if pulses(order) != axis or order.number == wanted.active)
     return replace(wanted, pending=pending, pulses=tuple(one for one in wanted.pulses if one.axis != axis))
+
+
+# --- what waits for a mount that does not hear ------------------------------------------------------------------------
+
+
+def patient(order: Order) -> bool:
+    """Whether it waits for a mount that cannot hear: a goto, of which the newest one only, a tracking mode or rate.
+
+    So does, for as long as it takes, an end that is sent a second time. Arrows and pulses never wait: by then they are
+    no longer meant. A line that is down is waited for by nobody.
+    """
+    return order.heard or (isinstance(order.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not order.follow_up)
+
+
+def may_wait(order: Order, now: float) -> bool:
+    """Whether it has not waited for too long; whoever waits for its outcome is told no while he still listens."""
+    return order.heard or now < min(order.since + LONGEST, order.until)
+
+
+def forsaken(order: Order) -> bool:
+    """Whether it is a goto whose program has gone: it is not begun after its connection has closed."""
+    return isinstance(order.operation, GOTOS) and order.by is not None and order.by.closed is not None
+
+
+def postponed(wanted: Wanted, order: Order, now: float) -> Wanted:
+    """It is due a little later."""
+    pending = tuple(replace(one, at=now + LOOK) if one.number == order.number else one for one in wanted.pending)
+    return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)

@@ -15,19 +15,18 @@ from typing import Any
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core import shared_work
+from gateway.core import waiting
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import ENDS, GOTOS, ends_focus, survives_abort
-from gateway.core.shared_work import Outcome, result_of
 from gateway.core.signals import Signal
+from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
 from gateway.mount.motion.order_runner import OrderRunner
-from gateway.mount.motion.outcomes import Done, may_have_begun
-from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
+from gateway.mount.motion.outcomes import Done, forsaken, may_have_begun, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
 from gateway.mount.motion.wanted import RESUMED, Movement, Order, Theirs, Wanted, WantedState
 from gateway.protocols.base.driver import Schedule
@@ -92,12 +91,12 @@ class Reconciler:
         """``after`` is what is wanted with this order -> its outcome; perhaps that of one that does for it, too."""
         asked = any(one.number == order.number for one in after.pending)
         if asked:
-            self._outcomes[order.number] = shared_work.outcome()
+            self._outcomes[order.number] = waiting.outcome()
         self._want(after)
         same = order if asked else does_for(after, order.operation)
         outcome = self._outcomes.get(same.number) if same is not None else None
         self._go_on()
-        return outcome if outcome is not None else shared_work.done()
+        return outcome if outcome is not None else waiting.done()
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
         """What whoever asked for such operations waits for."""

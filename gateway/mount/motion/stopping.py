@@ -14,8 +14,8 @@ from typing import Any
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import MOVING
 from gateway.core.operations import AbortMotion, StopAxis
-from gateway.core.shared_work import heed
 from gateway.core.signals import Signal
+from gateway.core.waiting import heed
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink

@@ -124,7 +124,8 @@ class Wanted(Struct, frozen=True):
     """``active`` is the number of the order that is being carried out, 0 for none.
 
     ``stops`` and ``gotos`` count those asked for so far, ``slews`` the gotos that the mount has acknowledged, ``asked``
-    whatever ends nothing. A stop is ``owed`` until the mount has acknowledged it.
+    whatever ends nothing. A stop is ``owed`` until the mount has acknowledged it. It is ``homed`` where it was sent
+    home last, and nothing here has moved it since.
     """
 
     motion: Theirs | Slew | ByHand = Theirs()
@@ -134,6 +135,7 @@ class Wanted(Struct, frozen=True):
     pressed: tuple[Press, ...] = ()
     halted: tuple[Halted, ...] = ()
     owed: bool = False
+    homed: bool = False
     active: int = 0
     stops: int = 0
     gotos: int = 0

@@ -13,9 +13,8 @@ from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Silence, Unsupported
-from gateway.core.shared_work import heed
+from gateway.core.waiting import FairScheduler, heed
 from gateway.mount.context import Context
-from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
 from gateway.mount.readings.cache import MISSING

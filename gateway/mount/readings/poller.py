@@ -10,11 +10,11 @@ import asyncio
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned
-from gateway.core.timed_event import TimedEvent
+from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
-from gateway.mount.link.hibernation import HibernationGate
+from gateway.mount.link.driver_runner import HibernationGate
 from gateway.mount.link.line import MountLink
-from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.cache import RENEW, Kind, ReadingsCache
 from gateway.mount.readings.reader import Reader

@@ -9,17 +9,16 @@ from __future__ import annotations
 import asyncio
 from typing import Any, TypeVar, cast
 
+from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
-from gateway.core.shared_work import heed, result_of
 from gateway.core.signals import Signal
+from gateway.core.waiting import FairScheduler, heed, result_of
 from gateway.mount.context import Context
-from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import POSITION, READ
 from gateway.mount.motion.wanted import Movement, Slew, WantedState
-from gateway.mount.readings.arrival import missed
 from gateway.mount.readings.cache import MISSING, Kind, ReadingsCache
 from gateway.mount.readings.telling import read_in_time
 from gateway.mount.readings.told_position import AtHand, ToldPosition
@@ -30,6 +29,8 @@ _T = TypeVar("_T")
 A_MOMENT = 0.2
 #: Seconds that whoever asks whether a goto is over waits, at most, until that is known; and for the mount's first word.
 UNTIL_KNOWN, FIRST_ANSWER = 2.0, 2.0
+#: Degrees from the goal within which every mount ends a goto that nobody ends before.
+CLOSE = 0.5
 
 
 class Reader:
@@ -218,3 +219,12 @@ class Reader:
             return self._driver.tube_side(await self.read(op.PierSide()))
         except Fault:
             return None
+
+
+def missed(goal: op.Equatorial, here: op.Equatorial) -> str:
+    """Words for the log on a goto that is over; none where it has come to its goal. Both in the same coordinates.
+
+    Whoever stands beside the mount may have ended it there, and is not fought.
+    """
+    away = separation(goal.ra, goal.dec, here.ra, here.dec)
+    return "" if away <= CLOSE else f"the goto ended {away:.1f} degrees from its goal: it was ended at the mount"

@@ -10,7 +10,6 @@ from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import ByHand, Slew, WantedState
 from gateway.mount.readings.reader import Reader
@@ -18,28 +17,15 @@ from gateway.mount.site.astrometry import SiteAstrometry
 
 
 class Standing:
-    """``handlers`` answers the reads of this kind; ``begun`` tells that the mount has acknowledged an order."""
+    """``handlers`` answers the reads of this kind."""
 
-    def __init__(
-        self, context: Context, reader: Reader, wanted: WantedState, begun: Signal[Any], astrometry: SiteAstrometry
-    ) -> None:
+    def __init__(self, context: Context, reader: Reader, wanted: WantedState, astrometry: SiteAstrometry) -> None:
         self._context, self._reader, self._wanted, self._astrometry = context, reader, wanted, astrometry
-        #: Whether it was sent home last, and nothing here has moved it since.
-        self._homed = False
-        begun.connect(self._look)
         self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             op.GetActivity: self._activity,
             op.GetAbilities: self._abilities,
             op.TubeSide: self._tube_side,
         }
-
-    def _look(self, _: object) -> None:
-        """The mount has begun something."""
-        motion = self._wanted.value.motion
-        if isinstance(motion, Slew):
-            self._homed = isinstance(motion.operation, op.Home)
-        elif isinstance(motion, ByHand):
-            self._homed = False
 
     async def _activity(self, _: op.GetActivity) -> op.Activity:
         wanted, now, parked = self._wanted.value, self._context.now(), self._context.driver.parked
@@ -52,7 +38,7 @@ class Standing:
             pulse=any(pulse.until > now for pulse in wanted.pulses)
             or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
             parked=parked,
-            homed=self._homed and not slews,
+            homed=wanted.homed and not slews,
         )
 
     async def _abilities(self, _: op.GetAbilities) -> op.Abilities:

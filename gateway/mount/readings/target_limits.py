@@ -9,9 +9,9 @@ from __future__ import annotations
 from gateway.core import operations as op
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Movement, Slew, WantedState
+from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reckoning import Inside
-from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
 from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.site.astrometry import SiteAstrometry

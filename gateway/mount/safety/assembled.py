@@ -5,14 +5,14 @@ from __future__ import annotations
 from gateway.core import operations as op
 from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
-from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.wanted import Movement
+from gateway.mount.policy import Hold
 from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.at_start import doubts
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.held import Hold
 from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.safety.rules.sync_sum import SyncTotal
 from gateway.mount.safety.watch import LimitWatch

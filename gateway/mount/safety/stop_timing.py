@@ -2,10 +2,15 @@
 
 Seconds, from what an exchange typically takes on this line and what motors need: what cannot be had sooner must be
 known before. Until motors have their speed it is the speed they were told; and what has grown from one position to the
-next may grow by as much again, for motors gather speed, and a tube that leaves the pole falls faster and faster.
+next may grow by as much again, for motors gather speed, and a tube that leaves the pole falls faster and faster. At
+every look the latest moment is set at which a stop still helps, should nothing newer be seen before it: a position that
+comes late, for whatever reason, must not lead farther than one that comes in time.
 """
 
 from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
 
 from msgspec import Struct
 
@@ -77,3 +82,29 @@ def _run_up(first: float, last: float) -> float:
     if last >= RUN_UP or last <= max(0.0, first):
         return 1.0
     return (max(0.0, first) + last) / 2.0 / RUN_UP
+
+
+class StopDeadline:
+    """``passed`` is called with the limit that was named, once, unless the deadline is set anew or taken back."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, passed: Callable[[str], None]) -> None:
+        self._loop, self._passed = loop, passed
+        self._handle: asyncio.TimerHandle | None = None
+
+    def arm(self, seconds: float, limit: str) -> None:
+        """Stop in so many seconds at the latest; an earlier deadline stays."""
+        at = self._loop.time() + max(0.0, seconds)
+        if self._handle is not None and self._handle.when() <= at:
+            return
+        self.disarm()
+        self._handle = self._loop.call_at(at, self._passes, limit)
+
+    def disarm(self) -> None:
+        """No limit is near any more, or the next position has come."""
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+
+    def _passes(self, limit: str) -> None:
+        self._handle = None
+        self._passed(limit)

@@ -11,7 +11,7 @@ from msgspec import Struct
 from gateway.core.operations import Status
 from gateway.mount.motion.seen import Seen
 from gateway.mount.motion.wanted import Moving
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from gateway.mount.safety.stop_timing import StopTiming, ahead
 
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.

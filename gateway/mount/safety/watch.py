@@ -14,19 +14,16 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.signals import Signal
 from gateway.mount.motion import seen as fold
-from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import allow, first_stretch
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.axis_altitude import AltitudeAxis
-from gateway.mount.safety.rules.meant_sky import MeantSky
-from gateway.mount.safety.rules.stalled import StallWatch
+from gateway.mount.safety.rules.altitude import AltitudeAxis
+from gateway.mount.safety.rules.positions import MeantSky, StallWatch, blind
 from gateway.mount.safety.rules.sun import farthest
 from gateway.mount.safety.rules.sync_sum import SyncTotal
-from gateway.mount.safety.rules.unknown_position import blind
-from gateway.mount.safety.stop_deadline import StopDeadline
-from gateway.mount.safety.stop_timing import SHORTEST
+from gateway.mount.safety.stop_timing import SHORTEST, StopDeadline
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
 #: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.

@@ -1,11 +1,12 @@
-"""What no mount is asked for because it follows from other things: horizon places, axis readings, equinox.
+"""What no mount is asked for because it follows from other things: horizon places, axis readings, equinox, planets.
 
 All of it needs the site, some of it the clock; without a site it is refused in words.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 from msgspec.structs import replace
 
@@ -13,7 +14,7 @@ from gateway.astro.axes import Build, Geometry
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import wrap360
 from gateway.core import operations as op
-from gateway.core.errors import Unsupported
+from gateway.core.errors import BelowHorizon, Unsupported
 
 
 class SiteAndTime(Protocol):
@@ -87,3 +88,46 @@ class SiteAstrometry:
         if self.equinox != "j2000":
             return seen
         return op.Equatorial(*self.sky.to_of_date(seen.ra, seen.dec, self.site_clock.unix()))
+
+
+# --- where things stand now: site and clock are enough ----------------------------------------------------------------
+
+
+def of_date(astrometry: SiteAstrometry, wanted: op.ToEquinoxOfDate) -> op.Equatorial:
+    """A catalogue place, precession and nutation counted."""
+    return op.Equatorial(*astrometry.sky.to_of_date(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
+
+
+def of_catalog(astrometry: SiteAstrometry, wanted: op.ToJ2000) -> op.Equatorial:
+    """The other way round."""
+    return op.Equatorial(*astrometry.sky.to_j2000(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
+
+
+def zenith(astrometry: SiteAstrometry, wanted: op.Zenith) -> op.Equatorial:
+    """The sidereal time and the latitude, as a J2000 place."""
+    return of_catalog(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
+
+
+def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
+    """From the Earth's centre: parallax (0.5' for Venus at its nearest) is less than what the series are good to."""
+    seen = astrometry.sky.planet(wanted.name, astrometry.site_clock.unix())
+    if seen is None:
+        raise Unsupported("The positions of the planets are not available yet.")
+    return op.Equatorial(*seen)
+
+
+def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:
+    """Only while the middle of the Moon is above the horizon."""
+    site, unix = astrometry.place(), astrometry.site_clock.unix()
+    ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
+    if astrometry.sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
+        raise BelowHorizon("The Moon is below the horizon.")
+    if wanted.latitude is not None and wanted.longitude is not None:
+        ra, dec = astrometry.sky.on_moon(unix, site.latitude, site.longitude, wanted.latitude, wanted.longitude)
+    return op.Equatorial(ra, dec)
+
+
+PLACES: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
+    op.ToEquinoxOfDate: of_date, op.ToJ2000: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet,
+    op.MoonPlace: on_moon,
+}  # fmt: skip

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
 from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import handlers_of
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer
@@ -22,11 +23,13 @@ def _framing() -> Framer:
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
-    from gateway.protocols.alpaca.surface.handlers import AlpacaSurface
+    from gateway.protocols.alpaca.surface import abilities, device, motion, site, tracking
+    from gateway.protocols.alpaca.surface.client import AlpacaSurface
     from gateway.protocols.base.session import ClientSettings
 
     model = {"name": NAME, "equinox": settings.equinox}
-    return MadeSurface(AlpacaSurface(load(NAME)), model, ClientSettings(settings.limits))
+    surface = AlpacaSurface(load(NAME), handlers_of(abilities, device, motion, site, tracking))
+    return MadeSurface(surface, model, ClientSettings(settings.limits))
 
 
 def _hint(frame: bytes) -> str:

@@ -92,11 +92,6 @@ FollowUps = dict[type[op.Operation], Handler]
 Remembered = dict[str, Any]
 
 
-def by_name(*handlers: Handler) -> dict[str, Handler]:
-    """The functions that rows may call, by the word in the row."""
-    return {handler.__name__: handler for handler in handlers}
-
-
 class GotoUnderWay(Struct):
     """A goto under way: since when, and what is done at its goal.
 

@@ -3,12 +3,20 @@
 A frame is ``bytes``, one whole command. Two kinds say more than their bytes: a command with an argument that lost its
 end, which nobody carries out because nobody can tell where it ended, and a command that came together with such a one,
 which is answered but begins no motion. A framer is told the time with the bytes, because quiet on the line is what
-tells two commands apart when nothing else does.
+tells two commands apart when nothing else does: where a command has a length instead of an end, what begins nothing is
+dropped with all that comes with it, and so is half a command whose rest has not come. So what waits is never longer
+than one command.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Protocol
+
+#: Seconds of quiet after which the rest of a command is no longer expected.
+QUIET_GAP = 1.0
+#: Seconds of quiet after which bytes may begin a command again, behind some that could not.
+RESYNC_GAP = 0.1
 
 
 class Unterminated(bytes):
@@ -72,6 +80,40 @@ class WholeFramer:
         if self._pending:
             self.dropped.add(bytes(self._pending), self.cut_off)
         return []
+
+
+class LengthFramer(WholeFramer, ABC):
+    """For commands that have a length instead of an end. ``noise`` and ``half`` say why bytes are of no use."""
+
+    noise: str
+    half: str
+    #: Whether what comes after half a command may be its other half, and counts only after more quiet.
+    wary = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._heard = 0.0
+
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """The commands that these bytes complete, in order. ``now`` is any clock, in seconds."""
+        if not data:
+            return []
+        self.dropped.clear()
+        quiet, self._heard = now - self._heard, now
+        if quiet >= RESYNC_GAP:
+            self._lost = False
+        if quiet >= QUIET_GAP and self._pending:
+            self.dropped.add(bytes(self._pending), self.half)
+            self._pending.clear()
+            self._lost = self.wary
+        if self._lost:
+            self.dropped.add(data, self.noise)
+            return []
+        return self._cut(data)
+
+    @abstractmethod
+    def _cut(self, data: bytes) -> list[bytes]:
+        """The commands that are whole with these bytes."""
 
 
 class Framer(Protocol):

@@ -1,10 +1,14 @@
-"""What a line must know to exchange a protocol's commands with a mount: how requests and replies look on the wire."""
+"""What a line must know to exchange a protocol's commands with a mount: how requests and replies look on the wire.
+
+A protocol that is never spoken to a mount has its replies taken apart by the tables alone, for the log and ``decode``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
+from gateway.core import errors
 from gateway.core.errors import Fault
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
@@ -43,6 +47,22 @@ class Replies(Protocol):
     """How replies are taken apart: the reply at the start of the bytes, or the fault that it is, and its length."""
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None: ...
+
+
+class PlainReplies:
+    """The replies of a protocol, by its tables alone."""
+
+    def __init__(self, commands: CommandSet) -> None:
+        self._commands = commands.commands
+
+    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+        """The reply at the start of the buffer and its length; None while it is incomplete. Raises ValueError."""
+        for reply, picture in self._commands[ask.command].replies:
+            if (found := picture.matcher.match(buffer)) is not None:
+                if reply.fault is not None:
+                    return getattr(errors, reply.fault)(), found.end()
+                return picture.decode(found[0]), found.end()
+        return None
 
 
 class ReplyRules(Replies, Protocol):

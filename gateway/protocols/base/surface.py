@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
-from functools import cache, cached_property
-from types import ModuleType
+from functools import cache
+from typing import NamedTuple
 
 import msgspec
 
@@ -18,7 +18,6 @@ from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
-from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, Want, relayed
@@ -32,14 +31,11 @@ ACKNOWLEDGED = b"#"
 Special = Callable[..., object]
 
 
-def handlers_of(*modules: ModuleType) -> dict[str, Special]:
-    """Row word -> function: those that a module defines and does not keep to itself; all have names of their own."""
-    return {
-        name: function
-        for module in modules
-        for name, function in vars(module).items()
-        if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
-    }
+class Ending(NamedTuple):
+    """What a command ends in the moment in which it comes, and the commands that do not get their turn any more."""
+
+    operation: Operation
+    takes_back: frozenset[bytes]
 
 
 class Surface:
@@ -69,20 +65,15 @@ class Surface:
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
-    @cached_property
-    def ends(self) -> Ends:
-        """What ends motions, by the tables."""
-        return Ends(self.protocol)
-
     def ending(self, session: Session, frame: bytes) -> Ending | None:
         """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
-        command = self.ends.at_once.get(frame)
+        command = self.protocol.ends_at_once.get(frame)
         if command is None:
             return None
         row = self.protocol.surface[command.name]
         return Ending(
             self._operation(session, row, {}) if command.urgent == "axis" else AbortMotion(),
-            self.ends.takes_back(command),
+            self.protocol.taken_back_by(command),
         )
 
     def handle(self, session: Session, frame: bytes) -> Handling:

@@ -93,6 +93,16 @@ class LxKept(Kept):
     help: tuple[str, ...] = ()
     help_line: int = 0
 
+    def deselect(self) -> None:
+        """The target is no object any more."""
+        self.entry = self.moving = self.object = None
+
+    def select_nothing(self, words: str) -> None:
+        """A selection has failed: no goto follows to the last one. These words say why, to :LI and to the next :MS."""
+        self.deselect()
+        self.ra = self.dec = None
+        self.object = words
+
 
 class LxSession(Session):
     """A client of the LX200 surface."""

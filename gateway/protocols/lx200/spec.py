@@ -17,6 +17,7 @@ from gateway.protocols.base.spec import (
     SurfaceSettings,
 )
 from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import handlers_of
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer
@@ -48,13 +49,13 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.lx200.session import LxSession
-    from gateway.protocols.lx200.surface.handlers import HANDLERS
-    from gateway.protocols.lx200.surface.own import stands_against
+    from gateway.protocols.lx200.surface import accessories, clock, help, motion, objects, own, site, target, tracking
 
     protocol = load(NAME)
     name = settings.model or DEFAULT_MODEL
-    surface = Surface(protocol, HANDLERS)
-    surface.stands_against, surface.session = stands_against, LxSession
+    handlers = handlers_of(accessories, clock, help, motion, objects, own, site, target, tracking)
+    surface = Surface(protocol, handlers)
+    surface.stands_against, surface.session = own.stands_against, LxSession
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},
@@ -63,10 +64,15 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.lx200.driver.handlers import FOLLOW_UPS, HANDLERS
+    from gateway.protocols.lx200.driver import drive, ends, home, identify, motion, place, pointing
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
-    return MadeDriver(Lx200Driver(now, settings, HANDLERS), dict(FOLLOW_UPS), _reply_rules())
+    handlers = handlers_of(drive, home, identify, motion, place, pointing)
+    return MadeDriver(
+        Lx200Driver(now, settings, handlers),
+        {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, ends.PutBack: ends.put_back},
+        _reply_rules(),
+    )
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 from gateway.core.errors import MappingError
-from gateway.protocols.base.by_length import LengthFramer
+from gateway.protocols.base.frames import LengthFramer
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 

@@ -19,7 +19,7 @@ from gateway.protocols.base.spec import (
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import parse_version, show_version
+from gateway.protocols.wireformat.rows import handlers_of, parse_version, show_version
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer
@@ -68,23 +68,32 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.nexstar.session import NexStarSession
-    from gateway.protocols.nexstar.surface.devices import no_response, passes
-    from gateway.protocols.nexstar.surface.handlers import HANDLERS
-    from gateway.protocols.nexstar.surface.presented import fitting, lacks, presented, stands_against
+    from gateway.protocols.nexstar.surface import devices, motion, place, pointing, presented
 
     version = settings.version
-    surface = Surface(load(NAME), HANDLERS, no_response)
-    surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
+    surface = Surface(load(NAME), handlers_of(devices, motion, place, pointing, presented), devices.no_response)
+    surface.passes, surface.lacks = devices.passes, presented.lacks
+    surface.stands_against = presented.stands_against
     surface.session = NexStarSession
-    fit = None if settings.model else lambda polar, german, gps: fitting(polar, german, gps, version)
-    return MadeSurface(surface, presented(settings.model, version), ClientSettings(settings.limits), fit)
+    fit = None if settings.model else lambda polar, german, gps: presented.fitting(polar, german, gps, version)
+    return MadeSurface(surface, presented.presented(settings.model, version), ClientSettings(settings.limits), fit)
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.nexstar.driver.handlers import FOLLOW_UPS, HANDLERS
+    from gateway.protocols.nexstar.driver import goto, identify, motion, place, position, sleep, tracking
     from gateway.protocols.nexstar.driver.state import NexStar
 
-    return MadeDriver(NexStar(now, settings, HANDLERS), dict(FOLLOW_UPS), _reply_rules())
+    handlers = handlers_of(goto, identify, motion, place, position, sleep, tracking)
+    return MadeDriver(
+        NexStar(now, settings, handlers),
+        {
+            goto.Arrived: goto.arrived,
+            sleep.Awake: sleep.awake,
+            tracking.VerifyTracking: tracking.verify,
+            motion.StepOn: motion.step_on,
+        },
+        _reply_rules(),
+    )
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: object) -> SimulatedHandControl:

@@ -9,17 +9,17 @@ from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettin
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framer
+    from gateway.protocols.base.frames import Framer as AnyFramer
 
 NAME = "stellarium"
 #: The length and the type of a goto, the only message that programs send.
 GOTO = b"\x14\0\0\0"
 
 
-def _framing() -> Framer:
-    from gateway.protocols.stellarium import framing
+def _framing() -> AnyFramer:
+    from gateway.protocols.stellarium.surface import Framer
 
-    return framing.Framer()
+    return Framer()
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:

@@ -5,11 +5,14 @@ Five files a protocol: ``commands.toml`` (the manual), ``surface.toml`` (a clien
 ``driver.toml`` (to carry out an operation -> which commands), ``models.toml`` (what differs between models). A protocol
 has those of them that it needs, and ``commands.toml`` always.
 The verbs of a surface row are ask, keep, tell, say, call; those of a driver's way are send and call; there are no
-others. Whatever cannot be used raises MappingError with file, row and reason.
+others. Whatever cannot be used raises MappingError with file, row and reason. That a command ends a motion is said
+once, beside the command (``urgent``), and which operation it is in its row of ``surface.toml``: whoever must know
+before its turn, or before it is whole, asks here.
 """
 
 from __future__ import annotations
 
+import re
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TypeVar
@@ -19,11 +22,12 @@ import msgspec
 from gateway.core import operations
 from gateway.core.errors import MappingError
 from gateway.core.tables import mappings_folder, read_table
-from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command import Command, FrameTemplate
 from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, CommandRow, Model, OwnRow, SurfaceRow, Way
-from gateway.protocols.wireformat.template import FrameTemplate
 
 _T = TypeVar("_T")
+#: The words of ``urgent`` for what acts in the moment in which it comes.
+AT_ONCE = ("stop", "restart", "axis")
 
 
 class CommandSet:
@@ -139,6 +143,25 @@ class CommandSet:
         if file not in self._extra:
             self._extra[file] = self._read(file, Model)
         return self._extra[file]
+
+    @cached_property
+    def ends_at_once(self) -> dict[bytes, Command]:
+        """The commands that end something in the moment in which they come, by their frames."""
+        urgent = [command for command in self.commands.values() if command.urgent in AT_ONCE]
+        return {command.request.literal: command for command in urgent if command.name in self.surface}
+
+    def taken_back_by(self, command: Command) -> frozenset[bytes]:
+        """The commands that do not get their turn any more when it comes."""
+        return frozenset([self.commands[name].request.literal for name in command.takes_back])
+
+    @cached_property
+    def _marks(self) -> re.Pattern[bytes] | None:
+        marks = {command.mark for command in self.commands.values() if command.urgent}
+        return re.compile(b"|".join(map(re.escape, sorted(marks)))) if marks else None
+
+    def may_end_motion(self, data: bytes) -> bool:
+        """Whether these bytes, which are not cut into commands yet, may be or hold the end of a motion."""
+        return self._marks is not None and self._marks.search(data) is not None
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
         """The command whose template fits the whole frame, longest literal beginning first."""

@@ -1,13 +1,15 @@
-"""The rows of the mappings, as TOML has them, and the words that may stand in them."""
+"""The rows of the mappings, as TOML has them, the words that may stand in them, and the functions that they call."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import FunctionType, ModuleType
 from typing import Any
 
 import msgspec
 
-from gateway.protocols.wireformat.template import Source
-
+#: A frame as it is drawn (``command.py``).
+Source = str | list[str | int]
 Version = tuple[int, ...]
 #: What differs between models, as a row of ``models.toml`` says it.
 Model = dict[str, Any]
@@ -48,6 +50,21 @@ def show_version(version: Version) -> str:
     """The manual's way of writing: one digit below 3 (1.6, 2.2), two from 3 on (3.01, 4.10)."""
     major, minor = version[:2]
     return f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
+
+
+def handlers_of(*modules: ModuleType) -> dict[str, Callable[..., Any]]:
+    """What the rows of a surface or a driver may ``call``: the functions that these modules define for others, by name.
+
+    Raises ValueError where two have one name.
+    """
+    found: dict[str, Callable[..., Any]] = {}
+    for module in modules:
+        for name, value in vars(module).items():
+            if isinstance(value, FunctionType) and value.__module__ == module.__name__ and not name.startswith("_"):
+                if name in found:
+                    raise ValueError(f"two functions that rows may call are named {name}")
+                found[name] = value
+    return found
 
 
 class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from gateway.astro.catalog import files
+from gateway.astro.catalog import objects
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
-from gateway.clients.equinox import J2000
+from gateway.clients.profiles import J2000
 from gateway.core import operations as op
 from tests.support import in_process_gateway as bridges
 from tests.support.fake_mount import Mount, Talk, unix
@@ -202,7 +202,7 @@ def test_a_planet_that_has_no_place_yet_is_refused_in_words() -> None:
 
 
 def test_without_the_library_every_command_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "find_spec", lambda name: None)
+    monkeypatch.setattr(objects, "find_spec", lambda name: None)
     missing = b"Object library not installed.#"
     for selecting in (b":LM42#", b":LC7331#", b":Lo1#:LC1#", b":LF#", b":LN#", b":LB#"):
         talk = Talk(model="lx200")
@@ -220,7 +220,7 @@ def test_without_a_site_everything_is_up() -> None:
     talk = Talk(mount, model="lx200")
     talk.send(b":Sf+03.0#:LF#")
     first = talk.send(b":LI#")
-    mount.faults[op.Zenith] = files.Unsupported("The site is not known.")
+    mount.faults[op.Zenith] = objects.Unsupported("The site is not known.")
     assert talk.send(b":LF#:LI#") != first
     assert b"No object" not in talk.send(b":LI#")
 

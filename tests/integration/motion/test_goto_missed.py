@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.core.operations import Equatorial
-from gateway.mount.readings.arrival import missed
+from gateway.mount.readings.reader import missed
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
 from tests.support.virtual import run

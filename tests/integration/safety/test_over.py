@@ -8,8 +8,8 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.mount.policy import Limits
 from gateway.mount.safety.admission import slew_paths
-from gateway.mount.safety.limits import Limits
 from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.integration.safety.test_by_hand import polled, ready
 from tests.support.in_process_gateway import Bridge

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.mount.motion.seen import Seen
+from gateway.mount.policy import Limits
 from gateway.mount.readings.poller import OWN_AGE
-from gateway.mount.safety.limits import Limits
 from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.integration.safety.test_by_hand import UP, polled, ready
 from tests.support.in_process_gateway import Bridge

@@ -14,10 +14,9 @@ from typing import Any
 import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.discovery import Announcement, Offer, offered
-from gateway.app.discovery.addresses import in_words, to_type
+from gateway.app.discovery.announcing import Announcement, answer
 from gateway.app.discovery.mdns import Publisher
-from gateway.app.discovery.skyfi import answer
+from gateway.app.discovery.offer import Offer, in_words, offered, to_type
 from gateway.cli.serve import serving
 from gateway.protocols.registry import streams
 from gateway.system.own_commands import how_to_add
@@ -123,7 +122,7 @@ def test_run_announces_what_it_presents(
         async def close(self) -> None:
             said.append("closed")
 
-    monkeypatch.setattr("gateway.app.discovery.Announcement", Listener)
+    monkeypatch.setattr("gateway.app.discovery.announcing.Announcement", Listener)
     monkeypatch.setattr(serving, "until_signal", lambda: done)
     config = Config([MountConfig("nexstar@sim")], [SurfaceConfig(at) for at in surfaces], discovery=discovery)
     assert serving.with_loop(True, lambda: serving.serve_mounts(config)) == 0
@@ -150,7 +149,8 @@ MDNS = """
 import asyncio, json
 from zeroconf import ServiceStateChange
 from zeroconf.asyncio import AsyncServiceBrowser, AsyncServiceInfo, AsyncZeroconf
-from gateway.app.discovery import Announcement, Offer
+from gateway.app.discovery.announcing import Announcement
+from gateway.app.discovery.offer import Offer
 
 KIND = "_nexstar._tcp.local."
 

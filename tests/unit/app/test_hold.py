@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 from gateway.app.control.orders import orders
-from gateway.app.state import hold as on_disk
+from gateway.app.state import file as on_disk
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
 from gateway.core.motion_kinds import MOTIONS
-from gateway.mount.safety.rules.held import Hold
+from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -161,7 +161,7 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
 
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:
-            monkeypatch.setattr(on_disk, "hold", full)
+            monkeypatch.setattr(on_disk, "hold_folder", full)
             answer = await _order(bridge, "hold")
             assert answer == (
                 "failed it is stopped and held, but a restart of the gateway forgets that: "
@@ -199,8 +199,8 @@ def test_whatever_has_that_name_holds(tmp_path: Path, make: Callable[[Path], Any
 
 def test_the_file_says_what_it_is_and_goes_with_the_release(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "state"
-    on_disk.hold(folder)
-    on_disk.hold(folder)
+    on_disk.hold_folder(folder)
+    on_disk.hold_folder(folder)
     assert (folder / "hold").read_bytes().startswith(b"mount-gateway stop --hold: ")
     assert folder.stat().st_mode & 0o777 == 0o700
-    assert [on_disk.release(folder), on_disk.release(folder), on_disk.is_held(folder)] == [True, False, False]
+    assert on_disk.release_folder(folder) and not on_disk.release_folder(folder) and not on_disk.is_held(folder)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.astro.ephemeris import earth
+from gateway.astro.ephemeris import by_astropy
 from gateway.astro.ephemeris.by_astropy import ut1_utc as of_day
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
@@ -35,7 +35,7 @@ def exact() -> Iterator[Sky]:
     assert sky.ready and not sky.failure
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gateway.astro.ephemeris.sky._FRAMES_KEPT", 2 * COUNT)
-        patch.setattr("gateway.astro.ephemeris.tables._TABLES_KEPT", 4 * COUNT)
+        patch.setattr("gateway.astro.ephemeris.sky._TABLES_KEPT", 4 * COUNT)
         yield sky
 
 
@@ -138,7 +138,7 @@ def test_both_sides_of_the_date_line_and_every_longitude_of_a_pole_are_one_sky(e
 
 
 def test_every_day_of_the_table_reads_as_skyfield_reads_it(scene: Any) -> None:
-    table, days = earth.installed(), scene.rows["utc_mjd"] + 2400000.5
+    table, days = by_astropy.earth_rotation(), scene.rows["utc_mjd"] + 2400000.5
     assert len(days) > 19000
     assert table.ut1_utc(days).value.tolist() == scene.rows["dut1"].tolist()
     last = scene.rows["dut1"][-1]

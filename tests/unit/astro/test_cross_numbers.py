@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.app.control.objects import describe, find
-from gateway.astro.catalog import cross_numbers, files, stars
+from gateway.astro.catalog import objects, stars
 from gateway.core.errors import UserError
 from tests.support.each import each
 from tests.support.fake_mount import Talk
@@ -24,12 +24,16 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The list, in the place of an installed one."""
     path = tmp_path / "cross-id.dat"
     path.write_text(LIST, newline="")
-    monkeypatch.setattr(cross_numbers, "data_file", lambda package, name: path if path.exists() else _missing())
+
+    def data_file(package: str, name: str) -> Path:
+        if package != stars.CROSS_PACKAGE:
+            return objects.data_file(package, name)
+        if not path.exists():
+            raise objects.NotInstalled
+        return path
+
+    monkeypatch.setattr(stars, "data_file", data_file)
     return path
-
-
-def _missing() -> Path:
-    raise files.NotInstalled
 
 
 @each(
@@ -40,7 +44,7 @@ def _missing() -> Path:
     ],
 )  # fmt: skip
 def test_a_star_is_found_by_its_other_numbers(catalogue: str, number: int, hipparcos: int) -> None:
-    entry, star = cross_numbers.look_up(catalogue, number, 2026.0), stars.hipparcos(hipparcos, 2026.0)
+    entry, star = stars.by_other_number(catalogue, number, 2026.0), stars.hipparcos(hipparcos, 2026.0)
     assert entry is not None and star is not None
     assert (entry.name, entry.ra, entry.dec) == (f"{catalogue}{number}", star.ra, star.dec)
 
@@ -59,7 +63,7 @@ def test_a_star_is_found_by_its_other_numbers(catalogue: str, number: int, hippa
     ],
 )
 def test_a_number_counts_whole_and_in_its_own_catalogue(catalogue: str, number: int) -> None:
-    assert cross_numbers.hipparcos_number(catalogue, number) is None
+    assert stars.hipparcos_number(catalogue, number) is None
 
 
 def test_a_person_types_any_of_them() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.astro import catalog as library
-from gateway.astro.catalog import QUALITIES, Wanted, deepsky, describe, files, names, search, star_names, stars
+from gateway.astro.catalog import QUALITIES, Wanted, deepsky, describe, names, objects, stars
 from gateway.astro.catalog.objects import quality
 from gateway.astro.spherical import separation
 from tests.support.each import each
@@ -70,10 +70,10 @@ def test_stars_stand_where_their_motion_has_brought_them() -> None:
     assert describe(sirius) == "HIP32349 STAR MAG-1.1"
 
 
-@each("name", star_names.PLACES)
+@each("name", names.PLACES)
 def test_a_star_with_a_name_stands_where_the_catalogue_has_it(name: str) -> None:
-    number = star_names.HIPPARCOS[name]
-    found, entry = star_names.by_number(number, 2026.9), stars.hipparcos(number, 2026.9)
+    number = names.HIPPARCOS[name]
+    found, entry = names.by_number(number, 2026.9), stars.hipparcos(number, 2026.9)
     assert names.star(name.upper()) == number
     assert found is not None and entry is not None
     assert separation(*found, entry.ra, entry.dec) * 3600 < 0.02
@@ -94,8 +94,8 @@ def test_the_first_and_the_last_star() -> None:
     [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos(1, 2000.0), lambda: deepsky.matching(EVERYTHING)],
 )
 def test_without_the_packages_it_is_said(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "find_spec", lambda name: None)
-    with pytest.raises(files.NotInstalled, match="Object library not installed"):
+    monkeypatch.setattr(objects, "find_spec", lambda name: None)
+    with pytest.raises(objects.NotInstalled, match="Object library not installed"):
         call()  # type: ignore[operator]
 
 
@@ -155,43 +155,43 @@ def test_nothing_wanted_nothing_found() -> None:
 
 def test_a_search_goes_once_round_the_sky_from_the_west() -> None:
     found = deepsky.matching(Wanted(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
-    start = search.first(found, lambda ra, dec: True, 100.0)
+    start = deepsky.first(found, lambda ra, dec: True, 100.0)
     assert start is not None
     assert start[1] // 15 == 18  # 280 degrees is the lower meridian
     seen, here = [start], start
     for _ in range(len(found) - 1):
-        following = search.beside(found, lambda ra, dec: True, here[1], here[2], 1)
+        following = deepsky.beside(found, lambda ra, dec: True, here[1], here[2], 1)
         assert following is not None
-        assert search.beside(found, lambda ra, dec: True, following[1], following[2], -1) == here
+        assert deepsky.beside(found, lambda ra, dec: True, following[1], following[2], -1) == here
         assert deepsky.order(following) > deepsky.order(here) or following == found[0]
         here = following
         seen.append(here)
     assert len(set(seen)) == len(found)
-    assert search.beside(found, lambda ra, dec: True, here[1], here[2], 1) == start
+    assert deepsky.beside(found, lambda ra, dec: True, here[1], here[2], 1) == start
 
 
 def test_what_may_not_be_gone_to_is_passed_over() -> None:
     found = deepsky.matching(EVERYTHING)
-    northern = search.first(found, lambda ra, dec: dec > 85.0, 0.0)
+    northern = deepsky.first(found, lambda ra, dec: dec > 85.0, 0.0)
     assert northern is not None
     assert northern[2] > 85.0
-    assert search.first(found, lambda ra, dec: False, 0.0) is None
-    assert search.beside([], lambda ra, dec: True, 0.0, 0.0, 1) is None
+    assert deepsky.first(found, lambda ra, dec: False, 0.0) is None
+    assert deepsky.beside([], lambda ra, dec: True, 0.0, 0.0, 1) is None
 
 
 def test_the_field_is_round_and_its_middle_comes_first() -> None:
-    found = search.in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
+    found = deepsky.in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
     assert deepsky.by_row(found[0][0]).name == "M42"
     distances = [separation(83.82, -5.39, c[1], c[2]) for c in found]
     assert distances == sorted(distances)
     assert max(distances) <= 0.5
-    wrap = search.in_field(deepsky.matching(EVERYTHING), 0.01, 0.0, 2.0)
+    wrap = deepsky.in_field(deepsky.matching(EVERYTHING), 0.01, 0.0, 2.0)
     assert any(c[1] > 350.0 for c in wrap)
     assert math.isclose(max(abs(c[2]) for c in wrap), 2.0, abs_tol=0.5)
 
 
 def test_the_data_file_is_found_without_importing_its_package() -> None:
-    path = files.data_file("pyongc", "ongc.db")
+    path = objects.data_file("pyongc", "ongc.db")
     assert isinstance(path, Path)
-    with pytest.raises(files.NotInstalled):
-        files.data_file("pyongc", "nothing.db")
+    with pytest.raises(objects.NotInstalled):
+        objects.data_file("pyongc", "nothing.db")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.astro.ephemeris import earth
+from gateway.astro.ephemeris import by_astropy
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
 from tests.support.sampling import as_a_rule
@@ -214,7 +214,7 @@ def ut1_utc(table: Any, *moments: float) -> list[float]:
 
 
 def test_ut1_utc_of_the_installed_table(exact: Sky) -> None:
-    table = earth.installed()
+    table = by_astropy.earth_rotation()
     assert ut1_utc(table, unix(1987, 4, 10), unix(1973, 1, 2)) == [UT1_UTC_1987, 0.8084178]
     assert ut1_utc(table, unix(1973, 1, 1), unix(1900, 1, 1)) == [0.0, 0.0]
     late, later = ut1_utc(table, unix(2089, 1, 1), unix(2099, 12, 31))
@@ -223,7 +223,7 @@ def test_ut1_utc_of_the_installed_table(exact: Sky) -> None:
 
 def test_between_two_days_astropy_draws_a_line() -> None:
     """Also over a leap second, the last of 2016, where UT1-UTC takes a step."""
-    table = earth.installed()
+    table = by_astropy.earth_rotation()
     before, noon, after = ut1_utc(table, *(unix(2016, 12, 31) + hours * 3600.0 for hours in (0, 12, 24)))
     assert after - before == pytest.approx(1.0, abs=0.003)
     assert noon == pytest.approx((before + after - 1.0) / 2.0, abs=1e-7)
@@ -234,10 +234,10 @@ def record(mjd: int, value: str) -> bytes:
 
 
 def test_a_table_ends_where_its_predictions_end() -> None:
-    table = earth.read([record(41684, "0.8"), record(41685, "0.7"), record(41686, "")])
+    table = by_astropy.read_earth_rotation([record(41684, "0.8"), record(41685, "0.7"), record(41686, "")])
     assert ut1_utc(table, *((mjd - 40587) * 86400.0 for mjd in range(41683, 41688))) == [0.0, 0.8, 0.7, 0.7, 0.7]
 
 
 def test_a_table_out_of_order_is_refused() -> None:
     with pytest.raises(ValueError, match="days do not follow"):
-        earth.read([record(41684, "0.8"), record(41686, "0.7")])
+        by_astropy.read_earth_rotation([record(41684, "0.8"), record(41686, "0.7")])

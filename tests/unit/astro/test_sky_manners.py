@@ -12,7 +12,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from gateway.astro.ephemeris import closed_forms, tables
+from gateway.astro.ephemeris import closed_forms
+from gateway.astro.ephemeris import sky as sky_module
 from gateway.astro.ephemeris.sky import Sky
 
 GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1987 April 10, 0h UT1
@@ -63,7 +64,7 @@ def test_nobody_waits_for_a_day_that_was_not_asked_for(monkeypatch: pytest.Monke
             super().load()
             make = self._make
 
-            def held(part: str, day: int) -> tables.DayTable:
+            def held(part: str, day: int) -> sky_module.DayTable:
                 assert make is not None and go_on.wait(30)
                 made.append((part, day))
                 return make(part, day)
@@ -71,21 +72,23 @@ def test_nobody_waits_for_a_day_that_was_not_asked_for(monkeypatch: pytest.Monke
             self._make = held
 
     sky, day = Held(), 15000
-    monkeypatch.setattr(tables.time, "time", lambda: day * tables.DAY)
+    monkeypatch.setattr(sky_module.time, "time", lambda: day * sky_module.DAY)
     sky.start(worked_out.set)
     until(lambda: sky._make is not None)
-    moment = day * tables.DAY + 100.0
+    moment = day * sky_module.DAY + 100.0
     assert sky.sun(moment) == Sky().sun(moment) and sky.planet("Mars", moment) is None
     for other in range(200):
-        assert sky.planet("Mars", moment + other * tables.DAY) is None
+        assert sky.planet("Mars", moment + other * sky_module.DAY) is None
     go_on.set()
     assert worked_out.wait(30) and not sky.ready
     assert sky.planet("Mars", moment) is None  # not in use yet: a recording says from when on it is
     sky.use()
-    assert sky.ready and sky.planet("Mars", moment) is not None and sky.planet("Mars", moment + tables.DAY) is not None
+    assert (
+        sky.ready and sky.planet("Mars", moment) is not None and sky.planet("Mars", moment + sky_module.DAY) is not None
+    )
     until(lambda: not sky._asked)
     days = {day for _, day in made}
-    assert len(made) == len(set(made)) == len(tables.PARTS) * len(days)
+    assert len(made) == len(set(made)) == len(sky_module.PARTS) * len(days)
     assert days <= set(range(day, day + 6))
 
 
@@ -93,19 +96,19 @@ def test_midnight_finds_its_table() -> None:
     sky = Sky()
     sky.start()
     day = 15000
-    assert sky.table("Sun", (day + 0.99) * tables.DAY) is None
+    assert sky.table("Sun", (day + 0.99) * sky_module.DAY) is None
     until(lambda: ("Sun", day + 1) in sky._tables)  # in good time
     until(lambda: not sky._asked)
-    assert sky.table("Sun", (day + 1.01) * tables.DAY) is not None
+    assert sky.table("Sun", (day + 1.01) * sky_module.DAY) is not None
     until(lambda: ("Sun", day + 2) in sky._tables)  # and for the midnight after that
 
 
 def test_old_tables_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "_TABLES_KEPT", 3)
+    monkeypatch.setattr(sky_module, "_TABLES_KEPT", 3)
     sky = Sky()
     sky.load()
     for day in range(5):
-        sky.sun(day * tables.DAY)
+        sky.sun(day * sky_module.DAY)
     assert [day for _, day in sky._tables] == [2, 3, 4]
 
 

@@ -9,11 +9,11 @@ import pytest
 
 from gateway.app.control.commands import Spot
 from gateway.astro.catalog import names, stars
-from gateway.astro.catalog.files import NotInstalled
-from gateway.astro.catalog.star_names import ALSO, HIPPARCOS
+from gateway.astro.catalog.names import ALSO, HIPPARCOS
+from gateway.astro.catalog.objects import NotInstalled
 from gateway.astro.spherical import separation
 from gateway.cli.completion import script
-from gateway.cli.mount.places import place
+from gateway.cli.mount.requests import place
 from gateway.core.errors import UserError
 from tests.support.each import each
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.app.discovery.mdns import service
-from gateway.cli.serve.console import announced, from_elsewhere
+from gateway.cli.serve.elsewhere import announced, from_elsewhere
 
 
 @pytest.mark.parametrize(

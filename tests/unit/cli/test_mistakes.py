@@ -11,7 +11,7 @@ import pytest
 
 from gateway.app.control.client import silent
 from gateway.cli import main
-from gateway.cli.serve.meeting import where_else
+from gateway.cli.serve.finding import where_else
 from gateway.core.errors import UserError
 from gateway.system import processes
 from gateway.transport.device_link import DeviceLink

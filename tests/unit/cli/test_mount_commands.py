@@ -13,9 +13,9 @@ import pytest
 
 from gateway.app.control.commands import Body, Spot
 from gateway.app.recording.format import read
-from gateway.astro.catalog.files import NotInstalled
+from gateway.astro.catalog.objects import NotInstalled
 from gateway.cli import main
-from gateway.cli.mount.places import place
+from gateway.cli.mount.requests import place
 from gateway.core.errors import UserError
 from gateway.diagnostics.replay.replaying import replay
 from tests.support.each import each

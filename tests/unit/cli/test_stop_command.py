@@ -17,7 +17,7 @@ import pytest
 
 from gateway.app import reach, stop_command
 from gateway.app.control import client
-from gateway.app.control.endpoints import ControlEndpoint
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.cli import main
 from gateway.system import processes
 from gateway.system import runtime_folders as runtime

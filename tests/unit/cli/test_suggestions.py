@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.app.config import called, parse_device, parse_endpoint, parse_site
-from gateway.app.config.places import right
+from gateway.app.config.endpoints import right
 from gateway.app.stop_command import Report
 from gateway.cli import main
 from gateway.cli.suggestions import plainly

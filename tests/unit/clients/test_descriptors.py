@@ -14,7 +14,7 @@ import pytest
 
 from gateway.app.gateway import Gateway
 from gateway.core.errors import MappingError
-from gateway.protocols.nexstar import rates
+from gateway.protocols.nexstar import counting
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.system import file_limits
 from tests.support.in_process_gateway import Bridge
@@ -86,7 +86,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
 
 
 def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rates.rate_tables.cache_clear()
+    counting.rate_tables.cache_clear()
 
     async def nothing_opens(function: Any, *arguments: Any) -> Any:
         raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.commands.outstanding import BEGUN
+from gateway.clients.commands.turn_runner import BEGUN
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
 from gateway.transport.intake import BREATH, SHARE
@@ -202,7 +202,7 @@ class _SecondFace:
         from gateway.app.bindings import make_surface
         from gateway.app.config import Endpoint, SurfaceConfig
         from gateway.clients.acceptor import ConnectionAcceptor
-        from gateway.mount.safety.limits import Limits
+        from gateway.mount.policy import Limits
 
         face = make_surface(Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
         self.reception = ConnectionAcceptor(bridge.controller, face, Shared(), bridge.clock)

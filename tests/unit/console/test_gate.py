@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from gateway.console import gate
+from gateway.console import pages
 from gateway.system.own_names import known_host
 from tests.support.each import each
 
@@ -50,7 +50,7 @@ def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
     ],
 )
 def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> None:
-    assert gate.same_origin(origin, host) is allowed
+    assert pages.same_origin(origin, host) is allowed
 
 
 @each(
@@ -58,11 +58,11 @@ def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> No
                             ("same-site", True)]
 )  # fmt: skip
 def test_what_the_browser_itself_says_of_where_it_comes_from(site: str | None, elsewhere: bool) -> None:
-    assert gate.from_elsewhere({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
+    assert pages.from_elsewhere({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
 
 
 def test_a_token_is_compared_whole() -> None:
-    assert gate.same_token("abc", "abc")
-    assert not gate.same_token("ab", "abc")
-    assert not gate.same_token(None, "abc")
-    assert not gate.same_token("ä", "abc")
+    assert pages.same_token("abc", "abc")
+    assert not pages.same_token("ab", "abc")
+    assert not pages.same_token(None, "abc")
+    assert not pages.same_token("ä", "abc")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.console.server import Console
-from gateway.diagnostics.metrics import exposition
+from gateway.diagnostics import metrics
 from tests.support.fake_broker import until
 from tests.unit.console.test_server import Open, opened, play
 
@@ -63,7 +63,7 @@ def test_faults_have_a_kind(tmp_path: Path) -> None:
 
 
 def test_without_the_extra_it_is_told_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exposition, "find_spec", lambda name: None)
+    monkeypatch.setattr(metrics, "find_spec", lambda name: None)
 
     async def work() -> None:
         async with opened(tmp_path) as there, there.http.get(f"{there.console.where}metrics") as response:

@@ -12,9 +12,9 @@ import aiohttp
 import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.config.sections.console import ConsoleConfig
+from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
-from gateway.cli.serve.console import answered_there
+from gateway.cli.serve.elsewhere import answered_there
 from gateway.clients.access import Access
 from gateway.console.server import Console
 

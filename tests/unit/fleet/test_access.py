@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from gateway.app.config import Source, make_config
-from gateway.app.config.sections.broker import Broker, parse_broker
+from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError
-from gateway.fleet import access as accesses
-from gateway.fleet.access import PASSWORD, access
+from gateway.fleet import client as accesses
+from gateway.fleet.client import PASSWORD, access
 from gateway.fleet.topics import Topics, own_id
 from tests.support.each import each
 

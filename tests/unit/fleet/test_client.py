@@ -6,8 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.fleet.access import access
-from gateway.fleet.client import connecting
+from gateway.fleet.client import access, connecting
 
 #: CONNACK of 3.1.1, OASIS table 3.1: unacceptable protocol level; accepted.
 UNACCEPTABLE, ACCEPTED = b"\x20\x02\x00\x01", b"\x20\x02\x00\x00"

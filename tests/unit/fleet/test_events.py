@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from gateway.core.wire_log import SKY_READY, WireLog
-from gateway.fleet.events import BURST, LONGEST, RATE, Events
+from gateway.fleet.told import BURST, LONGEST, RATE, Events
 from tests.support.each import each
 
 

@@ -12,8 +12,7 @@ import pytest
 from gateway.fleet import link as links
 from gateway.fleet.client import LARGEST
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.outbox import EVENTS, Outbox
-from gateway.fleet.topics import Heard, Message
+from gateway.fleet.topics import EVENTS, Heard, Message, Outbox
 from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import MountConfig, SurfaceConfig
-from gateway.app.config.sections.mqtt import MqttConfig
+from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet import station as stations
 from gateway.fleet.station import Station

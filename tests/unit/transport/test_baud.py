@@ -10,7 +10,7 @@ import tty
 
 import pytest
 
-from gateway.transport import baud_trial
+from gateway.transport import baud
 from gateway.transport.serial_port import SerialPort
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -57,7 +57,7 @@ class Cable:
 def test_the_rate_changes_after_the_answer_and_stays_for_who_follows(
     follows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(baud_trial, "TRIAL", 0.3)
+    monkeypatch.setattr(baud, "TRIAL", 0.3)
 
     async def program() -> None:
         cable = Cable()
@@ -84,17 +84,17 @@ def test_two_changes_in_a_row_fall_back_to_the_first_rate() -> None:
             rates.append(rate)
             return rates[-2]
 
-        trial = baud_trial.BaudTrial(change)
+        trial = baud.BaudTrial(change)
         trial.begin(19200)
         await asyncio.sleep(1.0)
         trial.begin(38400)
-        await asyncio.sleep(baud_trial.TRIAL - 0.5)
+        await asyncio.sleep(baud.TRIAL - 0.5)
         assert rates[-1] == 38400
         await asyncio.sleep(1.0)
         assert rates[-1] == 9600
         trial.begin(57600)
         trial.understood()
-        await asyncio.sleep(2 * baud_trial.TRIAL)
+        await asyncio.sleep(2 * baud.TRIAL)
         assert rates[-1] == 57600
 
     run(program())

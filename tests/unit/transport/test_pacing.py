@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.simulated import _Caller, serve_simulator
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-from gateway.transport.serial_pace import LONGEST, Pace
+from gateway.transport.baud import LONGEST, SerialPace
 from tests.support.simulated_meade import Clock
 from tests.support.virtual import run
 
@@ -22,7 +22,7 @@ def test_bytes_arrive_one_after_the_other() -> None:
     async def program() -> None:
         loop = asyncio.get_running_loop()
         began, heard = loop.time(), []
-        pace = Pace(9600, lambda data: heard.append((data, loop.time() - began)))
+        pace = SerialPace(9600, lambda data: heard.append((data, loop.time() - began)))
         pace.send(b"ab")
         await asyncio.sleep(1.5 * BYTE)
         pace.send(b"c")  # behind those that are on the line
@@ -38,7 +38,7 @@ def test_bytes_arrive_one_after_the_other() -> None:
 def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -> None:
     async def program() -> None:
         heard: list[bytes] = []
-        pace = Pace(9600, heard.append)
+        pace = SerialPace(9600, heard.append)
         pace.send(b"x" * (2 * LONGEST))
         await asyncio.sleep((LONGEST + 1) * BYTE)
         assert len(b"".join(heard)) == LONGEST

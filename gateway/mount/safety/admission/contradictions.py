@@ -1,6 +1,8 @@
-"""Where sources of site or time contradict each other, what one of them forbids is not begun.
+"""What does not fit together: sources of site or time that contradict each other, a park position beyond the limits.
 
-What is under way already is ended by the best source alone: whoever is wrong must not stop a mount that is right.
+It is said at the start, in one line, for it is cheaper to hear then than from a refusal; and what one of two sources of
+site or time forbids is not begun. What is under way already is ended by the best source alone: whoever is wrong must
+not stop a mount that is right.
 """
 
 from __future__ import annotations
@@ -10,9 +12,10 @@ from typing import NamedTuple
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
-from gateway.core.errors import Fault, NearSun
-from gateway.core.operations import Equatorial, Place
-from gateway.mount.safety.limits import Limits
+from gateway.core.errors import Fault, NearSun, Unsupported
+from gateway.core.operations import Equatorial, GetStatus, GotoAxes, Park, Place
+from gateway.mount.policy import Limits, check_own_park
+from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.rules.sun import SUN_IS_UP
 from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site, Time
 
@@ -125,3 +128,43 @@ def _span(seconds: float) -> str:
 def time_unknown(best: Time) -> bool:
     """Whether nobody tells the time: this computer has plainly lost its clock, and there is no other."""
     return best.source == COMPUTER and best.unix < EARLIEST
+
+
+def doubts(mount: MountInputs, sources: BestSources) -> str:
+    """One line, or nothing."""
+    found = [*_contradictions(sources), *_park(mount)]
+    return f"WARNING: {'; '.join(found)}" if found else ""
+
+
+def _contradictions(sources: BestSources) -> Iterator[str]:
+    for place, _, words in contradictions(sources.sites(), sources.times()):
+        if place is not None:
+            yield f"{words} (gotos that either of them would forbid are refused)"
+
+
+def _park(mount: MountInputs) -> Iterator[str]:
+    """Only where the mount can be parked at all."""
+    limits, status = mount.context.policy.limits, mount.readings.value(GetStatus)
+    if not mount.driver.way(Park) or status is None:
+        return
+    there = mount.driver.destination(Park())
+    try:
+        if there is not None:
+            limits.check_altitude(_altitude(mount, there, status.equatorial))
+        elif not mount.context.policy.own_park:
+            check_own_park(Park(), limits)
+    except Unsupported:
+        return  # without a site nobody knows
+    except Fault:
+        yield (
+            "its park position lies beyond lowest or highest, where it is parked all the same"
+            if mount.context.policy.own_park
+            else "parking is refused, because its park position may lie beyond lowest or highest: see the key park"
+        )
+
+
+def _altitude(mount: MountInputs, there: GotoAxes, equatorial: bool) -> float:
+    """Raises Unsupported where the site is not known."""
+    if not equatorial:
+        return there.alt
+    return mount.astrometry.horizon(mount.astrometry.from_axes(there, wedge=not mount.driver.german)).alt

@@ -1,8 +1,8 @@
 """Before a motion: is it allowed, and in which form can this mount carry it out?
 
-Nothing moves a mount that is held (``held.py``). Checked are the target of every goto, park and home, the ways that
-lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``admission/by_hand.py``), and how far
-a sync moves the sky. What happens afterwards is watched (``watch.py``).
+Nothing moves a mount that is held. Checked are the target of every goto, park and home, the ways that lead to it
+(``slew_paths.py``), what is moved by hand, guided or to track again (``by_hand.py``), and how far a sync moves the sky.
+What happens afterwards is watched (``watch.py``).
 """
 
 from __future__ import annotations
@@ -15,17 +15,14 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.core.motion_kinds import GOTOS
+from gateway.mount.policy import CHOOSE, Hold, Limits, check_own_park
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
-from gateway.mount.safety.admission.by_hand import HandAdmission
+from gateway.mount.safety.admission.by_hand import HandAdmission, over
 from gateway.mount.safety.admission.contradictions import check_contradictions
-from gateway.mount.safety.admission.path_shapes import clear
-from gateway.mount.safety.admission.questions import over, tilt
+from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.limits import Limits
-from gateway.mount.safety.rules.held import Hold
 from gateway.mount.safety.rules.meridian import check_hour_angle, check_shaft
-from gateway.mount.safety.rules.park import CHOOSE, check_own_park
 from gateway.mount.safety.rules.sync_sum import SyncTotal, check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.site_clock import BestSources
@@ -181,7 +178,7 @@ class Admission:
         if altitude is None:
             mount.context.note_once("site unknown: gotos are not checked against the horizon")
             return
-        limits.check_altitude(altitude + (await tilt(mount, self._ask, self._watch.altitude_axis) if told else 0.0))
+        limits.check_altitude(altitude + (await self._watch.altitude_axis.asked(self._ask) if told else 0.0))
         status = mount.readings.value(op.GetStatus) if limits.hour_angle is not None else None
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)

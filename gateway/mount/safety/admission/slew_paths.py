@@ -1,25 +1,29 @@
-"""The ways that a goto may take, as readings of the two axes: where they begin and how far each of them turns.
+"""The ways that a goto may take, as readings of the two axes, and whether one of them comes near the Sun.
 
-What a mount tells leaves open at times in which of the two ways its axes point where it is, and which way round they
-go: then there are several. All readings of a polar mount are counted like a German one's, so that one Sun, one zenith
-and one nadir serve every build. Angles are degrees.
+What a mount tells leaves open at times in which of the two ways its axes point where it is (a reading of the second
+axis beyond 90 is the other way of pointing), and which way round they go: then there are several. A mount turns both
+axes straight to their goals. How fast each of them is nobody says, so a way has two shapes: both arrive together, or
+both are equally fast and the one with less to do rests while the other goes on. All readings of a polar mount are
+counted like a German one's, so that one Sun, one zenith and one nadir serve every build. Angles are degrees.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import copysign
+from math import copysign, sqrt
 from typing import NamedTuple
 
 from gateway.astro.axes import Build, Geometry, Pair
-from gateway.astro.spherical import wrap180
+from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from gateway.mount.site.astrometry import SiteAstrometry
 
 Way = tuple[Pair, Pair]
 #: By how much a sync may have displaced what the axes of a fork read from where they point.
 DISPLACED = 15.0
+#: How finely a way is looked at where it grazes the circle, degrees: half of it is the greatest error.
+STEP = 0.2
 
 
 class Circle(NamedTuple):
@@ -126,3 +130,34 @@ def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
 def _hour_angle(astrometry: SiteAstrometry, seen: op.Equatorial) -> float:
     """From the meridian; without a site, from some hour circle."""
     return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - seen.ra)
+
+
+def together(start: Pair, turn: Pair, turned: float) -> Pair:
+    """Where the axes are when the longer turn is done so far and both arrive together."""
+    part = turned / max(abs(turn[0]), abs(turn[1]), 1e-9)
+    return start[0] + turn[0] * part, start[1] + turn[1] * part
+
+
+def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
+    """The same when both are equally fast."""
+    first, second = (copysign(min(abs(whole), turned), whole) for whole in turn)
+    return start[0] + first, start[1] + second
+
+
+def clear(start: Pair, turn: Pair, sun: Pair, limit: float) -> bool:
+    """Whether neither shape of the way from ``start`` by ``turn`` comes nearer to ``sun`` than ``limit`` degrees.
+
+    Where the tube is far from the circle the next look can be far ahead: two axes at one degree each carry it no
+    farther than the root of two.
+    """
+    length = max(abs(turn[0]), abs(turn[1]))
+    for shape in (together, one_rests):
+        turned = 0.0
+        while True:
+            distance = separation(*shape(start, turn, turned), *sun)
+            if distance < limit:
+                return False
+            if turned >= length:
+                break
+            turned = min(length, turned + max(STEP, (distance - limit) / sqrt(2.0)))
+    return True

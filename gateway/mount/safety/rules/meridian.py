@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import PastMeridian
-from gateway.mount.safety.limits import AT_LIMIT, Limits
+from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.safety.view import ALLOWED, Verdict, View
 
 #: Farther past the meridian than that, a tube has gone round under the pole and not against the pier.

@@ -15,7 +15,7 @@ from msgspec import Struct
 from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import SyncTooFar
 from gateway.core.operations import Equatorial
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 
 
 class SyncSum(Struct, frozen=True, omit_defaults=True):

@@ -24,8 +24,7 @@ class AlpacaWeb:
 
         async def load() -> WebServer:
             await asyncio.to_thread(import_module, "aiohttp.web")
-            from gateway.protocols.alpaca.http.own_port import OwnServer
-            from gateway.protocols.alpaca.http.server import AlpacaServer
+            from gateway.protocols.alpaca.http.server import AlpacaServer, OwnServer
 
             return await OwnServer.start(AlpacaServer([device], names))
 

@@ -19,11 +19,11 @@ from aiohttp import web
 
 from gateway.core.about import VERSION
 from gateway.core.errors import ReadOnly
-from gateway.protocols.alpaca.faults import refused
-from gateway.protocols.alpaca.http.answers import Device, numbered
+from gateway.protocols.alpaca.http.programs import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, understood, who_asks
-from gateway.protocols.alpaca.members import member
+from gateway.protocols.alpaca.tables import member, refused
 from gateway.system.own_names import known_host
+from gateway.system.web_log import web_log
 from gateway.transport.handler import ConnectionRefused
 from gateway.transport.web_port import WebDevice
 
@@ -31,6 +31,8 @@ from gateway.transport.web_port import WebDevice
 LONGEST = 8192
 #: Seconds that it may take to come.
 PATIENCE = 5.0
+#: Seconds that requests under way are given at the end.
+END = 0.5
 FORM = "application/x-www-form-urlencoded"
 CONSOLE = '<a href="/">The console</a> shows and moves the mount.'
 NO_CONSOLE = (
@@ -155,6 +157,31 @@ class AlpacaServer:
             "<p>It is set up where it was started: by its command line or its configuration file.\n"
         )
         return web.Response(text=page, content_type="text/html")
+
+
+class OwnServer:
+    """Makes those who talk to connections."""
+
+    def __init__(self, runner: web.AppRunner, alpaca: AlpacaServer) -> None:
+        self._runner, self._alpaca = runner, alpaca
+
+    @classmethod
+    async def start(cls, alpaca: AlpacaServer) -> OwnServer:
+        """Ready for connections."""
+        app = web.Application(client_max_size=LONGEST)
+        alpaca.add_to(app)
+        runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=END, logger=web_log())
+        await runner.setup()
+        return cls(runner, alpaca)
+
+    def __call__(self) -> asyncio.Protocol:
+        assert self._runner.server is not None
+        return self._runner.server()
+
+    async def close(self) -> None:
+        """Nobody is answered any more."""
+        self._alpaca.close()
+        await self._runner.cleanup()
 
 
 def _unique_id(title: str) -> str:

@@ -9,8 +9,8 @@ from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface import motion, pointing, tracking
+from gateway.protocols.alpaca.surface import abilities, motion, tracking
+from gateway.protocols.alpaca.surface.client import AlpacaSession
 from gateway.protocols.base.wants import Handling, Possible, given
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
@@ -89,7 +89,7 @@ def _looked_at(session: AlpacaSession, command: Command) -> Iterator[tuple[str, 
     yield "Declination", _of(op.Position(), "dec")
     yield "IsPulseGuiding", motion.is_pulse_guiding(session, command, {})
     yield "RightAscension", _hours(_of(op.Position(), "ra"))
-    yield "SideOfPier", pointing.side_of_pier(session, command, {})
+    yield "SideOfPier", abilities.side_of_pier(session, command, {})
     yield "SiderealTime", _hours(_of(op.SiderealTime()))
     yield "Slewing", motion.slewing(session, command, {})
     yield "Tracking", tracking.tracking(session, command, {})

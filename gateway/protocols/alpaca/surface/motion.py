@@ -7,8 +7,7 @@ from contextlib import suppress
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoTarget, Unsupported
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface.given import axis, place, within
+from gateway.protocols.alpaca.surface.client import AlpacaSession, axis, place, within
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from gateway.core import operations as op
 from gateway.core.errors import NoTarget
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface.given import within
+from gateway.protocols.alpaca.surface.client import AlpacaSession, within
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 

@@ -6,9 +6,8 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.faults import Parked
-from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface.given import within
+from gateway.protocols.alpaca.surface.client import AlpacaSession, within
+from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 

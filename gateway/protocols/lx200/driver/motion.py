@@ -13,10 +13,9 @@ import math
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.protocols.base.driver import SLEWING, Remark, Steps
-from gateway.protocols.lx200.driver import put_back
 from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
-from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
-from gateway.protocols.lx200.driver.pier import beyond_pole
+from gateway.protocols.lx200.driver.ends import MOUNT, at_most, begins, end, guide_at, put_back_later
+from gateway.protocols.lx200.driver.pointing import beyond_pole
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 
@@ -111,14 +110,14 @@ def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
     if command == "RS":
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
     elif command == "RG":
-        yield from put_back.guide_at(mount, mount.guide_rate)
+        yield from guide_at(mount, mount.guide_rate)
     yield from ask(mount, command)
 
 
 def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
     """The rate, and before or behind it what it is to mean."""
     if speed.guide is not None:
-        yield from put_back.guide_at(mount, speed.guide)
+        yield from guide_at(mount, speed.guide)
     if speed.command == "RS" and speed.free is None:
         yield from _fastest(mount, axis, speed.fastest)
     assert speed.command is not None
@@ -130,7 +129,7 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
 
 def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
     """What :RS is to mean on this axis: a rate of its own is taken back."""
-    yield from put_back.at_most(mount, degrees)
+    yield from at_most(mount, degrees)
     if axis in mount.free_axes:
         fastest = float(mount.fastest or mount.facts["max_rate"])
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=fastest)
@@ -140,7 +139,7 @@ def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
 def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
     """The fraction of sidereal that :RG and guide pulses mean: :Rg where the model has it and it is another one."""
     mount.guide_rate = min(1.0, operation.rate)
-    yield from put_back.guide_at(mount, mount.guide_rate)
+    yield from guide_at(mount, mount.guide_rate)
 
 
 def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
@@ -153,7 +152,7 @@ def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
             yield from end(mount, f"Q{one}", (operation.axis,), letter is not None)
     if operation.axis == 1:
         yield from put_drive_back(mount)
-    yield from put_back.later(mount)
+    yield from put_back_later(mount)
 
 
 def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
@@ -165,7 +164,7 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
     yield from end(mount, "Q", MOUNT, moved)
     mount.seeking = False
     yield from put_drive_back(mount)
-    yield from put_back.later(mount)
+    yield from put_back_later(mount)
 
 
 # --- guiding ----------------------------------------------------------------------------------------------------
@@ -188,7 +187,7 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
         raise Refused(SLEWING)
     fraction = mount.guide_rate if rate is None else rate
     shorter = 1.0 if mount.knows("Rg") else fraction
-    yield from put_back.guide_at(mount, fraction)
+    yield from guide_at(mount, fraction)
     ms = round(ms * shorter)
     if ms <= 0:
         return None
@@ -197,7 +196,7 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
         begins(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)
         mount.pulses_until = max(mount.pulses_until, mount.now() + piece / 1000.0)
-        yield from put_back.later(mount)
+        yield from put_back_later(mount)
         return op.Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
     yield from ask(mount, "RG")
     begins(mount, axis)

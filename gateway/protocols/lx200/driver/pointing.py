@@ -1,18 +1,21 @@
-"""Positions, gotos, syncs. A Meade says no to a goto, with words; that no is passed on."""
+"""Where it points and where it is sent: positions, gotos, syncs, the side of the pier, targets of its own library.
+
+A Meade says no to a goto, with words; that no is passed on. No Meade tells the side of the pier of a German mount, so
+it follows the hour angle: such a mount chooses its side with every goto by the hour angle of the goal, and keeps it
+while it tracks on past the meridian. Before the first goto the place where it is found counts as one.
+"""
 
 from __future__ import annotations
 
 import math
 
-from gateway.astro.spherical import fold_declination
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Garbled, NoAnswer, Refused, Silence
-from gateway.protocols.base.driver import Steps, Wait
-from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
+from gateway.core.errors import Fault, Garbled, NoAnswer, Refused, Silence, Unsupported
+from gateway.protocols.base.driver import Send, Steps, Wait
+from gateway.protocols.lx200.driver.ends import MOUNT, at_most, begins, end, put_back_later
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
-from gateway.protocols.lx200.driver.pier import chooses_side
-from gateway.protocols.lx200.driver.put_back import at_most, later
-from gateway.protocols.lx200.driver.state import GotoState, Lx200Driver, ask
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200Driver, ask, ask_once
 
 #: A goto counts as under way this long at least, and until the bars were empty twice.
 START_GRACE = 0.8
@@ -25,6 +28,8 @@ INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 GIVEN_UP = 2
 #: So many times longer than two answers took before is no delay.
 SLOWER = 1.25
+#: Degrees: so near to the target of before it is that one, for it is told in whole seconds.
+SAME = 20.0 / 3600.0
 
 
 def position(mount: Lx200Driver, _: op.Position) -> Steps:
@@ -105,7 +110,7 @@ def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
     yield from aim(mount, operation.ra, operation.dec)
     yield from begin(mount, "MS")
     chooses_side(mount, operation.ra)
-    yield from later(mount)
+    yield from put_back_later(mount)
 
 
 def aim(mount: Lx200Driver, ra: float, dec: float) -> Steps:
@@ -121,7 +126,7 @@ def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
     yield from ask(mount, "Sz", az=operation.az)
     yield from ask(mount, "Sa", alt=operation.alt)
     yield from begin(mount, "MA")
-    yield from later(mount)
+    yield from put_back_later(mount)
 
 
 def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
@@ -176,3 +181,67 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     answer = yield from ask(mount, "CM")
     if not answer["text"].strip():
         raise Refused("The mount refused the sync.")
+
+
+# --- the side of the pier ---------------------------------------------------------------------------------------------
+
+
+def chooses_side(mount: Lx200Driver, ra: float) -> None:
+    """A goto to this right ascension was begun."""
+    mount.side_by, mount.beyond_pole = (ra, mount.now()), None
+
+
+def beyond_pole(mount: Lx200Driver) -> Steps:
+    """-> whether the second axis is turned over the pole; by :GS and the last goto, or by :GR. False for a fork."""
+    if not mount.german:
+        return False
+    if mount.beyond_pole is None:
+        if mount.side_by is None:
+            chooses_side(mount, (yield from ask(mount, "GR"))["ra"])
+        sidereal = (yield from ask_once(mount, "GS"))["sidereal"]
+        assert mount.side_by is not None
+        ra, then = mount.side_by
+        hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL_ARCSECONDS / 3600.0 - ra)
+        mount.beyond_pole = (hour_angle > 0.0) if mount.southern else (hour_angle < 0.0)
+    return mount.beyond_pole
+
+
+def pier_side(mount: Lx200Driver, _: op.PierSide) -> Steps:
+    """-> the letter, as a German hand control up to 5.24 has it: W where the second motor's axis reads beyond the pole.
+
+    Raises Unsupported for a fork, which has no sides.
+    """
+    if not mount.german:
+        raise Unsupported("A fork has no sides of the pier.")
+    return "W" if (yield from beyond_pole(mount)) else "E"
+
+
+# --- the telescope's own object library, for programs that speak its protocol -----------------------------------------
+
+
+def choose(mount: Lx200Driver, operation: op.Choose) -> Steps:
+    """:Sr :Sd, the choice, :LI :Gr :Gd -> Chosen. Gotos and syncs set the same target: none comes in between.
+
+    The library knows one target, and so does the telescope: what this client has aimed at is put there first, so that a
+    number that is not found leaves it as it was, as on the telescope itself.
+    """
+    yield from aim(mount, operation.ra, operation.dec)
+    for name, fields in operation.first:
+        yield from ask(mount, name, **dict(fields))
+    reply = yield from _said(mount, operation.command, dict(operation.fields))
+    text = yield from _said(mount, "LI", {})
+    ra = (yield from ask_once(mount, "Gr"))["ra"]
+    dec = (yield from ask_once(mount, "Gd"))["dec"]
+    same = abs(wrap180(ra - operation.ra)) < SAME and abs(dec - operation.dec) < SAME
+    return op.Chosen(None if same else op.Equatorial(ra, dec), text.decode("latin-1").rstrip("#"), reply)
+
+
+def _said(mount: Lx200Driver, command: str, values: dict[str, object]) -> Steps:
+    """The bytes of a reply; none where it has none, or the telescope does not know the command."""
+    if not mount.protocol.commands[command].replies:
+        yield from ask(mount, command, **values)
+        return b""
+    try:
+        return (yield Send(command, {**values, "low": mount.low}, OWN_PATIENCE, raw=True))["raw"]
+    except Silence:
+        return b""

@@ -2,7 +2,7 @@
 
 Asked is either a speed on the sky or of an axis, or what the motor in right ascension is to turn at altogether, instead
 of tracking: then the drive rate, and guiding that adds to it, count as well. What the choice changes on the telescope
-(``:Sw :RA :RE :Rg``, the drive rate) is put back when the motion is over (``put_back.py``).
+(``:Sw :RA :RE :Rg``, the drive rate) is put back when the motion is over (``ends.py``).
 """
 
 from __future__ import annotations

@@ -1,21 +1,33 @@
-"""The object library commands. What they select is this client's target, so :MS# goes there.
+"""The object library: what a client selects there is its target, so :MS# goes there; and the limits it searches by.
 
-A catalogue that is refused leaves none chosen and nothing selected, so that no goto follows to the object before. The
-classic models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the
+The Moon, places on it and planets move: what is kept is the object, and where it is on the sky is worked out at every
+goto. A catalogue or an object that is refused leaves nothing selected, so that no goto follows to the object before.
+The classic models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the
 manual's static replies, but LC, LM and LS work, as in their later firmware.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
-from gateway.astro.catalog import Entry, Wanted, cross_numbers, deepsky, describe, search, stars
+from msgspec.structs import replace
+
+from gateway.astro.catalog import QUALITIES, Entry, Wanted, deepsky, describe, stars
 from gateway.astro.spherical import separation
-from gateway.core.errors import Invalid, Unsupported
-from gateway.core.operations import Equatorial, MoonPlace, PlanetPlace, Position, ToJ2000, Values, Zenith
-from gateway.protocols.base.wants import Handling
+from gateway.core.errors import Fault, Invalid, Unsupported
+from gateway.core.operations import (
+    Equatorial,
+    MoonPlace,
+    PlanetPlace,
+    Position,
+    ToEquinoxOfDate,
+    ToJ2000,
+    Values,
+    Zenith,
+)
+from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command
 
 #: :Lo - catalogues that are to be had; Arp and Abell (4 and 5) are not.
@@ -28,6 +40,9 @@ _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Sat
 _MOON = 903
 _NOT_FOUND = "Catalog not found"
 _YEAR = 365.25 * 86400.0
+#: What :G and :S change.
+_LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "smaller", "y": "types", "q": "quality"}
+_TYPES = re.compile("gpdco", re.IGNORECASE)
 
 
 def choose_catalog(session: LxSession, command: Command, values: Values) -> None:
@@ -35,7 +50,7 @@ def choose_catalog(session: LxSession, command: Command, values: Values) -> None
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
     session.kept.deep_sky = catalog
     if catalog is None:
-        selected.fail(session, _NOT_FOUND)
+        session.kept.select_nothing(_NOT_FOUND)
     if session.model["libraries"]:
         if catalog is None:
             raise Invalid(_NOT_FOUND)
@@ -47,12 +62,12 @@ def choose_stars(session: LxSession, command: Command, values: Values) -> None:
     catalog = None if "fault" in values else values["catalog"]
     session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
     if session.kept.stars is None:
-        selected.fail(session, _NOT_FOUND)
+        session.kept.select_nothing(_NOT_FOUND)
         raise Invalid(_NOT_FOUND)
     if catalog == _HIPPARCOS:
         _check(session, lambda: stars.hipparcos(1, 2000.0))
     elif catalog in _CROSS:
-        _check(session, lambda: cross_numbers.look_up(_CROSS[catalog], 1, 2000.0))
+        _check(session, lambda: stars.by_other_number(_CROSS[catalog], 1, 2000.0))
 
 
 def _check(session: LxSession, look_up: Callable[[], object]) -> None:
@@ -60,7 +75,7 @@ def _check(session: LxSession, look_up: Callable[[], object]) -> None:
     try:
         look_up()
     except Unsupported as missing:
-        selected.fail(session, str(missing))
+        session.kept.select_nothing(str(missing))
         raise Invalid(_NOT_FOUND) from None
 
 
@@ -77,17 +92,46 @@ def select_star(session: LxSession, command: Command, values: Values) -> Handlin
         catalog = _STAR if session.model["libraries"] else _HIPPARCOS
     number, year = values.get("number"), 1970.0 + session.clock() / _YEAR
     if catalog is None or number is None:
-        selected.fail(session, _NOT_FOUND if catalog is None else "No star selected")
+        session.kept.select_nothing(_NOT_FOUND if catalog is None else "No star selected")
     elif catalog == _HIPPARCOS:
         yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
     elif catalog in _CROSS:
-        yield from _select(session, _CROSS[catalog], values, lambda name, one: cross_numbers.look_up(name, one, year))
+        yield from _select(session, _CROSS[catalog], values, lambda name, one: stars.by_other_number(name, one, year))
     elif number == _MOON:
-        yield from selected.follow(session, MoonPlace(), "MOON")
+        yield from _follow(session, MoonPlace(), "MOON")
     elif number in _PLANETS:
-        yield from selected.follow(session, PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
+        yield from _follow(session, PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
     else:
-        selected.fail(session, f"STAR {number} not found")
+        session.kept.select_nothing(f"STAR {number} not found")
+
+
+def _aim_at(session: LxSession, entry: Entry) -> Handling:
+    """A catalogue's object becomes the target."""
+    place: Equatorial = yield ToEquinoxOfDate(entry.ra, entry.dec)
+    kept = session.kept
+    kept.deselect()
+    kept.ra, kept.dec, kept.entry, kept.object = place.ra, place.dec, entry, describe(entry)
+
+
+def _follow(session: LxSession, moving: MoonPlace | PlanetPlace, words: str) -> Handling:
+    """Something that moves becomes the target. Raises Fault while it has no place: then nothing is selected."""
+    kept = session.kept
+    try:
+        place: Equatorial = yield moving
+    except Fault as fault:
+        kept.select_nothing(str(fault))
+        raise
+    kept.deselect()
+    kept.ra, kept.dec, kept.moving, kept.object = place.ra, place.dec, moving, words
+
+
+def set_moon_target(session: LxSession, command: Command, values: Values) -> Handling:
+    """:SE the latitude north, :Se the longitude EAST positive (Mare Crisium is +59); the half not set yet is 0."""
+    if "fault" in values:
+        session.kept.select_nothing("No object selected")
+        raise values["fault"]
+    place = session.kept.moon = replace(session.kept.moon, **values)
+    yield from _follow(session, place, f"MOON LAT {place.latitude:+.1f} LONG {place.longitude:+.1f}")
 
 
 def _select(
@@ -96,15 +140,38 @@ def _select(
     """The object of that number becomes the target; what is not there leaves none."""
     number = values.get("number")
     if catalog is None or number is None:
-        return selected.fail(session, _NOT_FOUND if catalog is None else "No object selected")
+        return session.kept.select_nothing(_NOT_FOUND if catalog is None else "No object selected")
     try:
         entry = look_up(catalog, number)
     except Unsupported as missing:
-        return selected.fail(session, str(missing))
+        return session.kept.select_nothing(str(missing))
     if entry is None:
-        selected.fail(session, f"{catalog} {number} not found")
+        session.kept.select_nothing(f"{catalog} {number} not found")
     else:
-        yield from selected.select(session, entry)
+        yield from _aim_at(session, entry)
+
+
+# --- searching --------------------------------------------------------------------------------------------------------
+
+
+def tell_search(session: LxSession, command: Command, values: Values) -> object:
+    """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
+    return getattr(session.kept.search, _LIMITS[command.name[1]])
+
+
+def set_search(session: LxSession, command: Command, values: Values) -> None:
+    """:Sb :Sf :SF :Sl :Ss :Sy - the types are five letters in their order, capitals for what is wanted."""
+    name = _LIMITS[command.name[1]]
+    (value,) = given(values).values()
+    if name == "types" and not _TYPES.fullmatch(value):
+        raise Invalid("The types are GPDCO, capitals for those wanted.")
+    session.kept.search = replace(session.kept.search, **{name: value})
+
+
+def step_quality(session: LxSession, command: Command, values: Values) -> None:
+    """:Sq - the next lower quality, from the worst back to the best."""
+    present = QUALITIES.index(session.kept.search.quality)
+    session.kept.search = replace(session.kept.search, quality=QUALITIES[(present + 1) % len(QUALITIES)])
 
 
 def browse(session: LxSession, command: Command, values: Values) -> Handling:
@@ -116,15 +183,15 @@ def browse(session: LxSession, command: Command, values: Values) -> Handling:
         visible, meridian = yield from _sky(session)
         entry = session.kept.entry
         if entry is None or command.name == "LF":
-            found = search.first(candidates, visible, meridian)
+            found = deepsky.first(candidates, visible, meridian)
         else:
-            found = search.beside(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
+            found = deepsky.beside(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
         if found is None:
-            selected.fail(session, "No object found")
+            session.kept.select_nothing("No object found")
         else:
-            yield from selected.select(session, deepsky.by_row(found[0]))
+            yield from _aim_at(session, deepsky.by_row(found[0]))
     except Unsupported as missing:
-        selected.fail(session, str(missing))
+        session.kept.select_nothing(str(missing))
 
 
 def identify(session: LxSession, command: Command, values: Values) -> Handling:
@@ -137,7 +204,7 @@ def identify(session: LxSession, command: Command, values: Values) -> Handling:
         seen: Equatorial = yield Position()
         centre: Equatorial = yield ToJ2000(seen.ra, seen.dec)
         radius = session.kept.search.field / 120.0
-        found = [c for c in search.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
+        found = [c for c in deepsky.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
         nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""
         return {"text": f"{len(found)} - Objects found{nearest}"}
     except Unsupported as missing:

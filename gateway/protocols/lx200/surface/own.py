@@ -10,7 +10,6 @@ from gateway.core.errors import Fault
 from gateway.core.operations import Choose, Chosen, Own, PassThrough, Values
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import Draft, LxSession
-from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command
 
 #: Which catalogue a number is of: chosen by another command, which is said again before, for others choose as well.
@@ -43,6 +42,6 @@ def own_library(session: LxSession, command: Command, values: Values) -> Handlin
     first = () if chosen_by is None else ((catalogue, chosen_by),)
     chosen: Chosen = yield Choose(command.name, tuple(values.items()), first, kept.ra or 0.0, kept.dec or 0.0)
     if chosen.place is not None:
-        selected.drop(session)
+        kept.deselect()
         kept.ra, kept.dec, kept.object = chosen.place.ra, chosen.place.dec, chosen.text
     return chosen.reply

@@ -1,18 +1,22 @@
-"""Targets, gotos and syncs. A target is a client's own, until it is refused: a refused half clears the whole."""
+"""Targets, gotos and syncs.
+
+A target is a client's own. What the client sets by coordinates ends its selection of an object (``objects.py``), and a
+half that is refused clears the whole. The Moon and the planets move: they are worked out anew for every goto, sync and
+reply.
+"""
 
 from __future__ import annotations
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoTarget, Silence, Unsupported
-from gateway.protocols.base.wants import Handling, ReuseLastReading
+from gateway.protocols.base.wants import FireAndForget, Handling, ReuseLastReading
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: LxSession, _: Command, values: op.Values) -> None:
     """:Sr :Sd - programs go on to :MS# even after a 0, so a refused half must not leave a stale target."""
-    selected.drop(session)
+    session.kept.deselect()
     _set(session, values, "ra", "dec")
 
 
@@ -37,10 +41,23 @@ def _set(session: LxSession, values: op.Values, *pair: str) -> None:
         raise fault
 
 
+def _target(session: LxSession) -> Handling:
+    """-> Equatorial: where the target is now. Raises what its place raises, and NoTarget, with words where something
+    was selected in vain.
+    """
+    kept = session.kept
+    if kept.moving is not None:
+        place: op.Equatorial = yield kept.moving
+        kept.ra, kept.dec = place.ra, place.dec
+    if kept.ra is None or kept.dec is None:
+        raise NoTarget(kept.object)
+    return op.Equatorial(kept.ra, kept.dec)
+
+
 def tell_target(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:Gr :Gd - zero before any was set, as a Meade says after power-on; what moves, where it is now."""
     if session.kept.moving is not None:
-        yield from selected.target(session)
+        yield from _target(session)
     return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
 
 
@@ -57,7 +74,7 @@ def altitude(session: LxSession, _: Command, values: op.Values) -> Handling:
 def goto(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:MS - to the target, or a refusal with words."""
     kept = session.kept
-    place: op.Equatorial = yield from selected.target(session)
+    place: op.Equatorial = yield from _target(session)
     limits = {"lowest": kept.lowest, "highest": kept.highest, "fastest": kept.fastest}
     yield op.Goto(place.ra, place.dec, track=not kept.land, **limits)
 
@@ -72,9 +89,17 @@ def goto_horizontal(session: LxSession, _: Command, values: op.Values) -> Handli
 
 def sync(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:CM - a bare # is what programs read as failure; they want a text at once otherwise."""
-    place: op.Equatorial = yield from selected.target(session)
+    place: op.Equatorial = yield from _target(session)
     yield op.Sync(place.ra, place.dec)
     return {"text": session.settings.sync_text or session.model["sync_text"]}
+
+
+def sync_on_moon(session: LxSession, _: Command, values: op.Values) -> Handling:
+    """:CL - only to a place on the Moon; the command has no reply."""
+    if not isinstance(session.kept.moving, op.MoonPlace):
+        raise NoTarget
+    place: op.Equatorial = yield from _target(session)
+    yield FireAndForget(op.Sync(place.ra, place.dec))
 
 
 def _own_idle() -> Handling:

@@ -12,11 +12,11 @@ from gateway.astro.spherical import following, northwards
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
 from gateway.protocols.base.driver import SLEWING, Send, Steps
+from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import stop_current_motion
 from gateway.protocols.nexstar.driver.position import axis_readings
 from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
-from gateway.protocols.nexstar.rates import SIDEREAL
 
 Pair = tuple[float, float]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from gateway.core.errors import Busy
 from gateway.core.operations import Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps
+from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
-from gateway.protocols.nexstar.rates import SIDEREAL
 
 #: A variable rate is a number of quarter arcseconds a second, or one of the three codes of a drive.
 _STEPS = 4 * 3600

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from gateway.core.errors import Silence, Unsupported
 from gateway.core.operations import Identity, Own
 from gateway.protocols.base.driver import Driver, Handler, Send, Steps
-from gateway.protocols.nexstar.rates import key_speed, rate_tables
+from gateway.protocols.nexstar.counting import key_speed, rate_tables
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version

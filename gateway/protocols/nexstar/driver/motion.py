@@ -11,11 +11,11 @@ from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps
+from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rest
-from gateway.protocols.nexstar.rates import SIDEREAL
 
 FOCUSER = 18
 LONGEST_PULSE = 2550

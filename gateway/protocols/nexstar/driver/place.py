@@ -12,7 +12,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core.errors import Fault, NoDevice, Unsupported
 from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
 from gateway.protocols.base.driver import Send, Steps
-from gateway.protocols.nexstar.clock_fields import fields_of, unix_of
+from gateway.protocols.nexstar.counting import fields_of, unix_of
 from gateway.protocols.nexstar.driver.state import NexStar
 
 #: A time that had to wait so many seconds for the line was late: it is set again, so often at most.

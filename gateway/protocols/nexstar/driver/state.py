@@ -12,8 +12,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Unsupported
 from gateway.protocols.base.driver import SLEWING, GotoUnderWay, Handler, Remembered, Send
 from gateway.protocols.base.spec import DriverSettings
+from gateway.protocols.nexstar.counting import SIDEREAL, rate_tables
 from gateway.protocols.nexstar.driver.hand_control import HandControl
-from gateway.protocols.nexstar.rates import SIDEREAL, rate_tables
 from gateway.protocols.wireformat.rows import Version
 
 

@@ -10,8 +10,8 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import NoDevice, Refused, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
+from gateway.protocols.nexstar.counting import DRIVE_CODES
 from gateway.protocols.nexstar.driver.state import NexStar
-from gateway.protocols.nexstar.rates import DRIVE_CODES
 from gateway.protocols.nexstar.versions import code_of, modes
 
 #: What the motors' own drive rates turn at, arcseconds a second.

@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 
 from gateway.astro.axes import Sky
 from gateway.core.operations import Values
-from gateway.protocols.nexstar.clock_fields import fields_of, unix_of
+from gateway.protocols.nexstar.counting import fields_of, unix_of
 from gateway.protocols.nexstar.simulator.mount import GPS, RTC, Handler, SimulatedMount
 
 WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use

@@ -11,9 +11,8 @@ from datetime import UTC, datetime
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
 from gateway.protocols.base.wants import FireAndForget, Handling, Possible
-from gateway.protocols.nexstar.clock_fields import fields_of
-from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.nexstar.surface.acknowledged import begin
+from gateway.protocols.nexstar.counting import fields_of
+from gateway.protocols.nexstar.session import NexStarSession, begin
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.rows import parse_version
 
@@ -47,7 +46,7 @@ def passes(name: str, values: op.Values) -> bool:
     return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
-def version(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
+def device_version(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
     """AUX 0xFE - what is asked for beyond two bytes is the build number."""
     device = values["device"]
     if device in MOTORS:
@@ -105,7 +104,7 @@ def _calendar(unix: float) -> dict[str, int]:
     return {**fields_of(now), "year": now.year}
 
 
-def set_clock(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Set date, year, time of the clock: each changes its own part of UT. Raises Invalid for an impossible one."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):

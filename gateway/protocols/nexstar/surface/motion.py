@@ -7,9 +7,8 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Invalid, NoAnswer, Unsupported
 from gateway.protocols.base.wants import FireAndForget, Handling
-from gateway.protocols.nexstar.rates import DRIVE_CODES, key_speed, rate_tables
-from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.nexstar.surface.acknowledged import attempt, begin
+from gateway.protocols.nexstar.counting import DRIVE_CODES, key_speed, rate_tables
+from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT, code_of, modes
 from gateway.protocols.wireformat.command import Command

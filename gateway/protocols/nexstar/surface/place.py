@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, Moment, SetClock, SetSite, Values
 from gateway.protocols.base.wants import Handling, Possible
-from gateway.protocols.nexstar.clock_fields import fields_of, unix_of
+from gateway.protocols.nexstar.counting import fields_of, unix_of
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
 

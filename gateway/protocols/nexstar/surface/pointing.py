@@ -1,63 +1,66 @@
 """Positions, gotos, syncs as a hand control answers them.
 
 A hand control always says ``#`` to a goto: a refusal shows as no motion (``L`` stays 0) and in the log. On an
-equatorial hand control the azimuth and altitude commands read and move the motor axes.
+equatorial hand control the azimuth and altitude commands read and move the motor axes, as the presented one has them.
+
+Of an alt-az fork these are azimuth and altitude. A fork on its wedge reads from north, where its azimuth axis points at
+the elevated pole: 180 on the meridian in the north, 0 in the south, and it never turns over the pole (Celestron renamed
+its menu to Axis Position for that; INDI parks at 90, 90). A German mount reads its hour angle. Over a German mount that
+is presented as a fork by its name, azimuth and altitude stay those of the sky, as rotator software wants them.
 """
 
 from __future__ import annotations
 
-from gateway.astro.spherical import fold_declination, wrap180
+from gateway.astro.spherical import fold_declination, wrap180, wrap360
+from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.core.operations import AbortSlew, Goto, PierSide, Slewing, Sync, Values
 from gateway.protocols.base.wants import FireAndForget, Handling
-from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.nexstar.surface.acknowledged import attempt, begin
+from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
 from gateway.protocols.nexstar.surface.devices import motor
-from gateway.protocols.nexstar.surface.frames import german, readings, to_mount
 from gateway.protocols.wireformat.command import Command
 
 
-def axes(session: NexStarSession, command: Command, values: Values) -> Handling:
+def axes(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Z z"""
-    return (yield from readings(session))
+    return (yield from _readings(session))
 
 
-def goto(session: NexStarSession, command: Command, values: Values) -> Handling:
+def goto(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """R r - acknowledged at once; a malformed one does nothing."""
     if "fault" not in values:
         session.kept.axis_goto = {}
-        yield from begin(Goto(*fold_declination(values["ra"], values["dec"])))
+        yield from begin(op.Goto(*fold_declination(values["ra"], values["dec"])))
 
 
-def goto_axes(session: NexStarSession, command: Command, values: Values) -> Handling:
+def goto_axes(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """B b"""
     if "fault" not in values:
         session.kept.axis_goto = {}
-        yield from begin((yield from to_mount(session, values["az"], values["alt"])))
+        yield from begin((yield from _to_mount(session, values["az"], values["alt"])))
 
 
-def sync(session: NexStarSession, command: Command, values: Values) -> Handling:
+def sync(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """S s - what cannot be done shows in the log alone."""
     if "fault" not in values:
-        yield from attempt(Sync(*fold_declination(values["ra"], values["dec"])))
+        yield from attempt(op.Sync(*fold_declination(values["ra"], values["dec"])))
 
 
-def slewing(session: NexStarSession, command: Command, values: Values) -> Handling:
+def slewing(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """L - gotos only, ASCII."""
-    return {"slewing": "1" if (yield Slewing()) else "0"}
+    return {"slewing": "1" if (yield op.Slewing()) else "0"}
 
 
-def cancel(session: NexStarSession, command: Command, values: Values) -> Handling:
+def cancel(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """M - gotos only: motion at a rate goes on until rate 0."""
-    yield FireAndForget(AbortSlew())
+    yield FireAndForget(op.AbortSlew())
 
 
-def pier_side(session: NexStarSession, command: Command, values: Values) -> Handling:
+def pier_side(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """p - always E over a fork, and over a mount that has no way to tell it: a Meade never changes sides."""
-    if not german(session):
+    if not _german(session):
         return {"side": "E"}
     try:
-        return {"side": (yield PierSide())}
+        return {"side": (yield op.PierSide())}
     except Unsupported:
         return {"side": "E"}
 
@@ -65,24 +68,67 @@ def pier_side(session: NexStarSession, command: Command, values: Values) -> Hand
 # --- single axes, for programs that speak to the motors ----------------------------------------------------------
 
 
-def axis_position(session: NexStarSession, command: Command, values: Values) -> Handling:
+def axis_position(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x01"""
     number = motor(values)
-    seen = yield from readings(session)
+    seen = yield from _readings(session)
     return {"position": seen.az if number == 1 else seen.alt}
 
 
-def axis_goto(session: NexStarSession, command: Command, values: Values) -> Handling:
+def axis_goto(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x02, 0x17 - while the other axis is under way to where it was sent, it goes on; else it stays."""
     number = motor(values)
-    seen = yield from readings(session)
-    sent = session.kept.axis_goto if (yield Slewing()) else {}
+    seen = yield from _readings(session)
+    sent = session.kept.axis_goto if (yield op.Slewing()) else {}
     wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
-    yield from begin((yield from to_mount(session, wanted[1], wrap180(wanted[2]))))
+    yield from begin((yield from _to_mount(session, wanted[1], wrap180(wanted[2]))))
     session.kept.axis_goto = {**sent, number: values["position"]}
 
 
-def axis_done(session: NexStarSession, command: Command, values: Values) -> Handling:
+def axis_done(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x13 - 255 when the goto is over."""
     motor(values)
-    return {"done": 0 if (yield Slewing()) else 255}
+    return {"done": 0 if (yield op.Slewing()) else 255}
+
+
+# --- the axes of the presented hand control --------------------------------------------------------------------------
+
+
+def _german(session: NexStarSession) -> bool:
+    """Whether the presented mount is equatorial by its build."""
+    return bool(session.model["mount"] == "german")
+
+
+def _readings(session: NexStarSession) -> Handling:
+    """-> Horizontal: what the two axes read on what is presented."""
+    status: op.Status = yield op.GetStatus()
+    if not _turned(session, status):
+        return (yield op.AxisPosition() if _by_axes(session, status) else op.HorizontalPosition())
+    seen: op.Horizontal = yield op.AxisPosition()
+    return op.Horizontal(wrap360(seen.az - (yield from _zero())), seen.alt)
+
+
+def _to_mount(session: NexStarSession, first: float, second: float) -> Handling:
+    """-> the goto that turns both axes to these readings of what is presented."""
+    status: op.Status = yield op.GetStatus()
+    if not _turned(session, status):
+        return op.GotoAxes(first, second) if _by_axes(session, status) else op.GotoHorizontal(first % 360.0, second)
+    second = wrap180(second)
+    if abs(second) > 90.0:  # a German mount on the other side of its pier; a fork does not turn over the pole
+        first, second = first + 180.0, wrap180(180.0 - second)
+    return op.GotoAxes(wrap360(first + (yield from _zero())), second)
+
+
+def _by_axes(session: NexStarSession, status: op.Status) -> bool:
+    """Whether this hand control counts by its motors; where it is the mount's own, as that does."""
+    return status.equatorial if session.model.get("own") else _german(session) or status.wedge
+
+
+def _turned(session: NexStarSession, status: op.Status) -> bool:
+    """Whether a fork on its wedge is presented as a German mount."""
+    return not session.model.get("own") and _german(session) and status.wedge
+
+
+def _zero() -> Handling:
+    """What the first axis of a fork on its wedge reads on the meridian."""
+    return 180.0 if (yield op.GetSite()).latitude >= 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""The hand control that programs see: its model and version, and the requests that it does not know.
+"""The hand control that programs see: who it is, its model and version, and the requests that it does not know.
 
 Where it is the mount itself, what the gateway carries out in the place of old motors it tells itself, and axes go
 through it; other devices on the mount's bus answer for themselves.
@@ -12,6 +12,7 @@ from gateway.core.operations import Values
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.devices import MOTORS
 from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
+from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, show_version
 
@@ -63,3 +64,22 @@ def stands_against(session: NexStarSession, name: str, values: Values) -> bool:
     if name in _AXES:
         return values["device"] in MOTORS
     return name == "pulse_active" and MOTORS.get(values["device"]) in session.shared.pulse_ends
+
+
+# --- what it says of itself -----------------------------------------------------------------------------------------
+
+
+def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+    """V"""
+    major, minor = session.model["version"]
+    return {"major": major, "minor": minor}
+
+
+def model(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+    """m"""
+    return {"model": session.model["id"]}
+
+
+def echo(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+    """K"""
+    return values

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gateway.app.config import Config, make_config, read_tables
 from gateway.app.config.describing import keys
-from gateway.app.config.lines import line_of
+from gateway.app.config.source import line_of
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.errors import UserError
 from tests.support.each import each

@@ -11,7 +11,7 @@ from gateway.app.bindings import manners
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.describing import named
 from gateway.app.config.programs import programs, recognisable, settled, wanted_by
-from gateway.clients.equinox import J2000
+from gateway.clients.profiles import J2000
 from gateway.core.wire_log import Entry
 from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk

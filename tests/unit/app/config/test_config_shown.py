@@ -10,10 +10,10 @@ import tomli
 
 from gateway.app.config import Source, make_config, read_tables
 from gateway.app.config.describing import keys
-from gateway.app.config.keys import Config
-from gateway.app.config.lines import Place
 from gateway.app.config.programs import settled
 from gateway.app.config.showing import effective, example, table, toml
+from gateway.app.config.source import Place
+from gateway.app.config.tables import Config
 from gateway.cli import main
 from tests.support.each import each
 

@@ -13,8 +13,7 @@ import pytest
 
 from gateway.app.control import Control, client
 from gateway.app.control.client import ask
-from gateway.app.control.endpoints import ControlEndpoint, doors
-from gateway.app.control.messages import Parts, parts, seal, unseal
+from gateway.app.control.exchange import ControlEndpoint, Parts, doors, parts, seal, unseal
 from gateway.core.errors import NoAnswer
 
 

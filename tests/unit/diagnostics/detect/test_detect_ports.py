@@ -26,8 +26,8 @@ from gateway.core.errors import UserError
 from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
 from gateway.diagnostics.detect.ports import here, holder, lasting_name
 from gateway.diagnostics.detect.probe import Patience
+from gateway.transport.baud import misread
 from gateway.transport.pty import speed
-from gateway.transport.uart import misread
 from tests.support.process import Running
 
 PATIENCE = 20.0

@@ -14,9 +14,8 @@ from gateway.app.config import make_config, read_tables
 from gateway.cli import main
 from gateway.cli.serve.service import reached_from_elsewhere
 from gateway.diagnostics.detect import Finding, SerialPortInfo
-from gateway.diagnostics.detect.advice import next_steps
 from gateway.diagnostics.detect.identify import Mount
-from gateway.diagnostics.detect.report import block, toml, values
+from gateway.diagnostics.detect.report import block, next_steps, toml, values
 from gateway.transport.wires import group_of
 from tests.support.each import each
 

@@ -12,7 +12,7 @@ import pytest
 
 from gateway.cli import main
 from gateway.cli.inspect import doctor
-from gateway.diagnostics.doctor import gathering, installed, linux
+from gateway.diagnostics.doctor import gathering, installed
 from gateway.diagnostics.doctor.facts import BAD, GOOD, Listener, Result
 from gateway.system.own_commands import how_to_add, pip_command
 
@@ -38,28 +38,28 @@ def proc(tmp_path: Path) -> Path:
 
 
 def test_processes_by_name(proc: Path) -> None:
-    assert linux.named(("ModemManager", "brltty"), proc) == {"ModemManager": 612}
+    assert gathering.named(("ModemManager", "brltty"), proc) == {"ModemManager": 612}
 
 
 def test_who_listens(proc: Path) -> None:
-    found = sorted(linux.listening((4030, 4080, 10001), proc), key=lambda listener: listener.port)
+    found = sorted(gathering.listening((4030, 4080, 10001), proc), key=lambda listener: listener.port)
     assert found == [Listener(4030, 900, "nc"), Listener(10001)]
-    assert linux.listening((4031,), proc) == []
+    assert gathering.listening((4031,), proc) == []
 
 
-@pytest.mark.skipif(not linux.PROC.joinpath("net").is_dir(), reason="only Linux tells who listens")
+@pytest.mark.skipif(not gathering.PROC.joinpath("net").is_dir(), reason="only Linux tells who listens")
 def test_who_listens_here() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        assert [(one.port, one.process) for one in linux.listening((port,))] == [(port, os.getpid())]
+        assert [(one.port, one.process) for one in gathering.listening((port,))] == [(port, os.getpid())]
 
 
 @pytest.mark.parametrize(("line", "ignored"), [("E:ID_MM_PORT_IGNORE=1", True), ("E:ID_MM_PORT_IGNORE=0", False)])
 def test_what_udev_has_told_modem_manager(line: str, ignored: bool, tmp_path: Path) -> None:
     number = os.stat("/dev/null").st_rdev
     (tmp_path / f"c{os.major(number)}:{os.minor(number)}").write_text(f"E:ID_BUS=usb\n{line}\n")
-    assert linux.modem_manager_ignores("/dev/null", tmp_path) is ignored
-    assert linux.modem_manager_ignores("/dev/none", tmp_path) is False
+    assert gathering.modem_manager_ignores("/dev/null", tmp_path) is ignored
+    assert gathering.modem_manager_ignores("/dev/none", tmp_path) is False
 
 
 def test_releases_of_the_astronomy_data_are_days() -> None:

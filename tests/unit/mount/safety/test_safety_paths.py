@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation, to_vector
 from gateway.core.errors import PastMeridian
-from gateway.mount.safety.admission.path_shapes import STEP, clear, one_rests, together
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
+from gateway.mount.safety.admission.slew_paths import STEP, clear, one_rests, together
 from gateway.mount.safety.rules.altitude import leaving
 from gateway.mount.safety.rules.meridian import check_hour_angle, past_meridian
 from tests.support.each import each

@@ -9,7 +9,8 @@ from contextlib import closing
 
 import pytest
 
-from gateway.app.discovery import Announcement, Offer
+from gateway.app.discovery.announcing import Announcement
+from gateway.app.discovery.offer import Offer
 from gateway.protocols.alpaca.http import discovery
 from gateway.protocols.alpaca.http.discovery import QUESTION, answer_discovery, answers
 

@@ -12,7 +12,7 @@ from gateway.clients.access import Access
 from gateway.core import errors
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.alpaca.faults import NUMBERS, number
+from gateway.protocols.alpaca.tables import NUMBERS, number
 
 START = 1769634000.0
 CRAB = "RightAscension=5.5756 Declination=22.0145"

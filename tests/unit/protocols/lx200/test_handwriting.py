@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.protocols.lx200.handwriting import Handwriting
+from gateway.protocols.lx200.reply_rules import Handwriting
 from tests.support.each import each
 
 

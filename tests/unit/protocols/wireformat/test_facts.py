@@ -10,7 +10,6 @@ import pytest
 from gateway.core.errors import MappingError
 from gateway.diagnostics import command_tables
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.ends import Ends
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.protocols.registry import PROTOCOLS
@@ -151,13 +150,12 @@ def test_one_more_command_changes_one_line_of_the_generated_table(
 
 
 def test_an_end_is_seen_in_bytes_that_are_not_cut_yet() -> None:
-    lx200, nexstar = Ends(LX200), Ends(NEXSTAR)
-    assert all(lx200.may_be_in(data) for data in (b":GR#:Q", b":Qe#", b"::FQ#", b":I#"))
-    assert not any(lx200.may_be_in(data) for data in (b"", b":GR#", b":MS#", b"Q#"))
-    assert nexstar.may_be_in(b"eM") and nexstar.may_be_in(b"P\x02\x10\x24\0\0\0\0")
-    assert not nexstar.may_be_in(b"P\x02\x10\x24\x09\0\0\0")
+    assert all(LX200.may_end_motion(data) for data in (b":GR#:Q", b":Qe#", b"::FQ#", b":I#"))
+    assert not any(LX200.may_end_motion(data) for data in (b"", b":GR#", b":MS#", b"Q#"))
+    assert NEXSTAR.may_end_motion(b"eM") and NEXSTAR.may_end_motion(b"P\x02\x10\x24\0\0\0\0")
+    assert not NEXSTAR.may_end_motion(b"P\x02\x10\x24\x09\0\0\0")
 
 
 def test_a_protocol_without_ends(tmp_path: Path) -> None:
     (tmp_path / "commands.toml").write_text('[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n', "utf-8")
-    assert not Ends(CommandSet("lx200", tmp_path)).may_be_in(b":ZZ#")
+    assert not CommandSet("lx200", tmp_path).may_end_motion(b":ZZ#")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import shutil
+from collections.abc import Iterator
 from datetime import date
 from itertools import combinations
 from pathlib import Path
@@ -11,15 +13,18 @@ from typing import Any
 
 import pytest
 
+import gateway
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_outcomes, command_tables
 from gateway.diagnostics.rehearsal.explain import explain
-from gateway.protocols.lx200.surface.handlers import HANDLERS as LX200_HANDLERS
-from gateway.protocols.nexstar.driver.handlers import HANDLERS as NEXSTAR_HANDLERS
+from gateway.mount.policy import Limits
+from gateway.protocols.base.spec import DriverSettings, ProtocolSpec, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS as SPECS
 from gateway.protocols.registry import pairs
+from gateway.protocols.wireformat import rows
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 from gateway.protocols.wireformat.fields import Codec
+from gateway.protocols.wireformat.rows import handlers_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -65,12 +70,29 @@ def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
             assert not other.startswith(one), command
 
 
-def test_every_function_a_row_calls_exists_and_every_special_is_called() -> None:
-    calls = {row.call for row in load("lx200").surface.values() if row.call}
-    helpers = {"commit", "commit_quiet", "printable", "own_library"}
-    assert calls == LX200_HANDLERS.keys() - helpers
-    ways = {way.call for rows in load("nexstar").driver.values() for way in rows if way.call}
-    assert ways == NEXSTAR_HANDLERS.keys()
+def _called_and_there(spec: ProtocolSpec) -> Iterator[tuple[set[str], set[str]]]:
+    """What the rows of a surface and of a driver call, and what there is to be called."""
+    if spec.make_surface is not None:
+        made = spec.make_surface(SurfaceSettings(None, None, None, None, Limits()))
+        yield {row.call for row in spec.commands.surface.values() if row.call}, set(made.surface.handlers)
+    if spec.make_driver is not None:
+        driver = spec.make_driver(DriverSettings(), float).driver
+        yield {way.call for ways in spec.commands.driver.values() for way in ways if way.call}, set(driver.handlers)
+
+
+@pytest.mark.parametrize("spec", SPECS.values(), ids=SPECS)
+def test_every_function_a_row_calls_exists_and_none_is_left_over(spec: ProtocolSpec) -> None:
+    protocols = Path(gateway.__file__).parent / "protocols"
+    files = [path for folder in ("base", spec.name) for path in (protocols / folder).rglob("*.py")]
+    source = "".join(path.read_text("utf-8") for path in files)
+    for called, there in _called_and_there(spec):
+        assert called <= there
+        assert not {name for name in there - called if len(re.findall(rf"\b{name}\b", source)) < 2}
+
+
+def test_two_functions_of_one_name_are_told() -> None:
+    with pytest.raises(ValueError, match="two functions that rows may call are named"):
+        handlers_of(rows, rows)
 
 
 @pytest.mark.parametrize(

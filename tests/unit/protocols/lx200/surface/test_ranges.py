@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.clients.access import Access
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge

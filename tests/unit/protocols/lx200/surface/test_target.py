@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gateway.core import errors
 from gateway.core import operations as op
-from gateway.mount.safety.limits import Limits
+from gateway.mount.policy import Limits
 from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 

@@ -1,0 +1,148 @@
+"""The whole of ``gateway.toml``: the tables that are about neither a mount nor a surface, and all of them together.
+
+Keys are declared as in ``keys.py``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct, field
+
+from gateway.app.config.keys import OFF, WORD, MountConfig, Plain, SurfaceConfig, Word, key
+
+#: What topics may begin with: words with slashes between.
+PARTS = rf"^{WORD}(/{WORD})*$"
+_Parts = Annotated[str, Meta(pattern=PARTS, title="words of letters, digits and _ . -, with / between")]
+
+
+class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
+    """``[console]``: the page that shows the mounts in a browser."""
+
+    at: Annotated[
+        str,
+        key(
+            "where a browser finds the console; another free port is taken where this one is not; off: there is none",
+            "tcp://HOST:PORT",
+        ),
+    ] = "tcp://127.0.0.1:4080"
+    allow: Annotated[
+        list[str] | None,
+        key(
+            "only browsers of these networks or addresses are shown anything (default: all that reach the port)",
+            "NETWORKS",
+            ["192.168.1.0/24", "127.0.0.1"],
+        ),
+    ] = None
+    read_only: Annotated[
+        bool | list[str],
+        key("pages show the mounts and may stop them, but move and set nothing: all, or those of these networks",
+             "NETWORKS"),
+    ] = False  # fmt: skip
+    pin: Annotated[
+        Plain | None, key("without it a page only looks and stops; whoever types it in may act", "PIN", "4711")
+    ] = None
+    names: Annotated[
+        list[str], key("further names under which browsers reach this computer", "NAMES", ["pier.example.org"])
+    ] = []  # fmt: skip
+
+
+class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
+    """``[mqtt]``: the broker on which the mounts of this gateway are shown, and from which they are stopped.
+
+    The password stands neither here nor in a flag, where other users and backups see it: it is in a file of its own, or
+    in the environment.
+    """
+
+    at: Annotated[
+        str,
+        key(
+            "the MQTT broker on which the mounts are shown: mqtt://HOST:PORT, or mqtts://HOST:PORT with TLS",
+            "URL",
+            "mqtts://broker.example.org:8883",
+        ),
+    ]
+    id: Annotated[
+        Word | None, key("what this gateway is called on the broker (default: the name of the computer)", "ID", "pier")
+    ] = None
+    prefix: Annotated[_Parts, key("what all topics begin with", "PREFIX")] = "mount-gateway"
+    user: Annotated[Plain | None, key("the user that the broker knows", "USER", "observatory")] = None
+    password_file: Annotated[
+        str | None,
+        key(
+            "a file that holds the password and nothing else (default: the environment variable "
+            "MOUNT_GATEWAY_MQTT_PASSWORD, where it is set)",
+            "FILE",
+            "/etc/mount-gateway/mqtt-password",
+        ),
+    ] = None
+    ca: Annotated[
+        str | None,
+        key(
+            "mqtts: a file with the certificates that the broker's is signed by (default: those of the system)",
+            "FILE",
+            "/etc/mount-gateway/ca.pem",
+        ),
+    ] = None
+    home_assistant: Annotated[
+        _Parts, key("the prefix at which Home Assistant looks for new devices; off: it is told of none", "PREFIX")
+    ] = "homeassistant"
+    orders: Annotated[
+        list[Literal["park", "wake", "home", "goto"]],
+        key("what the broker may ask of a mount besides stop, which it always may", "ORDERS"),
+    ] = field(default_factory=lambda: ["park", "wake"])  # fmt: skip
+
+
+class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
+    """Everything that ``run`` needs."""
+
+    mount: list[MountConfig]
+    surface: list[SurfaceConfig] = []
+    console: list[ConsoleConfig] = []
+    mqtt: list[MqttConfig] = []
+    wait: Annotated[bool, key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
+    discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, Alpaca, mDNS)")] = True
+    watchdog: Annotated[
+        bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
+    ] = True
+    log: Annotated[
+        bool
+        | Literal[
+            "all",
+            "program",
+            "mount",
+            "changes",
+            "refusals",
+            "json",
+            "json-program",
+            "json-mount",
+            "json-changes",
+            "json-refusals",
+        ],
+        key(
+            "show the conversation in words. all or true: everything; program, mount: only that side; changes: only "
+            "what moves or sets something; refusals: only what is refused or fails. json, json-changes and so on: the "
+            "same for programs that collect logs, one JSON object a line",
+            "WHAT",
+        ),
+    ] = False
+    night: Annotated[bool, key("use only shades of red as colours on the terminal")] = False
+    status: Annotated[bool, key("show a status line on a terminal, renewed every second (not together with log)")] = (
+        True
+    )
+
+    @property
+    def page(self) -> ConsoleConfig | None:
+        """The console; None where there is to be none."""
+        console = self.console[0] if self.console else ConsoleConfig()
+        return None if console.at == OFF else console
+
+    def of(self, mount: MountConfig) -> list[SurfaceConfig]:
+        """The surfaces of one mount."""
+        return [surface for surface in self.surface if surface.mount == mount.name or len(self.mount) == 1]
+
+
+#: Every table and what its keys are; the keys outside any table last.
+TABLES: dict[str, type[Struct]] = {
+    "mount": MountConfig, "surface": SurfaceConfig, "console": ConsoleConfig, "mqtt": MqttConfig, "": Config
+}  # fmt: skip

@@ -1,0 +1,159 @@
+"""``decode``, ``replay`` and ``report``: a recording as a conversation in words, played once more, and as a page.
+
+``decode`` understands captures of a serial line as well. ``replay`` asks whether every client receives the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.command_line import Commands
+from gateway.core.errors import UserError
+from gateway.protocols.registry import PROTOCOLS, guess
+from gateway.system import streams
+
+if TYPE_CHECKING:
+    from gateway.diagnostics.decode import Capture
+
+
+def add_decode(commands: Commands) -> None:
+    decode = commands.add_parser(
+        "decode",
+        help="a recording or a capture of a serial line, in words",
+        description="Understands recordings of run --record, pyserial's spy://, socat -x, "
+        "and the bare bytes that a client sent.",
+        epilog="Example:\n  mount-gateway decode night.rec | less",
+    )
+    decode.add_argument("file", type=Path, metavar="FILE")
+    decode.add_argument("--protocol", choices=tuple(PROTOCOLS), help="of a capture; without it, it is guessed")
+    decode.set_defaults(run=_decode)
+
+
+def _decode(arguments: argparse.Namespace) -> int:
+    from gateway.diagnostics.decode import Capture, NoConversation, decode, folded
+    from gateway.diagnostics.log.conversation import Side
+    from gateway.diagnostics.recorded_sides import RecordedSides
+
+    streams.tolerate()
+    path = arguments.file
+    capture = Capture(path)
+    recording = capture.recording
+    if recording is not None:
+        sides = RecordedSides(recording)
+        lines = decode(sides.introduced(capture), sides.side, recording.settings["began"])
+    else:
+        protocol = arguments.protocol or _guessed(capture, path)
+        lines = decode(capture, lambda side: Side(protocol), None)
+    try:
+        for line in folded(lines) if capture.bare else lines:
+            print(line)
+    except NoConversation as error:
+        raise UserError(f"{path}: {error}") from None
+    if recording is not None and recording.cut:
+        print(recording.cut)
+    return 0
+
+
+def _guessed(capture: Capture, path: Path) -> str:
+    """The protocol of a capture, by what a client sent in it. Raises UserError."""
+    from gateway.diagnostics.decode import is_text
+
+    sample = capture.sample()
+    if capture.bare and is_text(sample):
+        raise UserError(
+            f"{path}: this is text, and no capture of a serial line; decode reads recordings of "
+            "run --record, pyserial's spy://, socat -x, and the bare bytes that a client sent "
+            "(with --protocol whatever they look like)"
+        )
+    protocol = guess(sample)
+    if protocol is None:
+        raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
+    return protocol
+
+
+def add_replay(commands: Commands) -> None:
+    replay = commands.add_parser(
+        "replay",
+        help="play a recording of run --record again and compare",
+        description="The recorded times are the clock, the recorded mount is the mount: every "
+        "client must receive the bytes that it received then. Exit code 1 when not.",
+        epilog="Example:\n  mount-gateway run --config gateway.toml --record night.rec\n"
+        "  mount-gateway replay night.rec",
+    )
+    replay.add_argument("file", type=Path, metavar="FILE")
+    replay.add_argument("--sim", action="store_true", help="ask a simulated mount instead, and show the conversation")
+    replay.set_defaults(run=_replay)
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    from gateway.app.recording.format import read
+    from gateway.diagnostics.replay.replaying import replay, replay_on_simulator
+    from gateway.diagnostics.replay.told import in_words
+
+    recording = read(arguments.file)
+    if arguments.sim:
+        streams.tolerate()
+        replay_on_simulator(recording, print)
+        if recording.cut:
+            print(recording.cut)
+        return 0
+    outcome = replay(recording)
+    for words in [*outcome.strayed[:10], *in_words(outcome.differences)]:
+        print(words)
+    if recording.cut:
+        print(recording.cut)
+    if outcome.differences and outcome.guessed:
+        print(f"the order of events was guessed, so that what is different may be due to that: {outcome.guessed}")
+    verdict = "the same bytes" if not outcome.differences else f"{len(outcome.differences)} were told something else"
+    print(f"{outcome.clients} connections, {outcome.replies} replies, {outcome.requests} requests: {verdict}")
+    return 1 if outcome.differences else 0
+
+
+def add_report(commands: Commands) -> None:
+    report = commands.add_parser(
+        "report",
+        help="a recording as a page with plots",
+        description="Writes one HTML file that needs nothing else: where the telescope pointed, how long the mount "
+        "took to answer, what went wrong, what every program sent, and what was refused and why.",
+        epilog="Example:\n  mount-gateway report night.rec -o night.html",
+    )
+    report.add_argument("recording", type=Path, metavar="FILE", help="a recording of run --record, or of the console")
+    report.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="HTML",
+        help="the file to write; without it, the recording's name with .html",
+    )
+    report.add_argument("--force", action="store_true", help="let it replace a file that is no report")
+    report.set_defaults(run=_report)
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    from gateway.app.recording.format import read
+    from gateway.cli.inspect.detect import write_whole
+    from gateway.diagnostics.report.gather import gather
+    from gateway.diagnostics.report.page import page
+
+    path: Path = arguments.recording
+    target: Path = arguments.output or path.with_name(f"{path.name.removesuffix('.rec')}.html")
+    recording = read(path)
+    if target in (path, *recording.parts):
+        raise UserError(f"{target}: this is the recording itself; -o says where the report goes")
+    night = gather(recording)
+    write_whole(target, page(night, path.name), arguments.force or _is_report(target))
+    print(f"wrote {target}")
+    if night.cut:
+        print(night.cut)
+    return 0
+
+
+def _is_report(path: Path) -> bool:
+    """Whether there is an older report, which a newer one may replace."""
+    try:
+        with path.open("rb") as file:
+            return b"<title>The night of " in file.read(400)
+    except OSError:
+        return False

@@ -1,0 +1,198 @@
+"""``goto``, ``sync``, ``move``, ``park``, ``unpark``: what a person asks of the mount, through the gateway that runs.
+
+Each is one request to that gateway, whose limits hold; what it refuses is said in words, with exit code 1. Ctrl-C takes
+the request back: what it began is stopped. A place is two angles, of date as the mount and ``status`` tell them unless
+they are said to be of 2000 as a catalogue's are, or the name of an object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import re
+import sys
+from collections.abc import Callable
+from typing import TypeAlias
+
+from gateway.app.control import commands as wishes
+from gateway.app.control.exchange import ControlEndpoint, draw
+from gateway.cli.command_line import Commands, Parser
+from gateway.cli.mount.asking import ANSWERED, add_which, carried_out, over, told, unless, wished
+from gateway.core.errors import UserError
+from gateway.core.operations import Direction
+from gateway.protocols.wireformat import sexagesimal
+
+#: A request, made of the arguments and of the number by which it is known from then on. Raises UserError.
+Make: TypeAlias = Callable[
+    [argparse.Namespace, str], "wishes.Goto | wishes.Sync | wishes.Park | wishes.Unpark | wishes.Move"
+]
+
+GOTO = """\
+Examples:
+  mount-gateway goto 05:34:32 +22:00:52
+  mount-gateway goto M42 --wait        until it is there; Ctrl-C stops it
+  mount-gateway goto Jupiter
+"""
+MOVE = """\
+Examples:
+  mount-gateway move north --rate 2 --seconds 3
+  mount-gateway move west --rate 9 --seconds 10     Ctrl-C stops it before its time
+"""
+DIRECTIONS = ("north", "south", "east", "west")
+PLACES = """\
+A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and maps do), or the name of an object.
+  05:34:32 +22:00:52     hours and degrees; 5h34m32s 22d00m52s, and fewer parts (05:34 22), are understood as well
+  83.633 22.014          degrees both
+  Moon  Mercury  Venus  Mars  Jupiter  Saturn  Uranus  Neptune
+  Polaris  Vega  Sirius and about seventy other bright stars, by name
+  M42  NGC7000  IC434  C14  UGC12914  HIP32349  "Ring Nebula"
+                         from the object library, which is installed apart: docs/programs.md
+"""
+
+
+def add_goto(commands: Commands) -> None:
+    goto = commands.add_parser(
+        "goto", help="point the mount to a place or an object, through the gateway that runs",
+        description="Points the mount of the gateway that runs here to a place on the sky. The gateway's limits hold; "
+                    "what it refuses is said in words, with exit code 1.",
+        epilog=f"{GOTO}\n{PLACES}",
+    )  # fmt: skip
+    add_place(goto)
+    _add_wait(goto)
+    _requests(goto, lambda arguments, number: wishes.Goto(number, place(arguments)))
+
+
+def add_sync(commands: Commands) -> None:
+    sync = commands.add_parser(
+        "sync", help="tell the mount that it points to a place or an object now",
+        description="Tells the mount of the gateway that runs here where it points now: centre an object first. One "
+                    "that is too far away is refused (--sync-limit of run), and so is one while the mount moves.",
+        epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
+    )  # fmt: skip
+    add_place(sync)
+    _requests(sync, lambda arguments, number: wishes.Sync(number, place(arguments)))
+
+
+def add_move(commands: Commands) -> None:
+    move = commands.add_parser(
+        "move", help="move the mount north, south, east or west for some seconds",
+        description="Presses an arrow of the mount of the gateway that runs here. The gateway itself releases it when "
+                    "the time is over, whatever becomes of this command; Ctrl-C releases it at once.",
+        epilog=MOVE,
+    )  # fmt: skip
+    move.add_argument("direction", choices=DIRECTIONS, help="north, south, east or west, as on the sky")
+    move.add_argument(
+        "--rate",
+        type=int,
+        choices=range(1, 10),
+        default=5,
+        metavar="1-9",
+        help="as the hand control's keys: 1 is slowest, 9 is fastest (5)",
+    )
+    move.add_argument("--seconds", type=float, default=1.0, metavar="S", help="for how long (1)")
+    _requests(move, _move)
+
+
+def add_park(commands: Commands) -> None:
+    park = commands.add_parser(
+        "park", help="send the mount to its park position",
+        description="Sends the mount of the gateway that runs here to its park position, where its tracking is off "
+                    "(park of run says where that is).",
+        epilog="Example:\n  mount-gateway park --wait\n",
+    )  # fmt: skip
+    _add_wait(park)
+    _requests(park, lambda _, number: wishes.Park(number))
+
+
+def add_unpark(commands: Commands) -> None:
+    unpark = commands.add_parser(
+        "unpark", help="take a parked mount up again: it tracks",
+        description="Takes the mount of the gateway that runs here up again: it tracks from now on.",
+        epilog="Example:\n  mount-gateway unpark\n",
+    )  # fmt: skip
+    _requests(unpark, lambda _, number: wishes.Unpark(number))
+
+
+def _add_wait(command: Parser) -> None:
+    command.add_argument("--wait", action="store_true", help="wait until it is there; Ctrl-C stops it")
+
+
+def _requests(command: Parser, make: Make) -> None:
+    """Which gateway is meant, and what the command asks of it."""
+    add_which(command)
+    command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
+
+
+def _move(arguments: argparse.Namespace, number: str) -> wishes.Move:
+    if not 0.0 < arguments.seconds <= 3600.0:
+        raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
+    return wishes.Move(number, Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
+
+
+def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
+    """Have the request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
+    wish = make(arguments, draw())
+    lasting = wish.seconds if isinstance(wish, wishes.Move) else 0.0
+
+    async def work(door: ControlEndpoint, done: asyncio.Event) -> int:
+        answer = await unless(done, wished(door, wishes.written(wish), lasting + ANSWERED))
+        if answer is not None and answer.startswith("done ") and arguments.wait:
+            if sys.stdout.isatty():
+                told(answer)
+            answer = await _followed(door, wish.number, done)
+        if answer is not None:
+            return told(answer)
+        told(await wished(door, wishes.written(wishes.End(wish.number))))
+        return 1
+
+    return carried_out(arguments, work)
+
+
+async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
+    """What came of it in the end; None when Ctrl-C came first. A line on a terminal tells how it goes meanwhile."""
+    from gateway.cli.serve.live import Screen, find_terminal
+
+    screen = Screen(find_terminal())
+    line = wishes.written(wishes.Follow(number))
+    try:
+        while True:
+            answer = await unless(done, wished(door, line))
+            if answer is None or not answer.startswith("under way"):
+                return answer
+            screen.show(answer)
+            if await over(done):
+                return None
+    finally:
+        screen.clear()
+
+
+def add_place(command: argparse.ArgumentParser) -> None:
+    """The arguments."""
+    command.add_argument("place", nargs="+", metavar="PLACE", help="RA DEC, or the name of an object: see below")
+    command.add_argument("--j2000", action="store_true", help="RA and DEC are of 2000, as catalogues have them")
+
+
+def place(arguments: argparse.Namespace) -> wishes.Where:
+    """What was typed. Raises UserError that says what would be right."""
+    words = [word.strip() for word in arguments.place]
+    if len(words) != 2 or not words[0][:1].isdecimal():
+        from gateway.app.control import objects  # the catalogues: neither two angles nor another command needs them
+
+        return objects.find(" ".join(words))
+    ra, dec = words
+    degrees = ":" not in ra and "h" not in ra.lower()
+    right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
+    up = _angle(dec, "a declination", 90.0, -90.0)
+    return wishes.Spot(right if degrees else right * 15.0, up, arguments.j2000)
+
+
+def _angle(text: str, what: str, most: float, least: float) -> float:
+    """Whole units and their fraction. Raises UserError."""
+    plain = re.sub(r"[hdms°'\"′″*]", ":", text.lower()).rstrip(":")
+    try:
+        value = sexagesimal.parse(plain.encode(), least=1)
+    except ValueError:
+        raise UserError(f"{text!r} is not {what}: write it like 05:34:32, or in degrees like 83.63") from None
+    if not least <= value <= most:
+        raise UserError(f"{text!r} is not {what}: it is from {least:g} to {most:g}")
+    return value

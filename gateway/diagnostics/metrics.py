@@ -1,0 +1,171 @@
+"""Figures of a running gateway for Prometheus: exchanges, faults by kind, how long answers and stops take.
+
+They are counted by listening to each mount's own signals; no mount is asked anything. The text that Prometheus reads is
+made when it is asked for, and prometheus-client is loaded for the first of them, on a thread of its own.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from gateway.app.gateway import Gateway
+from gateway.core.about import VERSION
+from gateway.core.errors import Fault
+from gateway.mount.controller import MountController
+from gateway.mount.motion.wanted import Wanted
+from gateway.system.own_commands import how_to_add
+
+#: Upper bounds of what is told apart, seconds.
+BOUNDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.5, 5.0)
+NAME = "mount_gateway"
+
+
+class Histogram:
+    """How many values were no more than each bound; the last count is of those above all of them."""
+
+    def __init__(self, bounds: Sequence[float] = BOUNDS) -> None:
+        self.bounds, self.counts, self.sum = bounds, [0] * (len(bounds) + 1), 0.0
+
+    def add(self, value: float) -> None:
+        """One more."""
+        self.counts[bisect_left(self.bounds, value)] += 1
+        self.sum += value
+
+    def buckets(self) -> list[tuple[str, float]]:
+        """As Prometheus has them: every bound with the count of all that are no more."""
+        total, found = 0, []
+        for bound, count in zip((*map(str, self.bounds), "+Inf"), self.counts, strict=True):
+            total += count
+            found.append((bound, float(total)))
+        return found
+
+
+class Counts:
+    """From when it is made until it is closed. ``stops`` are those that were asked for, ``stopping`` how long each took
+    from then until the mount had acknowledged it.
+    """
+
+    def __init__(self, controller: MountController) -> None:
+        self._controller = controller
+        self.faults: Counter[str] = Counter()
+        self.answering, self.stopping = Histogram(), Histogram()
+        self.exchanges = self.stops = 0
+        self._stops = controller.stops
+        self._since: float | None = None
+        controller.line.exchanged.connect(self._exchanged)
+        controller.wanted.changed.connect(self._changed)
+        controller.reconciler.at_rest.connect(self._at_rest)
+
+    def close(self) -> None:
+        """Nothing is counted any more."""
+        controller = self._controller
+        controller.line.exchanged.disconnect(self._exchanged)
+        controller.wanted.changed.disconnect(self._changed)
+        controller.reconciler.at_rest.disconnect(self._at_rest)
+
+    def _exchanged(self, outcome: dict[str, Any] | Fault) -> None:
+        self.exchanges += 1
+        if isinstance(outcome, Fault):
+            self.faults[type(outcome).__name__] += 1
+        else:
+            self.answering.add(self._controller.line.talk.times.took)
+
+    def _changed(self, wanted: Wanted) -> None:
+        if wanted.stops != self._stops:
+            self.stops += wanted.stops - self._stops
+            self._stops = wanted.stops
+            if wanted.owed and self._since is None:
+                self._since = self._controller.now()
+
+    def _at_rest(self, _: None) -> None:
+        if self._since is not None:
+            self.stopping.add(self._controller.now() - self._since)
+            self._since = None
+
+
+#: Name, what it says, how it is read off a gateway and its counts.
+Row = tuple[str, str, Callable[[Gateway, Counts], float]]
+COUNTERS: tuple[Row, ...] = (
+    ("exchanges", "Commands that were sent to the mount and answered, or not.", lambda _, counts: counts.exchanges),
+    ("stops", "Stops that were asked for, by whomever.", lambda _, counts: counts.stops),
+    ("refusals", "Commands and orders that were refused.", lambda gateway, _: gateway.wire_log.refusals),
+)
+GAUGES: tuple[Row, ...] = (
+    ("up", "Whether the mount answers (1) or not (0).", lambda gateway, _: float(_answers(gateway))),
+    ("clients", "Programs that are connected.", lambda gateway, _: len(gateway.programs())),
+)
+HISTOGRAMS: tuple[tuple[str, str, Callable[[Counts], Histogram]], ...] = (
+    ("answer_seconds", "How long the mount took to answer.", lambda counts: counts.answering),
+    ("stop_seconds", "From asking for a stop until the mount had acknowledged it.", lambda counts: counts.stopping),
+)
+
+
+class Metrics:
+    """Counts from when it is made. ``text`` is None, and nothing is counted, where prometheus-client is missing."""
+
+    def __init__(self, gateways: Sequence[Gateway]) -> None:
+        there = find_spec("prometheus_client") is not None
+        self._mounts = [(one, Counts(one.controller)) for one in gateways if one.controller is not None and there]
+        self._registry: Any = None
+
+    async def text(self) -> bytes | None:
+        """What Prometheus reads."""
+        if not self._mounts:
+            return None
+        client: Any = await asyncio.to_thread(import_module, "prometheus_client")  # a stop is not to wait for that
+        if self._registry is None:
+            self._registry = client.CollectorRegistry()
+            self._registry.register(self)
+            client.ProcessCollector(registry=self._registry)
+        return bytes(client.generate_latest(self._registry))
+
+    def collect(self) -> Iterator[Any]:
+        """What prometheus-client calls."""
+        from prometheus_client.core import (
+            CounterMetricFamily,
+            GaugeMetricFamily,
+            HistogramMetricFamily,
+            InfoMetricFamily,
+        )
+
+        yield InfoMetricFamily(NAME, "The version of this gateway.", {"version": VERSION})
+        for kind, rows in ((CounterMetricFamily, COUNTERS), (GaugeMetricFamily, GAUGES)):
+            for name, words, value in rows:
+                family = kind(f"{NAME}_{name}", words, labels=["mount"])
+                for gateway, counts in self._mounts:
+                    family.add_metric([_called(gateway)], value(gateway, counts))
+                yield family
+        faults = CounterMetricFamily(f"{NAME}_faults", "Exchanges that failed.", labels=["mount", "kind"])
+        for gateway, counts in self._mounts:
+            for fault, count in sorted(counts.faults.items()):
+                faults.add_metric([_called(gateway), fault], count)
+        yield faults
+        for name, words, histogram in HISTOGRAMS:
+            times = HistogramMetricFamily(f"{NAME}_{name}", words, labels=["mount"])
+            for gateway, counts in self._mounts:
+                times.add_metric([_called(gateway)], histogram(counts).buckets(), histogram(counts).sum)
+            yield times
+
+    def close(self) -> None:
+        """Nothing is counted any more."""
+        for _, counts in self._mounts:
+            counts.close()
+
+
+def missing() -> str:
+    """What to do where there are no figures."""
+    return f"for this page prometheus-client is needed; to install it, {how_to_add('metrics')}"
+
+
+def _called(gateway: Gateway) -> str:
+    return gateway.config.name or "mount"
+
+
+def _answers(gateway: Gateway) -> bool:
+    return gateway.controller is not None and gateway.controller.line.state in ("up", "busy")

@@ -1,0 +1,144 @@
+"""What moves and nobody ends: motion by hand of programs that are gone, and tracking that comes to a limit.
+
+Either is ended by an operation of the gateway's own (``perform``). Gotos end by themselves; a mount that rests at a
+limit is told of once, and left. It may track again, by its keys or because it was unparked: then that is switched off
+again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+from gateway.core import operations as op
+from gateway.core.errors import Fault, Unsupported
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
+from gateway.mount.motion.wanted import ByHand, Wanted, WantedState
+from gateway.mount.readings.cache import ReadingsCache
+from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.rules.dead_man import EVERY, TRACKING, Presence, Supervised, missing
+from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
+
+
+class Supervisor:
+    """``perform`` carries out the operation that ends a motion."""
+
+    def __init__(
+        self,
+        context: Context,
+        wanted: WantedState,
+        presence: Presence,
+        perform: Callable[[op.Operation], Awaitable[object]],
+    ) -> None:
+        self._context, self._state, self._presence, self._perform = context, wanted, presence, perform
+        self._loop = asyncio.get_running_loop()
+        self._watching: asyncio.TimerHandle | None = None
+        self._ended: set[Supervised] = set()
+
+    def look_after(self, _: object = None) -> None:
+        """A motion may have begun."""
+        if self._watching is None and supervised(self._state.value):
+            self._watching = self._loop.call_later(EVERY, self._look)
+
+    def close(self) -> None:
+        """Nothing is looked after any more."""
+        if self._watching is not None:
+            self._watching.cancel()
+
+    def _look(self) -> None:
+        self._watching = None
+        motions, policy = supervised(self._state.value), self._context.policy
+        for gone in missing(motions, self._presence, self._loop.time(), policy.silence, policy.silence_closed):
+            if gone.motion not in self._ended:
+                self._ended.add(gone.motion)
+                what = "the focuser" if isinstance(gone.motion.ends, op.Focus) else "its motion"
+                self._context.note(f"{gone.motion.by.who} {gone.why}: {what} is stopped")
+                self._context.tasks.spawn(self._end(gone.motion.ends))
+        self._ended.intersection_update(motions)
+        self.look_after()
+
+    async def _end(self, operation: op.Operation) -> None:
+        try:
+            await self._perform(operation)
+        except Fault as fault:
+            self._context.note(f"the motion could not be stopped: {fault}")
+
+
+def supervised(wanted: Wanted) -> list[Supervised]:
+    """The motions that somebody must be there for."""
+    found = []
+    if isinstance(wanted.motion, ByHand):
+        found += [
+            Supervised(op.StopAxis(axis), motion.by, motion.since)
+            for axis, motion in wanted.motion
+            if motion.by is not None and motion.speed > TRACKING
+        ]
+    if wanted.focus is not None and wanted.focus.by is not None:
+        found.append(Supervised(op.Focus(0), wanted.focus.by, wanted.focus.since))
+    return found
+
+
+class TrackingAtLimit:
+    """Listens to ``watch``: whether nobody moves the mount and it comes nearer to a limit all the same.
+
+    ``perform`` carries out an operation. ``must_stop`` is emitted where only a stop of all motion is left.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        cache: ReadingsCache,
+        reader: Reader,
+        watch: LimitWatch,
+        perform: Callable[[op.Operation], Awaitable[object]],
+    ) -> None:
+        self._context, self._cache, self._reader, self._perform = context, cache, reader, perform
+        self._switching = self._helpless = self._resting = self._set_there = False
+        self.must_stop: Signal[None] = Signal()
+        watch.motion_began.connect(self.began)
+        watch.sky_changed.connect(self.under_another_sky)
+        watch.looked.connect(self.seen)
+        watch.carried_to_limit.connect(self.switch_off)
+
+    def began(self, _: None = None) -> None:
+        """A motion has begun: what was found before is not true for ever."""
+        self._helpless = self._resting = self._set_there = False
+
+    def under_another_sky(self, _: None = None) -> None:
+        """Its site or clock was set while it rested: a limit that it is beyond now it has not come to by itself."""
+        self._set_there = True
+
+    def seen(self, status: op.Status | None) -> None:
+        """What the mount said of itself last, None while it must be asked anew."""
+        if status is None or status.tracking is not op.Tracking.OFF:
+            self._resting = False
+
+    def switch_off(self, reason: str) -> None:
+        """It has come to this limit."""
+        age = self._cache.age(op.GetStatus, self._context.now())
+        if self._resting and age > STATUS_AGE:
+            self._reader.shared(op.GetStatus())
+        elif not (self._switching or self._helpless or self._resting):
+            self._switching = True
+            self._context.tasks.spawn(self._switch_off(reason))
+
+    async def _switch_off(self, reason: str) -> None:
+        say = self._context
+        try:
+            if (await self._reader.read(op.GetStatus())).tracking is op.Tracking.OFF:
+                say.note(f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop")
+                self._resting = True
+                return
+            await self._perform(op.SetTracking(on=False))
+            say.note(f"tracking was switched off at {reason}")
+        except Unsupported:
+            self._helpless = True
+            say.note(f"{'WARNING: the mount is' if self._set_there else 'stopped'} at {reason}")
+            say.note_once("the tracking of this mount cannot be switched off at a limit")
+            if not self._set_there:
+                self.must_stop.emit(None)
+        except Fault as fault:
+            say.note(f"tracking could not be switched off at {reason} and goes on beyond it: {fault}")
+        finally:
+            self._switching = False

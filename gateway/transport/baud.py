@@ -1,0 +1,133 @@
+"""The rate of a serial line: how long bytes take, what another rate makes of them, and a change of it on trial.
+
+A byte is ten bits: a start bit (0), eight data bits, lowest first, and a stop bit (1); the idle line is 1. Ports in
+memory and on a network hand over any number of bytes at once, at any rate; what is told of the times of a mount without
+the pace of a real line flatters.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+#: A start bit, eight bits of data and a stop bit.
+BITS = 10
+#: So many bytes may wait in one direction; beyond that they are lost, as where nobody reads a port in time.
+LONGEST = 65536
+#: Seconds in which a command must be understood at the new rate.
+TRIAL = 5.0
+
+
+class SerialPace:
+    """One direction of a line; ``deliver`` is called with bytes when they have arrived at its other end."""
+
+    def __init__(self, baud: int, deliver: Callable[[bytes], object]) -> None:
+        self._byte = BITS / baud
+        self._deliver = deliver
+        self._waiting = bytearray()
+        self._timer: asyncio.TimerHandle | None = None
+        self._due = 0.0  # when the first byte that waits has arrived
+
+    def send(self, data: bytes) -> None:
+        """Put bytes on the line, behind those that are on it."""
+        self._waiting += data[: LONGEST - len(self._waiting)]
+        if self._timer is None and self._waiting:
+            loop = asyncio.get_running_loop()
+            self._due = loop.time() + self._byte
+            self._timer = loop.call_at(self._due, self._arrived)
+
+    def _arrived(self) -> None:
+        """One byte has, and those besides whose time came while the computer was busy."""
+        loop = asyncio.get_running_loop()
+        count = min(len(self._waiting), 1 + int(max(0.0, loop.time() - self._due) / self._byte))
+        data = bytes(self._waiting[:count])
+        del self._waiting[:count]
+        self._timer = None
+        self._due += (count - 1) * self._byte
+        if self._waiting:
+            self._due += self._byte
+            self._timer = loop.call_at(self._due, self._arrived)
+        self._deliver(data)
+
+    def close(self) -> None:
+        """Forget what is still on the line."""
+        self._waiting.clear()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+
+class BaudTrial:
+    """Another rate for a client's port: who is not understood at it gets the old one back.
+
+    ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). A program that
+    did not follow, or a cable that cannot, would be lost for good without the way back. ``change`` sets the port to a
+    rate and says which one it had.
+    """
+
+    def __init__(self, change: Callable[[int], int]) -> None:
+        self._change = change
+        self._former: int | None = None
+        self._timer: asyncio.TimerHandle | None = None
+
+    def begin(self, baud: int) -> None:
+        """Go on at this rate. A trial under way falls back to what was before it."""
+        former = self._change(baud)
+        self._former = former if self._former is None else self._former
+        self._stop_timer()
+        self._timer = asyncio.get_running_loop().call_later(TRIAL, self._back)
+
+    def understood(self) -> None:
+        """A command has arrived whole: the rate stays."""
+        self._stop_timer()
+        self._former = None
+
+    def _back(self) -> None:
+        former, self._former, self._timer = self._former, None, None
+        if former is not None:
+            self._change(former)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def end(self) -> None:
+        """The connection is gone."""
+        self._stop_timer()
+
+
+def misread(data: bytes, sent: int, read: int) -> bytes:
+    """Bytes sent one after the other at ``sent`` baud -> what a receiver at ``read`` baud takes them for.
+
+    It waits for the fall of a start bit and looks at the middle of every bit by its own clock. Where it finds no stop
+    bit, that is a framing error, which a port in its usual raw mode hands on as a byte all the same. So rates that
+    differ by a few percent still understand each other.
+    """
+    if sent == read or not sent or not read:
+        return data
+    wire = [bit for byte in data for bit in (0, *(byte >> place & 1 for place in range(8)), 1)]
+    width = sent / read  # of one of the receiver's bits, in bits of the sender
+    received = bytearray()
+    at = 0.0
+    while True:
+        start = _fall(wire, at)
+        if start is None:
+            return bytes(received)
+        samples = [_level(wire, start + (bit + 0.5) * width) for bit in range(BITS)]
+        received.append(sum(level << place for place, level in enumerate(samples[1:9])))
+        at = start + (BITS - 0.5) * width
+
+
+def _level(wire: list[int], at: float) -> int:
+    """The line at a time in the sender's bits; idle when everything is sent."""
+    return wire[int(at)] if at < len(wire) else 1
+
+
+def _fall(wire: list[int], at: float) -> float | None:
+    """When the line next falls from 1 to 0, or None. A line that is low already must rise first."""
+    for bit in range(int(at), len(wire)):
+        before = wire[bit - 1] if bit else 1
+        if wire[bit] == 0 and before == 1 and bit >= at - 1e-9:
+            return float(bit)
+    return None

@@ -1,0 +1,100 @@
+"""A timed event wakes whoever waits for it; work goes on when whoever waits for it gives up, on every Python alike."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+
+from gateway.core.waiting import TimedEvent, result_of
+from tests.support.virtual import run
+
+
+def test_who_waits_goes_on_when_it_is_set_and_at_once_while_it_is() -> None:
+    async def program() -> None:
+        event, loop = TimedEvent(), asyncio.get_running_loop()
+        began = loop.time()
+        loop.call_later(2.0, event.set)
+        answers = await asyncio.gather(event.wait(), event.within(5.0), event.within(1.0))
+        assert (answers, loop.time() - began) == ([True, True, False], 2.0)
+        assert await event.within(0.0)
+        await event.wait()
+        event.clear()
+        assert not await event.within(0.0)
+        assert not await event.within(-1.0)
+        assert loop.time() - began == 2.0
+
+    run(program())
+
+
+def test_who_gives_up_is_told_nothing() -> None:
+    async def program() -> None:
+        event = TimedEvent()
+        waiting = [asyncio.create_task(event.within(9.0)), asyncio.create_task(event.wait())]
+        await asyncio.sleep(1.0)
+        for task in waiting:
+            task.cancel()
+        event.set()
+        for task in waiting:
+            with pytest.raises(asyncio.CancelledError):
+                await task
+        assert not event._waiters
+
+    run(program())
+
+
+def played(play: Callable[[asyncio.Future[str]], Coroutine[Any, Any, None]]) -> list[object]:
+    """What the event loop was told of while somebody waited for some work."""
+
+    async def main() -> list[object]:
+        told: list[object] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: told.append(context))
+        await play(asyncio.get_running_loop().create_future())
+        return told
+
+    return list(run(main()))
+
+
+def test_who_gives_up_ends_it_for_nobody_and_hears_no_more_of_it() -> None:
+    async def play(work: asyncio.Future[str]) -> None:
+        gives_up = asyncio.create_task(result_of(work))
+        waits = asyncio.create_task(result_of(work))
+        await asyncio.sleep(1)
+        gives_up.cancel()
+        await asyncio.sleep(1)
+        assert gives_up.cancelled() and not work.done()
+        work.set_exception(ValueError("no"))
+        with pytest.raises(ValueError, match="no"):
+            await waits
+
+    assert played(play) == []
+
+
+def test_a_failure_for_which_nobody_waits_is_nobodys_business() -> None:
+    async def play(work: asyncio.Future[str]) -> None:
+        waits = asyncio.create_task(result_of(work))
+        await asyncio.sleep(1)
+        waits.cancel()
+        await asyncio.sleep(1)
+        work.set_exception(ValueError("no"))
+        await asyncio.sleep(1)
+
+    assert played(play) == []  # Python 3.14: "ValueError exception in shielded future"
+
+
+def test_a_result_and_an_end_are_passed_on() -> None:
+    async def play(work: asyncio.Future[str]) -> None:
+        waits = asyncio.create_task(result_of(work))
+        await asyncio.sleep(1)
+        work.set_result("yes")
+        assert (await waits, await result_of(work)) == ("yes", "yes")
+        over: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        waits = asyncio.create_task(result_of(over))
+        await asyncio.sleep(1)
+        over.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await waits
+
+    assert played(play) == []

@@ -1,0 +1,61 @@
+"""What is counted of a mount, on virtual time: exchanges, faults by kind, answers, stops and how long they took."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.core.errors import Fault
+from gateway.diagnostics.metrics import Counts, Histogram
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+
+def test_a_histogram_counts_what_is_no_more_than_each_bound() -> None:
+    histogram = Histogram((0.1, 1.0))
+    for value in (0.05, 0.1, 0.5, 7.0):
+        histogram.add(value)
+    assert histogram.buckets() == [("0.1", 2.0), ("1.0", 3.0), ("+Inf", 4.0)] and histogram.sum == pytest.approx(7.65)
+
+
+def test_exchanges_and_the_time_of_answers_are_counted() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            counts = Counts(bridge.controller)
+            before = bridge.controller.line.answers
+            await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"0")
+            assert counts.exchanges >= bridge.controller.line.answers - before > 0
+            assert sum(counts.answering.counts) == counts.exchanges - sum(counts.faults.values())
+            counts.close()
+            seen = counts.exchanges
+            await bridge.client().ask(b":Q#:GR#", until=b"#")
+            assert counts.exchanges == seen and counts.stops == 0
+
+    run(program())
+
+
+def test_stops_are_counted_with_the_time_until_they_were_acknowledged() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            counts = Counts(bridge.controller)
+            await bridge.controller.stop()
+            await asyncio.sleep(100.0)
+            await bridge.controller.stop()
+            assert counts.stops == 2 and sum(counts.stopping.counts) == 2
+            assert 0.0 < counts.stopping.sum < 2.0
+
+    run(program())
+
+
+def test_faults_are_counted_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            counts = Counts(bridge.controller)
+            with monkeypatch.context() as patch:
+                patch.setattr(bridge.controller.line.wire, "write", lambda data: None)
+                with pytest.raises(Fault):
+                    await bridge.controller.stop()
+            assert counts.faults["NoAnswer"] >= 1 and counts.stops == 1 and not sum(counts.stopping.counts)
+
+    run(program())
