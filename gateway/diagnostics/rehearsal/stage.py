@@ -20,7 +20,7 @@ from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
 from gateway.clients.profiles import J2000, SurfaceBinding
 from gateway.core import operations as op
-from gateway.core.timed_event import TimedEvent
+from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
