@@ -12,9 +12,9 @@ from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.sun import SunAvoidance
-from gateway.mount.safety.rules.sync_sum import SyncTotal
+from gateway.mount.safety.sun import SunAvoidance
+from gateway.mount.safety.sync_sum import SyncTotal
+from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings_sync import SyncSettings

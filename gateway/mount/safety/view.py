@@ -1,18 +1,69 @@
-"""What a rule is given, and what it says.
+"""What the rules may know of a mount, and nothing more, and what they say. Nothing here acts.
 
-A rule is a pure function of a ``View``: what was seen, what is wanted and the limits in force -> a ``Verdict``. It
-makes things more restful, never less, and never forbids what leads out of a forbidden place.
+Who admits a motion or watches one is given values, and functions that tell one (``MountInputs``). A rule is a pure
+function of a ``View``: what was seen, what is wanted and the limits in force -> a ``Verdict``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
 from msgspec import Struct
 
+from gateway.core import operations as op
 from gateway.core.operations import Status
+from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.stop_timing import StopTiming, ahead
+from gateway.mount.safety.sun import SunAvoidance
+from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.protocols.base.driver import Driver
+
+
+class Readings(Protocol):
+    """What the mount told last (None before the first time), and how old that is in seconds."""
+
+    def value(self, kind: type[op.Operation]) -> Any: ...
+    def age(self, kind: type[op.Operation], now: float) -> float: ...
+
+
+class MountInputs(NamedTuple):
+    """``exchange`` tells what an exchange with the mount takes, ``period`` is how often positions are asked in motion,
+    ``being_set`` whether the mount has still to hear of a site or a time that was set.
+    """
+
+    driver: Driver
+    now: Callable[[], float]
+    readings: Readings
+    astrometry: SiteAstrometry
+    suns: SunAvoidance
+    moving: Callable[[], Moving]
+    context: Context
+    exchange: Callable[[], float]
+    period: float
+    being_set: Callable[[], bool] = lambda: False
+
+    @property
+    def timing(self) -> StopTiming:
+        """As things are on the line now."""
+        return StopTiming(self.exchange(), self.driver.position_reads, self.period)
+
+    @property
+    def site_known(self) -> bool:
+        return self.astrometry.site_clock.site() is not None
+
+    @property
+    def fastest(self) -> float:
+        """Degrees a second of the mount's fastest motion."""
+        return self.driver.speed(op.Rate(name="max"))
+
+    def speed(self, moving: op.Move | op.MoveAxis) -> float:
+        """Degrees a second of a motion by hand."""
+        return self.driver.speed(moving.rate)
+
 
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1

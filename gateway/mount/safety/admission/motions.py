@@ -21,9 +21,9 @@ from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, over
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.slew_paths import clear
-from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.meridian import check_hour_angle, check_shaft
-from gateway.mount.safety.rules.sync_sum import SyncTotal, check_sum, check_sync
+from gateway.mount.safety.allow import check_hour_angle, check_shaft
+from gateway.mount.safety.sync_sum import SyncTotal, check_sum, check_sync
+from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.site_clock import BestSources
 
