@@ -7,49 +7,44 @@ function of a ``View``: what was seen, what is wanted and the limits in force ->
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 from msgspec import Struct
 
 from gateway.core import operations as op
-from gateway.core.operations import Status
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
+from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming, ahead
 from gateway.mount.safety.sun import SunAvoidance
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.protocols.base.driver import Driver
 
-
-class Readings(Protocol):
-    """What the mount told last (None before the first time), and how old that is in seconds."""
-
-    def value(self, kind: type[op.Operation]) -> Any: ...
-    def age(self, kind: type[op.Operation], now: float) -> float: ...
+#: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
+RESTLESS = 0.1
 
 
 class MountInputs(NamedTuple):
-    """``exchange`` tells what an exchange with the mount takes, ``period`` is how often positions are asked in motion,
-    ``being_set`` whether the mount has still to hear of a site or a time that was set.
+    """``readings`` is what the mount told last, ``exchange`` tells what an exchange takes, ``being_set`` whether the
+    mount has still to hear of a site or a time that was set.
     """
 
     driver: Driver
     now: Callable[[], float]
-    readings: Readings
+    readings: ReadingsCache
     astrometry: SiteAstrometry
     suns: SunAvoidance
     moving: Callable[[], Moving]
     context: Context
     exchange: Callable[[], float]
-    period: float
-    being_set: Callable[[], bool] = lambda: False
+    being_set: Callable[[], bool]
 
     @property
     def timing(self) -> StopTiming:
         """As things are on the line now."""
-        return StopTiming(self.exchange(), self.driver.position_reads, self.period)
+        return StopTiming(self.exchange(), self.driver.position_reads, RENEW[op.Position])
 
     @property
     def site_known(self) -> bool:
@@ -63,10 +58,6 @@ class MountInputs(NamedTuple):
     def speed(self, moving: op.Move | op.MoveAxis) -> float:
         """Degrees a second of a motion by hand."""
         return self.driver.speed(moving.rate)
-
-
-#: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
-RESTLESS = 0.1
 
 
 class Verdict(Struct, frozen=True):
@@ -95,7 +86,7 @@ class View(Struct, frozen=True):
     timing: StopTiming
     moving: Moving
     sun: float = 0.0
-    status: Status | None = None
+    status: op.Status | None = None
     german: bool | None = None
     side: str | None = None
     astray: bool = False

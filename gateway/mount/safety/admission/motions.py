@@ -37,17 +37,10 @@ class Admission:
     """``admit`` is asked for every motion, in its turn; ``synced`` tells how far syncs have moved the sky so far."""
 
     def __init__(
-        self,
-        mount: MountInputs,
-        ask: Reader,
-        watch: LimitWatch,
-        sources: BestSources,
-        synced: SyncTotal,
-        hold: Hold,
-        settled: asyncio.Event,
+        self, mount: MountInputs, ask: Reader, watch: LimitWatch, sources: BestSources, synced: SyncTotal, hold: Hold
     ) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
-        self._sources, self._synced, self._hold, self._settled = sources, synced, hold, settled
+        self._sources, self._synced, self._hold = sources, synced, hold
         self._by_hand = HandAdmission(mount, ask, watch)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
@@ -55,7 +48,7 @@ class Admission:
         if isinstance(operation, GOTOS):
             with contextlib.suppress(TimeoutError):  # where and when the mount is, it tells right after who it is
                 async with asyncio.timeout(TELLS_ITS_SITE):
-                    await self._settled.wait()
+                    await self._mount.context.milestones.settled.wait()
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:
