@@ -9,6 +9,7 @@ import argparse
 import re
 import sys
 
+from gateway.cli import suggestions
 from gateway.cli.command_line import COMMANDS, commands_of, parser
 from gateway.core.errors import UserError
 from gateway.system import garbage, streams
@@ -55,8 +56,6 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(words: list[str]) -> argparse.Namespace:
     """The words as a command and its arguments. Raises UserError, and SystemExit where help was asked for."""
-    from gateway.cli import suggestions
-
     if not words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     words = suggestions.page(words)

@@ -86,7 +86,7 @@ def nobody(arguments: argparse.Namespace) -> None:
 
 async def wished(door: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
     """What the gateway answers to a request, ``failed REASON`` where nobody does."""
-    from gateway.app.control.client import ask
+    from gateway.app.reach import ask
 
     answer = await ask(door, f"wish {line}", seconds)
     if answer is None:
