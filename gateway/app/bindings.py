@@ -9,10 +9,11 @@ import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
+from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, LateAcceptor
-from gateway.clients.access import Access, networks
+from gateway.clients.access import Access, Networks, networks
 from gateway.clients.profiles import J2000, ClientProfile, SurfaceBinding
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
@@ -185,13 +186,14 @@ def policy(config: MountConfig) -> Policy:
 
 def access(surface: SurfaceConfig, config: MountConfig) -> Access:
     """Who may come in, who may only look, and what nobody may, as the operator has it. Raises UserError."""
-    looks = surface.read_only
-    return Access(
-        None if surface.allow is None else networks(surface.allow),
-        looks if isinstance(looks, bool) else networks(looks),
-        surface.max_clients,
-        config.hibernate,
-    )
+    return Access(*admission(surface), surface.max_clients, config.hibernate)
+
+
+def admission(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
+    """Of a surface or the console: who may come in, None for everybody, and who may only look. Raises UserError."""
+    looks = place.read_only
+    allowed = None if place.allow is None else networks(place.allow)
+    return allowed, looks if isinstance(looks, bool) else networks(looks)
 
 
 def exposure(where: str, surface: SurfaceConfig) -> str:
@@ -214,13 +216,13 @@ def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Cli
 
 def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
     """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
-    before = controller.before_motion.announce
+    before = controller.order_runner.announce
 
     async def before_motion() -> None:
         watched.begin()
         await before()
 
-    controller.before_motion.announce = before_motion
+    controller.order_runner.announce = before_motion
     controller.changed.connect(lambda _: watched.renew())
 
 

@@ -173,7 +173,7 @@ class Gateway:
             self.keeping.attach(self.controller)
         if self.watched is not None:
             tell_of_motions(self.controller, self.watched)
-        self.controller.before_motion.announce = self.entrance.waiting(self.controller.before_motion.announce)
+        self.controller.order_runner.announce = self.entrance.waiting(self.controller.order_runner.announce)
         made = Acceptors(self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web)
         self.faces = made.faces
         self.controller.identification.told.connect(lambda _: self._show_itself(made.own))

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 from gateway.app.config import Endpoint, MountConfig
 from gateway.core.errors import UserError
-from gateway.protocols.mechanics.truth import Simulator
+from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Arrive, Listener, open_port
 from gateway.transport.baud import SerialPace
@@ -46,7 +46,7 @@ def make_simulator(
     aligned: bool = True,
     speed: float = 1.0,
     **settings: object,
-) -> Simulator:
+) -> Simulated:
     """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
 
     Raises UserError for a version the model never had, and for a protocol whose mounts nobody can play.
@@ -72,7 +72,7 @@ class _Caller:
     ended = False
 
     def __init__(
-        self, simulator: Simulator, latency: float, baud: int | None, write: Callable[[bytes], object]
+        self, simulator: Simulated, latency: float, baud: int | None, write: Callable[[bytes], object]
     ) -> None:
         self._latency, self._write = latency, write
         #: Answers that are under way.
@@ -121,7 +121,7 @@ class _Caller:
 
 
 async def serve_simulator(
-    simulator: Simulator, places: list[str], latency: float, baud: int | None = None
+    simulator: Simulated, places: list[str], latency: float, baud: int | None = None
 ) -> list[Listener]:
     """Open a simulated mount for other programs, as many at once as come; all of them see the same one.
 

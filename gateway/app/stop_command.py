@@ -14,10 +14,9 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.control.client import ask
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
-from gateway.app.reach import Scope, doubt, look, reachable, unseen
+from gateway.app.reach import Scope, ask, doubt, look, reachable, unseen
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
 from gateway.system.runtime_folders import user

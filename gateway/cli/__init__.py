@@ -9,9 +9,10 @@ import argparse
 import re
 import sys
 
+from gateway.cli import suggestions
 from gateway.cli.command_line import COMMANDS, commands_of, parser
 from gateway.core.errors import UserError
-from gateway.system import garbage, journal, streams
+from gateway.system import garbage, streams
 
 #: What may stand in the place of a command.
 ABOUT = ("-h", "--help", "--version")
@@ -36,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
         arguments = _parsed(words)
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
-        streams.warn(_shortened(str(error)), journal.ERROR)
+        streams.warn(_shortened(str(error)), streams.ERROR)
         code = 2
     except KeyboardInterrupt:
         code = 0
@@ -55,8 +56,6 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(words: list[str]) -> argparse.Namespace:
     """The words as a command and its arguments. Raises UserError, and SystemExit where help was asked for."""
-    from gateway.cli import suggestions
-
     if not words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     words = suggestions.page(words)
@@ -73,7 +72,7 @@ def _untold(failed: Exception, code: int) -> int:
     """The exit code when stdout could not be written to."""
     if isinstance(failed, BrokenPipeError):
         return code
-    streams.warn(f"cannot write to stdout: {streams.reason(failed)}", journal.ERROR)
+    streams.warn(f"cannot write to stdout: {streams.reason(failed)}", streams.ERROR)
     return 2
 
 

@@ -20,7 +20,7 @@ from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
-from gateway.mount.motion.order_runner import BeforeMotion, Consequences, OrderRunner
+from gateway.mount.motion.order_runner import Consequences, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
@@ -33,8 +33,8 @@ from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.target_limits import TargetLimits
 from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.assembled import Safety
-from gateway.mount.safety.rules.dead_man import Presence
-from gateway.mount.safety.rules.sun import SunAvoidance
+from gateway.mount.safety.dead_man import Presence
+from gateway.mount.safety.sun import SunAvoidance
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.astrometry import SiteAstrometry
@@ -96,9 +96,8 @@ class MountController:
         # Keeping it within its limits, and moving it.
         safety = self.safety = Safety(context, line, cache, reader, movement, astrometry, self.sources, self.suns, sync)
         self.hold, self.watch, self.ends, self.doubts = safety.hold, safety.watch, safety.ends, safety.doubts
-        self.before_motion = BeforeMotion()
-        carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
-        reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
+        self.order_runner = OrderRunner(context, follow_ups, runner, movement, safety.admission)
+        reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, self.order_runner)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
         consequences = Consequences(context, gate, cache, told, wanted, astrometry, safety)

@@ -69,7 +69,7 @@ class Trial:
         self.line: MountLink = line
         self.strange: list[Send] = []
         self.acknowledged: list[tuple[Send, bool]] = []
-        in_step, exchange = line.recovery.in_step, line.talk.exchange
+        in_step, exchange = line.in_step, line.talk.exchange
 
         async def exchanging(ask: Send, **more: Any) -> Any:
             self.wire.strange, self.wire.of_another = None, False
@@ -102,7 +102,7 @@ class Trial:
             finally:
                 self.wire.proving = False
 
-        line.recovery.in_step = proving  # type: ignore[method-assign]
+        line.in_step = proving  # type: ignore[method-assign]
         self.bridge.wire_log.sinks.append(self.wire.follow)
         self.trail: deque[tuple[float, float, float]] = deque(maxlen=4000)
         self.wrong: Counter[str] = Counter()

@@ -6,11 +6,12 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
 
-from gateway.protocols.mechanics.truth import EVERY, Simulator, Truth, sample
+from gateway.protocols.mechanics.simulated import Simulated
+from gateway.protocols.mechanics.truth import EVERY, Truth, sample
 
 
 @contextlib.asynccontextmanager
-async def sampled(simulator: Simulator, keep: Callable[[Truth], object], every: float = EVERY) -> AsyncIterator[None]:
+async def sampled(simulator: Simulated, keep: Callable[[Truth], object], every: float = EVERY) -> AsyncIterator[None]:
     """Hand ``keep`` the truth for as long as a ``with`` block lasts; what ``keep`` raised is raised at its end.
 
     ``keep`` is the ``append`` of a list, or a function that asserts.

@@ -30,7 +30,7 @@ from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file
 from gateway.core.operations import Place, Values
 from gateway.mount.controller import MountController
-from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.mount.safety.sync_sum import SyncSum
 from gateway.protocols.base.session import MountSettings, Shared
 from gateway.system.files import directory, write_whole
 from gateway.system.locks import PidLock, Taken
@@ -176,7 +176,7 @@ class StateStore:
                 self.in_thread,
                 there=self.past.left is not None,
             )
-            controller.before_motion.announce = self._mark.before_motion
+            controller.order_runner.announce = self._mark.before_motion
 
     def _content(self) -> MarkerContent:
         return MarkerContent(self._marked.mount, self._marked.baud, self._memory(True))

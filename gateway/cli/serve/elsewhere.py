@@ -77,12 +77,10 @@ def _made_ready() -> type[Console]:
 
 
 def _access(page: ConsoleConfig) -> Access:
-    from gateway.clients.access import Access, networks
+    from gateway.app.bindings import admission
+    from gateway.clients.access import Access
 
-    looks = page.read_only
-    return Access(
-        None if page.allow is None else networks(page.allow), looks if isinstance(looks, bool) else networks(looks)
-    )
+    return Access(*admission(page))
 
 
 def offer(page: Console) -> Offer:

@@ -99,12 +99,16 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         wire_log = WireLog(time.time)
         if config.log:
             wire_log.sinks.append(_log(config, mount))
-        clock = _host_clock() if mount.record else time.time
+        clock: Callable[[], float] = time.time
+        if mount.record:
+            from gateway.app.recording.recorded_gateway import host_clock, record_whole
+
+            clock = host_clock()
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, clock, screen.warn, watchdog))
         gateways[-1].web = web
         gateways[-1].remember()
         if mount.record:
-            recorders.append(_recorder(mount.record, gateways[-1]))
+            recorders.append(record_whole(Path(mount.record), gateways[-1]))
     before_suspension(lambda: _stand_still(gateways, screen))
     try:
         for gateway in gateways:
@@ -172,18 +176,6 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
-
-
-def _host_clock() -> Callable[[], float]:
-    from gateway.app.recording.recorded_gateway import host_clock
-
-    return host_clock()
-
-
-def _recorder(path: str, gateway: Gateway) -> Recorder:
-    from gateway.app.recording.recorded_gateway import record_whole
-
-    return record_whole(Path(path), gateway)
 
 
 def _from_elsewhere(names: Sequence[str]) -> list[str]:

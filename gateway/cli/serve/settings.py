@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
 from gateway.app.config.keys import OFF
 from gateway.core.errors import UserError
-from gateway.system import journal, streams
+from gateway.system import streams
 
 #: The flags of ``--help`` by what they are about; a key that is in none of them is about the mount.
 GROUPS = {
@@ -170,7 +170,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     _put_flags(arguments, tables, source)
     config = make_config(tables, source)
     if path is HERE:
-        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", journal.INFO)
+        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", streams.INFO)
     return config, source
 
 
@@ -187,14 +187,17 @@ def _file(arguments: argparse.Namespace) -> Path | None:
     return given or (HERE if not arguments.mount and HERE.is_file() else None)
 
 
+def _given(arguments: argparse.Namespace, known: Iterable[Key]) -> dict[str, Any]:
+    """The values of those keys whose flags were written. Raises UserError."""
+    given = {}
+    for key in known:
+        if (text := getattr(arguments, key.name.replace("-", "_"))) is not None:
+            given[key.name] = _value(key, text)
+    return given
+
+
 def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
-    given = {
-        key.name: _value(key, text)
-        for key in keys("mount")
-        if key.flag
-        for text in (getattr(arguments, key.name.replace("-", "_")),)
-        if text is not None
-    }
+    given = _given(arguments, [key for key in keys("mount") if key.flag])
     mounts = tables.get("mount", [{}])
     several = isinstance(mounts, list) and len(mounts) > 1
     if several and (given or arguments.mount or arguments.surface):
@@ -220,12 +223,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
 
 def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     """What the flags say of the one surface that they can be meant for. Raises UserError where there are several."""
-    given = {
-        key.name: _value(key, text)
-        for key in of_surface()
-        for text in (getattr(arguments, key.name.replace("-", "_")),)
-        if text is not None
-    }
+    given = _given(arguments, of_surface())
     surfaces = tables.get("surface", [])
     if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):
         return  # that is told by whoever reads the tables

@@ -15,7 +15,7 @@ from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError, about_file
-from gateway.protocols.mechanics.truth import Simulator
+from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 
@@ -134,7 +134,7 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 async def _serve(
-    simulator: Simulator, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
+    simulator: Simulated, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
 ) -> int:
     from gateway.app.simulated import serve_simulator
 
@@ -162,7 +162,7 @@ def _open(path: str) -> TextIO:
         raise UserError(f"cannot write {path}: {about_file(path, error)}") from None
 
 
-async def _tell_truth(simulator: Simulator, file: TextIO, done: asyncio.Event) -> None:
+async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -> None:
     """Until a signal comes. Raises UserError when the file takes no more: half a truth would pass for a whole one."""
     from gateway.protocols.mechanics.truth import sample
 

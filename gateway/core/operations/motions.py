@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.core.operations.base import Fields, Operation, Values
-from gateway.core.operations.values import Chosen, Direction, Pulsed, Rate, Tracking
+from gateway.core.operations.values import Chosen, Direction, Fields, Operation, Pulsed, Rate, Tracking, Values
 
 
 class Goto(Operation[None], frozen=True):

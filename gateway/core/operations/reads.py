@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from gateway.core.operations.base import Fields, Read
 from gateway.core.operations.values import (
     Abilities,
     Activity,
     Equatorial,
+    Fields,
     Gps,
     Horizontal,
     Identity,
     Moment,
     Place,
+    Read,
     Status,
 )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.core.operations.base import Operation
+from gateway.core.operations.values import Operation
 
 
 class SetSite(Operation[None], frozen=True):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.config.endpoints import Endpoint, parse_endpoint
+from gateway.app.config.endpoints import Endpoint, parse_endpoint, right
 from gateway.core.errors import UserError
 from gateway.protocols.registry import mounts
 
@@ -47,22 +46,13 @@ def named(text: str) -> SerialPortInfo:
     UserError."""
     what, at, where = text.partition("@")
     if at and "://" not in what and not what.startswith(("/", ".", "~")):
-        endpoint = parse_endpoint(f"{what}@{whole(where)}")
+        endpoint = parse_endpoint(f"{what}@{right(where, listening=False) or where}")
         if endpoint.protocol not in mounts():
             listed = " or ".join(f"{name}@{where}" for name in mounts())
             raise UserError(f"{text}: programs speak {endpoint.protocol}, and no mount does; write {where} or {listed}")
         return SerialPortInfo(endpoint.where, endpoint.where, named=endpoint)
-    return SerialPortInfo(whole(text), whole(text))
-
-
-def whole(text: str, devices: Path = Path("/dev")) -> str:
-    """A port by its whole name: ``ttyUSB0`` is ``/dev/ttyUSB0`` where there is such a device, ``HOST:PORT`` an address
-    of the network."""
-    if re.fullmatch(r"[\w.-]+:\d{1,5}", text) and not text.lower().startswith("com"):
-        return f"socket://{text}"
-    if re.fullmatch(r"[\w.-]+", text) and not os.path.exists(text) and (devices / text).exists():
-        return str(devices / text)
-    return text
+    port = right(text, listening=False) or text
+    return SerialPortInfo(port, port)
 
 
 def lasting_name(device: str, folder: Path = LASTING) -> str:

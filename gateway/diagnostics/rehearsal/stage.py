@@ -27,7 +27,7 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.session import Shared
-from gateway.protocols.mechanics.truth import Simulator
+from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import pairs
 from gateway.transport.wires import Connection, SimulatedTransport
 
@@ -73,7 +73,7 @@ class Stage:
         self.host: Callable[[], float] = lambda: self.clock() + host_ahead
         self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
-        self.sim: Simulator = (
+        self.sim: Simulated = (
             on.sim
             if on
             else make_simulator(

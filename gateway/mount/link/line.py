@@ -14,7 +14,6 @@ from gateway.core.errors import Busy, Fault, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import READ, STOP, RequestQueue
-from gateway.mount.link.recovery import Recovery
 from gateway.mount.link.transaction import QUIET, Transaction
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
@@ -29,6 +28,8 @@ MUTE = 20.0
 #: Seconds after which an answer is overdue: whether the mount hears at all is not known from then on.
 OVERDUE = 2.0
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+#: How often the line is proven before it counts as down; after a proof that failed, so many times more quiet is wanted.
+PROOFS, QUIETER = 3, 3.0
 
 
 class MountLink:
@@ -43,8 +44,6 @@ class MountLink:
         self.talk = Transaction(wire, self.queue, dialogue, wire_log)
         #: The port was lost, perhaps in the middle of an exchange.
         self.lost = self.talk.wire_lost
-        self.recovery = Recovery(self.talk)
-        self.recovery.failed.connect(self._not_in_step)
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
         self.exchanged: Signal[dict[str, Any] | Fault] = Signal()
@@ -53,6 +52,7 @@ class MountLink:
         self.reason = ""
         self._now = asyncio.get_running_loop().time
         self._spoken_on = False
+        self._proofs = 0
         #: Since when what was sent has not been answered; None while all is well.
         self._silent_since: float | None = None
         self._task: asyncio.Task[None] | None = None
@@ -222,7 +222,7 @@ class MountLink:
         """Bring the line into step again, however long that takes, unless the wire is lost meanwhile."""
         began = self._now()
         while not self.talk.lost:
-            if await self.recovery.prove():
+            if await self._prove():
                 self._up()
                 return
             self._down("the mount does not answer")
@@ -231,9 +231,29 @@ class MountLink:
             else:
                 await asyncio.sleep(1.0)
 
-    def _not_in_step(self, _: None) -> None:
-        if self.state == "up":
-            self._down("the mount does not answer")
+    async def _prove(self) -> bool:
+        """Drain what is on the wire, then exchange proofs until the line is in step again -> whether it is."""
+        for attempt in range(PROOFS):
+            await self.talk.drain(QUIET * QUIETER**attempt)
+            if not self.talk.lost and await self.in_step():
+                return True
+            if self.talk.lost:
+                return False
+            if self.state == "up":
+                self._down("the mount does not answer")
+        return False
+
+    async def in_step(self) -> bool:
+        """Whether every proof is answered as it should be, and nothing follows."""
+        self._proofs += 1
+        for ask in self.dialogue.proof(self._proofs):
+            await asyncio.sleep(self.talk.gap(ask))
+            outcome = await self.talk.exchange(ask, proof=True)
+            if isinstance(outcome, Busy):
+                continue  # that is an answer, too
+            if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
+                return False
+        return not await self.talk.drain(QUIET)
 
     def _up(self) -> None:
         """The line is in step; when it was not so before, whoever waits for it is told."""

@@ -31,29 +31,19 @@ async def _nobody() -> None:
     """Nobody needs to know."""
 
 
-class BeforeMotion:
-    """``announce`` is awaited before the mount is sent anything that sets it moving: should this process be killed, a
-    mark on disk or a watchdog must know. The application may set it.
+class OrderRunner:
+    """``admitted`` is the number of the last order that was admitted.
+
+    ``announce`` is awaited before the mount is sent anything that sets it moving: should this process be killed, a mark
+    on disk or a watchdog must know. The application may set it.
     """
 
-    def __init__(self) -> None:
-        self.announce: Callable[[], Awaitable[None]] = _nobody
-
-
-class OrderRunner:
-    """``admitted`` is the number of the last order that was admitted."""
-
     def __init__(
-        self,
-        context: Context,
-        follow_ups: FollowUps,
-        runner: DriverRunner,
-        movement: Movement,
-        admission: Admission,
-        before_motion: BeforeMotion,
+        self, context: Context, follow_ups: FollowUps, runner: DriverRunner, movement: Movement, admission: Admission
     ) -> None:
         self._context, self._driver, self._follow_ups, self._runner = context, context.driver, follow_ups, runner
-        self._movement, self._admission, self._before_motion = movement, admission, before_motion
+        self._movement, self._admission = movement, admission
+        self.announce: Callable[[], Awaitable[None]] = _nobody
         self.admitted = 0
 
     async def carry_out(self, order: Order, stop: Callable[[], Awaitable[None]]) -> tuple[op.Operation, Any]:
@@ -68,7 +58,7 @@ class OrderRunner:
         operation = await self._in_time(order)
         self.admitted = order.number
         if isinstance(operation, MOVING):
-            await self._before_motion.announce()
+            await self.announce()
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
         rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP

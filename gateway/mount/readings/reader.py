@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.errors import Fault, NoAnswer
+from gateway.core.errors import Asleep, Busy, Fault, NoAnswer
 from gateway.core.signals import Signal
 from gateway.core.waiting import FairScheduler, heed, result_of
 from gateway.mount.context import Context
@@ -20,8 +20,7 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import POSITION, READ
 from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.readings.cache import MISSING, Kind, ReadingsCache
-from gateway.mount.readings.telling import read_in_time
-from gateway.mount.readings.told_position import AtHand, ToldPosition
+from gateway.mount.readings.told_position import PLACES, AtHand, ToldPosition
 from gateway.mount.site.astrometry import SiteAstrometry
 
 _T = TypeVar("_T")
@@ -29,6 +28,10 @@ _T = TypeVar("_T")
 A_MOMENT = 0.2
 #: Seconds that whoever asks whether a goto is over waits, at most, until that is known; and for the mount's first word.
 UNTIL_KNOWN, FIRST_ANSWER = 2.0, 2.0
+#: Seconds that a program waits for an answer where the last one may stand in for it: in motion, which makes it old, as
+#: long as a reply may take; and how often the mount is asked again while orders come faster than it can tell what came
+#: of them.
+WAITS, WAITS_MOVING, TRIES = 2.5, 3.2, 3
 #: Degrees from the goal within which every mount ends a goto that nobody ends before.
 CLOSE = 0.5
 
@@ -80,8 +83,48 @@ class Reader:
         return self._milestones.met if isinstance(operation, op.Position) else self._milestones.known
 
     async def tell(self, operation: op.Operation) -> Any:
-        """The answer for a program, in time or the last one. Raises Fault where there is nothing to tell."""
-        return await read_in_time(operation, self._told, self.asked, self._movement)
+        """The answer for a program. Raises Fault where there is nothing to tell.
+
+        In place of one that does not come in time stands the last one; a state that nobody knows is told as it does no
+        harm.
+        """
+        fault: Fault
+        try:
+            async with asyncio.timeout(WAITS_MOVING if self._movement.anything else WAITS):
+                answer = await self._newest(operation)
+        except Asleep:
+            raise
+        except (NoAnswer, Busy) as said:
+            fault = said
+        except TimeoutError:
+            fault = NoAnswer()
+        else:
+            self._told.answered(type(operation))
+            return answer
+        last = self._told.last(type(operation))
+        if last is MISSING:
+            raise fault
+        return last
+
+    async def _newest(self, operation: op.Operation) -> Any:
+        """The mount's answer, at hand or waited for. Raises Fault.
+
+        A place that was asked for before the last order is not told: the mount is asked again.
+        """
+        kind, told = type(operation), self._told
+        value = told.tell(operation)
+        answer: Any = MISSING
+        for _ in range(TRIES):
+            if value is MISSING and (source := told.source(kind)) is not None:
+                await self.tell(source())
+                value = told.tell(operation)
+            if value is not MISSING:
+                return value
+            answer = await self.asked(operation)
+            if kind not in PLACES:
+                return answer
+            value = told.tell(operation)
+        return answer if value is MISSING else value
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""

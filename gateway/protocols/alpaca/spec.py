@@ -17,9 +17,9 @@ NAME = "alpaca"
 
 
 def _framing() -> Framer:
-    from gateway.protocols.alpaca import framing
+    from gateway.protocols.alpaca.http.requests import LineFramer
 
-    return framing.Framer()
+    return LineFramer()
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.base.session import AltitudeLimits, ClientSettings
     from gateway.protocols.base.surface import Surface
-    from gateway.protocols.mechanics.truth import Simulator
+    from gateway.protocols.mechanics.simulated import Simulated
     from gateway.transport.web_port import Web
 
 
@@ -141,7 +141,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     web: Callable[[], Web] | None = None
     make_driver: Callable[[DriverSettings, Callable[[], float]], MadeDriver] | None = None
     #: Model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings by name.
-    make_simulator: Callable[..., Simulator] | None = None
+    make_simulator: Callable[..., Simulated] | None = None
     #: Switches of the simulated mount that no other has, with their help texts; what rehearsals switch on.
     simulator_switches: Mapping[str, str] = {}
     rehearsed_with: Callable[[bool], dict[str, object]] = lambda wedge: {}

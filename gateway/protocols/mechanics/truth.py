@@ -11,14 +11,13 @@ import asyncio
 import json
 from collections.abc import Callable
 from math import cos, radians, sin
-from typing import Protocol
 
 from msgspec import Struct
 from msgspec.structs import asdict
 
 from gateway.astro.axes import Build, Geometry
 from gateway.astro.spherical import UNIX_AT_J2000, from_vector, hour_angle_to_horizon, separation, wrap180
-from gateway.protocols.mechanics.mount import Mechanics
+from gateway.protocols.mechanics.simulated import Simulated
 
 #: Seconds of the simulator's time from one sample to the next.
 EVERY = 0.1
@@ -69,21 +68,7 @@ class Truth(Struct, frozen=True):
         return json.dumps(shown) + "\n"
 
 
-class Simulator(Protocol):
-    """A simulated mount of any protocol, as whoever plays or judges it knows it."""
-
-    clock: Callable[[], float]
-    #: The time up to which everything has happened, Unix seconds.
-    now: float
-    mechanics: Mechanics
-
-    @property
-    def slewing(self) -> bool: ...
-    def truth(self) -> tuple[float, float]: ...
-    def connection(self, later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]: ...
-
-
-def truth_of(simulator: Simulator) -> Truth:
+def truth_of(simulator: Simulated) -> Truth:
     """The present moment of a simulated mount of either protocol; asking it changes nothing."""
     simulator.truth()  # what is due by now has happened
     now, mechanics = simulator.now, simulator.mechanics
@@ -113,7 +98,7 @@ def sun(unix: float) -> tuple[float, float]:
     return from_vector((cos(longitude), cos(tilt) * sin(longitude), sin(tilt) * sin(longitude)))
 
 
-async def sample(simulator: Simulator, keep: Callable[[Truth], object], every: float = EVERY) -> None:
+async def sample(simulator: Simulated, keep: Callable[[Truth], object], every: float = EVERY) -> None:
     """Hand ``keep`` the truth every so many seconds of the simulator's time, for ever. Raises what ``keep`` raises."""
     due: float = simulator.clock()
     while True:

@@ -80,15 +80,15 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.nexstar.driver import goto, identify, motion, place, position, sleep, tracking
+    from gateway.protocols.nexstar.driver import home, identify, motion, place, pointing, tracking
     from gateway.protocols.nexstar.driver.state import NexStar
 
-    handlers = handlers_of(goto, identify, motion, place, position, sleep, tracking)
+    handlers = handlers_of(home, identify, motion, place, pointing, tracking)
     return MadeDriver(
         NexStar(now, settings, handlers),
         {
-            goto.Arrived: goto.arrived,
-            sleep.Awake: sleep.awake,
+            pointing.Arrived: pointing.arrived,
+            home.Awake: home.awake,
             tracking.VerifyTracking: tracking.verify,
             motion.StepOn: motion.step_on,
         },

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.control.client import silent
+from gateway.app.reach import silent
 from gateway.cli import main
 from gateway.cli.serve.finding import where_else
 from gateway.core.errors import UserError

@@ -16,7 +16,6 @@ import msgspec
 import pytest
 
 from gateway.app import reach, stop_command
-from gateway.app.control import client
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.cli import main
 from gateway.system import processes
@@ -99,7 +98,7 @@ def test_a_gateway_without_a_descriptor_left_stops_its_mount(
 def test_a_frozen_gateway_is_said_to_be_one(
     tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(client, "HEARD", 0.3)
+    monkeypatch.setattr(reach, "HEARD", 0.3)
     moving = Moving(started, tmp_path)
     moving.gateway.process.send_signal(signal.SIGSTOP)
     began = time.monotonic()
@@ -251,7 +250,7 @@ def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
     tmp_path: Path, stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Started by another program, for one: it has the port, and it does not answer."""
-    monkeypatch.setattr(client, "HEARD", 0.2)
+    monkeypatch.setattr(reach, "HEARD", 0.2)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as frozen:
         frozen.bind(("127.0.0.1", 0))
         other = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)

@@ -17,7 +17,7 @@ from gateway.app.stop_command import Report
 from gateway.cli import main
 from gateway.cli.suggestions import plainly
 from gateway.core.errors import UserError
-from gateway.diagnostics.detect.ports import named, whole
+from gateway.diagnostics.detect.ports import named
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
@@ -281,11 +281,12 @@ def test_half_an_endpoint_is_made_whole_in_the_example(half: str, says: str) -> 
 # --- ports for detect ------------------------------------------------------------------------------------------------
 
 
-def test_a_port_may_be_named_without_its_folder(tmp_path: Path) -> None:
-    (tmp_path / "ttyUSB7").touch()
-    assert whole("ttyUSB7", tmp_path) == str(tmp_path / "ttyUSB7")
-    assert [whole(text, tmp_path) for text in ("ttyUSB8", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5")] == [
-        "ttyUSB8", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5"]  # fmt: skip
+def test_a_port_is_named_as_run_would_have_it() -> None:
+    named_as = {text: named(text).url for text in ("null", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5", "tcp://pi:4030")}
+    assert named_as == {
+        "null": "/dev/null", "COM3": "COM3", "/dev/ttyS0": "/dev/ttyS0", "socket://1.2.3.4:5": "socket://1.2.3.4:5",
+        "tcp://pi:4030": "socket://pi:4030",
+    }  # fmt: skip
 
 
 def test_an_address_is_one_of_the_network() -> None:

@@ -1,12 +1,107 @@
-"""The client of a broker that knows MQTT 3.1.1 alone: MQTT 5 is refused once, and then the older one is spoken."""
+"""What is needed to be let in by a broker, what is told where that is missing, and a broker of MQTT 3.1.1 alone."""
 
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 import pytest
 
-from gateway.fleet.client import access, connecting
+from gateway.app.config import Source, make_config
+from gateway.app.config.endpoints import Broker, parse_broker
+from gateway.core.errors import UserError
+from gateway.fleet import client as accesses
+from gateway.fleet.client import PASSWORD, access, connecting
+from gateway.fleet.topics import Topics, own_id
+from tests.support.each import each
+
+pytest.importorskip("aiomqtt")
+
+WHOLE = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:4030"}]}
+
+
+@each(
+    ("text", "broker"),
+    [
+        ("mqtt://127.0.0.1", Broker("127.0.0.1", 1883, False)),
+        ("mqtt://pi.local:1884/", Broker("pi.local", 1884, False)),
+        ("mqtts://club.example.org", Broker("club.example.org", 8883, True)),
+        ("mqtt://[::1]:1883", Broker("::1", 1883, False)),
+        ("mqtt://eve@pi", Broker("pi", 1883, False, "eve")),
+    ],
+)
+def test_addresses(text: str, broker: Broker) -> None:
+    assert parse_broker(text) == broker
+    assert parse_broker(str(broker)).port == broker.port
+
+
+@each("text", ["", "pi:1883", "tcp://pi", "mqtt://", "mqtt://pi:x", "mqtt://pi/topic", "mqtt://[::1"])
+def test_what_is_no_address_is_told_with_what_would_be(text: str) -> None:
+    with pytest.raises(UserError, match="write mqtt://HOST:PORT"):
+        parse_broker(text)
+
+
+def test_a_password_is_not_taken_from_an_address_and_not_repeated() -> None:
+    with pytest.raises(UserError, match="password-file") as told:
+        parse_broker("mqtt://eve:secret@pi")
+    assert "secret" not in str(told.value)
+
+
+def test_the_password_comes_from_a_file_or_from_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (file := tmp_path / "password").write_text("from file\n")
+    monkeypatch.setenv(PASSWORD, "from environment")
+    assert access("mqtt://pi", "eve").password == "from environment"
+    assert access("mqtt://pi", "eve", str(file)).password == "from file"
+    assert access("mqtt://adam@pi", None, str(file)).user == "adam"
+    with pytest.raises(UserError, match="no such file"):
+        access("mqtt://pi", "eve", str(tmp_path / "none"))
+    with pytest.raises(UserError, match="write user under"):
+        access("mqtt://pi")
+
+
+def test_certificates_that_are_none_are_told_before_anything_is_opened(tmp_path: Path) -> None:
+    (file := tmp_path / "ca.pem").write_text("no certificate")
+    assert access("mqtts://pi").tls() is not None and access("mqtt://pi").tls() is None
+    with pytest.raises(UserError, match="no certificates"):
+        access("mqtts://pi", ca=str(file))
+    with pytest.raises(UserError, match="No such file"):
+        access("mqtts://pi", ca=str(tmp_path / "none"))
+
+
+def test_without_the_extra_it_is_told_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accesses, "find_spec", lambda name: None)
+    with pytest.raises(UserError, match=r"aiomqtt is needed; to install it, .*mqtt"):
+        access("mqtt://pi")
+
+
+@each(
+    ("keys", "words"),
+    [
+        ({"at": "pi"}, r"\[mqtt\] at: 'pi': write mqtt://HOST:PORT"),
+        ({"at": "mqtt://pi", "id": "all"}, r"\[mqtt\] id: 'all' means every gateway"),
+        ({"at": "mqtt://pi", "id": "a/b"}, r"\[mqtt\] id: .*write a word of letters"),
+        ({"at": "mqtt://pi", "prefix": "a/#"}, r"\[mqtt\] prefix: .*write words of letters"),
+        ({"at": "mqtt://pi", "ca": "ca.pem"}, r"\[mqtt\] ca: certificates are for TLS"),
+        ({"at": "mqtt://pi", "orders": ["dance"]}, r"\[mqtt\] orders: .*one of park, wake, home, goto"),
+        ({"at": "mqtt://pi", "password": "secret"}, r"\[mqtt\] password: there is no such key"),
+        ({}, r"\[mqtt\] at: is needed"),
+    ],
+)
+def test_mistakes_in_the_file_are_told_with_their_place(keys: dict[str, object], words: str) -> None:
+    with pytest.raises(UserError, match=words):
+        make_config({**WHOLE, "mqtt": [keys]}, Source("gateway.toml"))
+
+
+def test_topics_are_made_of_what_a_topic_can_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("socket.gethostname", lambda: "Pi #4/dome")
+    assert own_id() == "Pi-4-dome"
+    monkeypatch.setattr("socket.gethostname", lambda: "all")
+    assert own_id() != "all"
+    topics = Topics("a/b", "pier")
+    assert topics.parts("a/b/pier/mount/command") == ["pier", "mount", "command"] and topics.parts("a/bc") == []
+
 
 #: CONNACK of 3.1.1, OASIS table 3.1: unacceptable protocol level; accepted.
 UNACCEPTABLE, ACCEPTED = b"\x20\x02\x00\x01", b"\x20\x02\x00\x00"

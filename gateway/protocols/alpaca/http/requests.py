@@ -2,7 +2,8 @@
 
 As ASCOM has it: the address is in lower case; a GET has its parameters in the address, in any case; a PUT has them in
 its body, in exactly this case. What lacks a parameter, or has one that is no such value, is not understood (400).
-Parameters that nobody knows are passed over.
+Parameters that nobody knows are passed over. A line ends with a line feed; what is longer than any request is dropped
+up to its end, and so is a line that is not finished.
 """
 
 from __future__ import annotations
@@ -12,12 +13,17 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
+from gateway.protocols.base.frames import WholeFramer
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.numerals import quoted
 
 #: The largest number of a program, and of a request.
 MOST = 2**32 - 1
+#: Bytes of the longest line.
+LONGEST = 4096
+#: Why bytes are of no use.
+TOO_LONG = "no request is as long as this"
 _PARAMETER = re.compile(r" (\w+)=\{(\w+):")
 _PLAIN_NUMBER = re.compile(r"[0-9]{1,10}")
 Pairs = Sequence[tuple[str, str]]
@@ -68,7 +74,7 @@ def understood(method: str, member: str, pairs: Pairs) -> Asked:
             raise BadRequest(f"{member} has no {method}", allow=", ".join(others).upper())
         raise BadRequest(f"A telescope has no member {member!r}")
     given = _Given(pairs, any_case=verb == "get")
-    words = [f"{name}={_written(given.value(name))}" for name in found.parameters]
+    words = [f"{name}={quoted(given.value(name)).decode('ascii')}" for name in found.parameters]
     line = " ".join([verb, member, *words]).encode("ascii") + b"\n"
     try:
         found.command.request.decode(line)
@@ -105,6 +111,24 @@ class _Given:
         return int(text)
 
 
-def _written(text: str) -> str:
-    """A value as one word."""
-    return quoted(text).decode("ascii")
+# --- lines ------------------------------------------------------------------------------------------------------------
+
+
+class LineFramer(WholeFramer):
+    """Bytes in, whole lines out."""
+
+    cut_off = "half a request, whose end did not come"
+
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """The lines that these bytes complete, in order."""
+        self.dropped.clear()
+        *whole, rest = (bytes(self._pending) + data).split(b"\n")
+        frames = [line + b"\n" for line in whole]
+        if self._lost and frames:
+            self.dropped.add(frames.pop(0), TOO_LONG)
+            self._lost = False
+        if len(rest) > LONGEST:
+            self.dropped.add(rest, TOO_LONG)
+            rest, self._lost = b"", True
+        self._pending = bytearray(rest)
+        return frames

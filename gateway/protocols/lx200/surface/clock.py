@@ -64,6 +64,12 @@ def tell_offset(session: LxSession, command: Command, values: op.Values) -> Hand
     return {"offset": -printable(offset)}
 
 
+def stands_against(session: LxSession, name: str, values: op.Values) -> bool:
+    """Whether this client has set an offset, which the mount's own answer would contradict."""
+    kept = session.kept
+    return name == "GG" and (kept.offset is not None or kept.draft not in (None, Draft()))
+
+
 def _commit_if_allowed(session: LxSession) -> Handling:
     """Before the clock is told: whoever may not set it is told it as it is."""
     with contextlib.suppress(ReadOnly):

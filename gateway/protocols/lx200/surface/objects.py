@@ -3,7 +3,8 @@
 The Moon, places on it and planets move: what is kept is the object, and where it is on the sky is worked out at every
 goto. A catalogue or an object that is refused leaves nothing selected, so that no goto follows to the object before.
 The classic models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the
-manual's static replies, but LC, LM and LS work, as in their later firmware.
+manual's static replies, but LC, LM and LS work, as in their later firmware. Where the Meade itself is presented its own
+library is asked, with its own words, so that two programs that look things up do not go to each other's objects.
 """
 
 from __future__ import annotations
@@ -17,8 +18,12 @@ from gateway.astro.catalog import QUALITIES, Entry, Wanted, deepsky, describe, s
 from gateway.astro.spherical import separation
 from gateway.core.errors import Fault, Invalid, Unsupported
 from gateway.core.operations import (
+    Choose,
+    Chosen,
     Equatorial,
     MoonPlace,
+    Own,
+    PassThrough,
     PlanetPlace,
     Position,
     ToEquinoxOfDate,
@@ -39,6 +44,9 @@ _CROSS = {1: "SAO", 4: "HR", 5: "HD"}
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
 _MOON = 903
 _NOT_FOUND = "Catalog not found"
+#: Which catalogue a number is of: chosen by another command, which is said again before, for others choose as well.
+_CHOSEN_BY = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
+_CHOOSING = ("Lo", "Ls")
 _YEAR = 365.25 * 86400.0
 #: What :G and :S change.
 _LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "smaller", "y": "types", "q": "quality"}
@@ -234,3 +242,30 @@ def _sky(session: LxSession) -> Handling:
         return lambda ra, dec: True, 0.0
     farthest, nearest = 90.0 - max(0.0, limits.lowest), 90.0 - limits.highest
     return lambda ra, dec: nearest <= separation(zenith.ra, zenith.dec, ra, dec) <= farthest, zenith.ra
+
+
+# --- the telescope's own library --------------------------------------------------------------------------------------
+
+
+def own_library(session: LxSession, command: Command, values: Values) -> Handling:
+    """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI of the telescope itself."""
+    kept = session.kept
+    if command.name == "LI":
+        return (yield Own("LI", (), "moment")) if kept.object is None else f"{kept.object}#".encode("latin-1")
+    if command.name in _CHOOSING:
+        others = {name: fields for name, fields in kept.own_catalogs.items() if name != command.name}
+        try:
+            answer = yield PassThrough(command.name, tuple(values.items()))
+        except Fault:
+            kept.own_catalogs = others
+            raise
+        kept.own_catalogs = {**others, command.name: tuple(values.items())}
+        return answer
+    catalogue = _CHOSEN_BY.get(command.name, "")
+    chosen_by = kept.own_catalogs.get(catalogue)
+    first = () if chosen_by is None else ((catalogue, chosen_by),)
+    chosen: Chosen = yield Choose(command.name, tuple(values.items()), first, kept.ra or 0.0, kept.dec or 0.0)
+    if chosen.place is not None:
+        kept.deselect()
+        kept.ra, kept.dec, kept.object = chosen.place.ra, chosen.place.dec, chosen.text
+    return chosen.reply

@@ -14,8 +14,7 @@ from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
 from gateway.protocols.base.driver import SLEWING, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.goto import stop_current_motion
-from gateway.protocols.nexstar.driver.position import axis_readings
+from gateway.protocols.nexstar.driver.pointing import axis_readings, stop_current_motion
 from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
 
 Pair = tuple[float, float]

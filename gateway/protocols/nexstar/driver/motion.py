@@ -13,8 +13,7 @@ from gateway.core.errors import Busy, Fault, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
-from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
-from gateway.protocols.nexstar.driver.position import pier_side
+from gateway.protocols.nexstar.driver.pointing import Arrived, need_alignment, pier_side, stop_current_motion
 from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rest
 
 FOCUSER = 18

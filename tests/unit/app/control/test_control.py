@@ -11,9 +11,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.app.control import Control, client
-from gateway.app.control.client import ask
+from gateway.app import reach
+from gateway.app.control import Control
 from gateway.app.control.exchange import ControlEndpoint, Parts, doors, parts, seal, unseal
+from gateway.app.reach import ask
 from gateway.core.errors import NoAnswer
 
 
@@ -78,7 +79,7 @@ def test_an_answer_may_be_long(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("secret", ["", "0" * 32, "x" * 300])
 def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str) -> None:
-    monkeypatch.setattr(client, "HEARD", 0.3)
+    monkeypatch.setattr(reach, "HEARD", 0.3)
     done: list[None] = []
 
     async def counted() -> str:
@@ -92,7 +93,7 @@ def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.
 
 def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every answer is lost the first time, and the work takes longer than the patience of who asks."""
-    monkeypatch.setattr(client, "AGAIN", 0.05)
+    monkeypatch.setattr(reach, "AGAIN", 0.05)
     done: list[None] = []
 
     async def slow() -> str:

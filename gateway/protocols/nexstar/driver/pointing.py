@@ -1,17 +1,17 @@
-"""Gotos, parking and homing: started at once, watched by ``L``, ended by the last word.
+"""Where the mount points and where it is sent: positions, syncs, and gotos to the sky or to readings of the axes.
 
-A goto counts as under way from the moment the hand control acknowledged it; ``L`` may still say 0 for a while.
+A goto is started at once, watched by ``L``, ended by the last word. It counts as under way from the moment the hand
+control acknowledged it; ``L`` may still say 0 for a while.
 """
 
 from __future__ import annotations
 
-from gateway.astro.spherical import fold_declination
+from gateway.astro.spherical import fold_declination, wrap180, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.position import axis_readings
-from gateway.protocols.nexstar.driver.state import AXES, GotoState, NexStar, rest
+from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, NexStar, rest
 
 START_GRACE = 3.0
 CANCEL_WAIT = 5.0
@@ -20,6 +20,58 @@ LOOKS, LOOK_AGAIN = 2, 0.5
 #: How often a parked mount is told not to track, where it does not answer, and how many seconds apart.
 TELLS, TELL_AGAIN = 4, 5.0
 MOTORS, FOUND = (16, 17), 255
+
+
+def position(mount: NexStar, _: op.Position) -> Steps:
+    """``e`` or ``E``, folded past the pole, with the offset of a sync that the hand control could not take."""
+    answer = yield Send("e" if mount.knows("e") else "E")
+    mount.beyond_pole = abs(wrap180(answer["dec"])) > 90.0
+    ra, dec = fold_declination(answer["ra"], answer["dec"])
+    ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
+    mount.last = op.Equatorial(ra, dec)
+    return mount.last
+
+
+def axis_readings(mount: NexStar) -> Send:
+    """The readings of the axes, as precisely as this version tells them."""
+    return Send("z" if mount.knows("z") else "Z")
+
+
+def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
+    """A fork's own azimuth and altitude; None where the axes are equatorial (the controller derives it then)."""
+    mode = tracking.native_mode(mount)
+    if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
+        return None
+    answer = yield axis_readings(mount)
+    return op.Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
+
+
+def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
+    """``p``: E or W; a fork is always E.
+
+    A German mount before ``p`` tells it by its declination axis: on the W side that reads beyond the pole. The letter
+    is then that of its age, which is the northern one everywhere (``NexStar.tube_side``).
+    """
+    if not mount.german:
+        return "E"
+    if mount.knows("p"):
+        answer = yield Send("p")
+        return answer["side"]
+    answer = yield axis_readings(mount)
+    return "W" if wrap180(answer["alt"] - POLE_AXES[1]) > 0.0 else "E"
+
+
+def sync(mount: NexStar, operation: op.Sync) -> Steps:
+    """``s`` or ``S``; before 4.10 an offset kept here and added to everything the mount says."""
+    if mount.knows("s"):
+        yield Send("s", {"ra": operation.ra, "dec": operation.dec})
+        return
+    answer = yield Send("e" if mount.knows("e") else "E")
+    ra, dec = fold_declination(answer["ra"], answer["dec"])
+    mount.offset = (wrap180(wrap360(operation.ra) - ra), operation.dec - dec)
+
+
+# --- gotos ------------------------------------------------------------------------------------------------------------
 
 
 def goto(mount: NexStar, operation: op.Goto) -> Steps:
@@ -43,10 +95,10 @@ def need_alignment(mount: NexStar) -> Steps:
 def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
     """``b`` or ``B``."""
     yield from stop_current_motion(mount)
-    yield from _to_axes(mount, operation.az, operation.alt, None)
+    yield from to_axes(mount, operation.az, operation.alt, None)
 
 
-def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
+def to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
     yield from _begin(mount, Send("b" if mount.knows("b") else "B", {"az": az, "alt": alt}), then)
 
 
@@ -209,57 +261,3 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
         yield from tracking.resume(mount)
     elif mount.rate.name != "sidereal":
         yield from tracking.track_rate(mount, mount.rate)
-
-
-def park(mount: NexStar, operation: op.Park) -> Steps:
-    """To the park position by ``b`` (which works unaligned too); tracking goes off when it is there."""
-    mount.woken = False
-    yield from stop_current_motion(mount)
-    there = mount.destination(operation)
-    assert there is not None
-    yield from _to_axes(mount, there.az, there.alt, "park")
-
-
-def set_home(mount: NexStar, _: op.SetHome) -> Steps:
-    """Remember where the axes stand now."""
-    answer = yield axis_readings(mount)
-    mount.home, mount.home_state = op.Horizontal(answer["az"], answer["alt"]), 1
-
-
-def home(mount: NexStar, _: op.Home) -> Steps:
-    """To the stored home position; to the motors' switches where they have some and the settings say so."""
-    if mount.settings.aux_home and mount.has("home"):
-        yield from _seek_switches(mount)
-        return
-    if mount.home is None:
-        mount.home_state = 0
-        raise Unsupported("No home position was stored.")
-    yield from stop_current_motion(mount)
-    mount.home_state = 2
-    yield from _to_axes(mount, mount.home.az, mount.home.alt, "home")
-
-
-def _seek_switches(mount: NexStar) -> Steps:
-    """AUX 0x0B on both motors (never 0x19, which seeks the index of the periodic error)."""
-    yield from stop_current_motion(mount)
-    yield from tracking.suspend(mount)
-    mount.parked, mount.home_state = False, 2
-    mount.goto = GotoState(since=mount.now(), then="home", seeks=True)
-    for device in MOTORS:
-        yield Send("level_start", {"device": device})
-
-
-def home_state(mount: NexStar, _: op.HomeState) -> Steps:
-    """-> 2 on the way, 1 at home or parked, 0 else."""
-    yield from ()  # a generator like all others
-    if mount.goto is not None and mount.goto.then in ("home", "park"):
-        return 2
-    return 1 if mount.parked else mount.home_state
-
-
-def unpark(mount: NexStar, _: op.Unpark) -> Steps:
-    """Tracking on again, the mount's state read anew."""
-    mount.parked = False
-    if mount.goto is None and mount.knows("T") and tracking.native_mode(mount) is not None:
-        yield from tracking.set_tracking(mount, op.SetTracking(on=True))
-    yield from tracking.read_status(mount)
