@@ -12,7 +12,7 @@ import sys
 from gateway.cli import suggestions
 from gateway.cli.command_line import COMMANDS, commands_of, parser
 from gateway.core.errors import UserError
-from gateway.system import garbage, journal, streams
+from gateway.system import garbage, streams
 
 #: What may stand in the place of a command.
 ABOUT = ("-h", "--help", "--version")
@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
         arguments = _parsed(words)
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
-        streams.warn(_shortened(str(error)), journal.ERROR)
+        streams.warn(_shortened(str(error)), streams.ERROR)
         code = 2
     except KeyboardInterrupt:
         code = 0
@@ -72,7 +72,7 @@ def _untold(failed: Exception, code: int) -> int:
     """The exit code when stdout could not be written to."""
     if isinstance(failed, BrokenPipeError):
         return code
-    streams.warn(f"cannot write to stdout: {streams.reason(failed)}", journal.ERROR)
+    streams.warn(f"cannot write to stdout: {streams.reason(failed)}", streams.ERROR)
     return 2
 
 

@@ -60,7 +60,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
 async def _serve(access: Access, prefix: str, port: int) -> int:
     from gateway.cli.serve.signals import until_signal
     from gateway.fleet.overview.server import Overview
-    from gateway.system import journal, streams
+    from gateway.system import streams
 
     done, was_there = until_signal(), True
 
@@ -68,7 +68,7 @@ async def _serve(access: Access, prefix: str, port: int) -> int:
         nonlocal was_there
         if there != was_there:
             words = "is there again" if there else f"cannot be reached: {why}; it is tried again until it answers"
-            streams.warn(f"the broker {access.broker} {words}", journal.WARNING)
+            streams.warn(f"the broker {access.broker} {words}", streams.WARNING)
         was_there = there
 
     page = Overview(access, prefix, time.time, told)

@@ -6,8 +6,7 @@ import argparse
 import re
 from collections.abc import Iterable, Sequence
 
-from gateway.core.errors import UserError
-from gateway.core.spelling import alike
+from gateway.core.errors import UserError, alike
 
 #: argparse's words for a mistake, and ours.
 _PLAINLY = (

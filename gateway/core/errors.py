@@ -8,6 +8,7 @@ a ``Fault`` is an operation the mount did not carry out (its class name is what 
 from __future__ import annotations
 
 import errno
+from collections.abc import Iterable
 from pathlib import Path
 
 
@@ -31,6 +32,16 @@ def about_file(path: Path | str, error: OSError) -> str:
     if error.errno in (errno.EEXIST, errno.ENOTDIR):
         return "there is a file of that name, where a folder is needed"
     return error.strerror or str(error)
+
+
+def alike(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:
+    """The words that are most like a mistyped one: ``most`` at most, the nearest first.
+
+    ``least`` from 0 to 1 is how much alike they must be.
+    """
+    from difflib import get_close_matches  # needed after a mistake, and not loaded at every start
+
+    return get_close_matches(word, list(among), most, least)
 
 
 class MappingError(UserError):

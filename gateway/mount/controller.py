@@ -33,8 +33,8 @@ from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.target_limits import TargetLimits
 from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.assembled import Safety
-from gateway.mount.safety.rules.dead_man import Presence
-from gateway.mount.safety.rules.sun import SunAvoidance
+from gateway.mount.safety.dead_man import Presence
+from gateway.mount.safety.sun import SunAvoidance
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.astrometry import SiteAstrometry

@@ -26,7 +26,7 @@ from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.readings.standing import Standing
-from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.mount.safety.dead_man import HostActivity
 from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 

@@ -1,7 +1,9 @@
-"""Standard output and standard error that may be closed, full, or a pipe that nobody reads.
+"""Standard output and standard error: they may be closed, full, a pipe that nobody reads, or read by systemd's journal.
 
 A gateway whose output fails goes on, because a mount depends on it. If a standard stream was closed before the program
-began, its descriptor is taken at once; otherwise the first socket would get it.
+began, its descriptor is taken at once; otherwise the first socket would get it. The journal has a clock of its own and
+reads a level at a line's start: it is known by ``JOURNAL_STREAM`` (systemd.exec(5)), the device and inode of the stream
+it reads, and the level is sd-daemon(3)'s ``<N>``. Anywhere else a line is for people and looks as always.
 """
 
 from __future__ import annotations
@@ -10,11 +12,14 @@ import contextlib
 import errno
 import io
 import os
+import re
 import sys
 from typing import TextIO
 
-from gateway.system import journal
-
+#: Syslog's levels, as far as they are used.
+ERROR, WARNING, NOTICE, INFO = 3, 4, 5, 6
+#: All but a tab and a line's end.
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 #: What a stream that cannot be written to says.
 WRITING = (errno.ENOSPC, errno.EPIPE, errno.EBADF, errno.EIO, errno.EFBIG)
 
@@ -41,7 +46,7 @@ def say(text: str) -> None:
         warn(
             f"stdout cannot be written to ({reason(error)}): where programs can connect is not told there; "
             "mount-gateway serves all the same",
-            journal.WARNING,
+            WARNING,
         )
 
 
@@ -53,7 +58,7 @@ def tolerate() -> None:
 
 def warn(text: str, level: int) -> None:
     """A line on stderr, where there still is one, with who says it."""
-    tell(journal.message(text, level, sys.stderr))
+    tell(message(text, level, sys.stderr))
 
 
 def tell(line: str) -> None:
@@ -62,6 +67,29 @@ def tell(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
     except (OSError, ValueError):
         give_up(sys.stderr)
+
+
+def in_journal(stream: TextIO) -> bool:
+    """Whether the journal reads this stream, and not a file or a terminal that it was led to."""
+    try:
+        found = os.fstat(stream.fileno())
+    except (OSError, ValueError):  # no file behind it, or a closed one
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+
+
+def level(number: int, stream: TextIO) -> str:
+    """What a line of this level begins with on a stream: ``<4>`` where the journal reads it, else nothing."""
+    return f"<{number}>" if in_journal(stream) else ""
+
+
+def message(text: str, number: int, stream: TextIO) -> str:
+    """A line by the program itself, who says so where the journal does not.
+
+    What it tells of may come from a file or a command line: it cannot rewrite the terminal.
+    """
+    text = _CONTROL.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
+    return f"<{number}>{text}" if in_journal(stream) else f"mount-gateway: {text}"
 
 
 def of_writing(error: OSError) -> bool:

@@ -19,7 +19,7 @@ from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
 from gateway.mount.policy import Limits
-from gateway.mount.safety.rules.sync_sum import check_sync
+from gateway.mount.safety.sync_sum import check_sync
 from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.surface import Session

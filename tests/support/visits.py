@@ -19,7 +19,7 @@ from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
 from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import MISSING
-from gateway.mount.safety.rules.dead_man import HostActivity, Presence
+from gateway.mount.safety.dead_man import HostActivity, Presence
 from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 

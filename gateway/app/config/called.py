@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 
-from gateway.core.spelling import alike
+from gateway.core.errors import alike
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 

@@ -16,8 +16,7 @@ import msgspec
 
 from gateway.app.config.called import named, suggestion
 from gateway.astro.offline import go_offline
-from gateway.core.errors import UserError
-from gateway.core.spelling import alike
+from gateway.core.errors import UserError, alike
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams
 

@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from gateway.core.operations import Values
-from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.mount.safety.sync_sum import SyncSum
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
 from gateway.system.files import flush_folder
 

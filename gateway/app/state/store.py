@@ -30,7 +30,7 @@ from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file
 from gateway.core.operations import Place, Values
 from gateway.mount.controller import MountController
-from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.mount.safety.sync_sum import SyncSum
 from gateway.protocols.base.session import MountSettings, Shared
 from gateway.system.files import directory, write_whole
 from gateway.system.locks import PidLock, Taken

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from gateway.astro.catalog import deepsky, stars
 from gateway.astro.catalog.objects import Entry, NotInstalled
-from gateway.core.spelling import alike
+from gateway.core.errors import alike
 from gateway.core.tables import read_table
 
 _TABLE = read_table("stars.toml")

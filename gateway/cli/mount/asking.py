@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.core.errors import UserError
-from gateway.system import journal, streams
+from gateway.system import streams
 
 _T = TypeVar("_T")
 #: Seconds within which a gateway has carried out whatever takes no time of its own.
@@ -71,16 +71,16 @@ def nobody(arguments: argparse.Namespace) -> None:
 
     others = found(arguments, all_of_them=True) if arguments.mount else []
     if others:
-        streams.warn(f"no gateway runs here for {arguments.mount}; write {_flags(others)}", journal.ERROR)
+        streams.warn(f"no gateway runs here for {arguments.mount}; write {_flags(others)}", streams.ERROR)
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
-    streams.warn(NOBODY.format(which=which), journal.ERROR)
+    streams.warn(NOBODY.format(which=which), streams.ERROR)
     for process in unseen(scope_of(arguments.state)):
         whose = user_name(process.user)
         streams.warn(
             f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or "
             "as root; if that is you, it is of an older version",
-            journal.ERROR,
+            streams.ERROR,
         )
 
 
@@ -101,7 +101,7 @@ def told(answer: str) -> int:
     how, _, words = answer.partition(" ")
     plain = "".join(letter if letter.isprintable() else "?" for letter in words)
     if how == "failed":
-        streams.warn(plain, journal.ERROR)
+        streams.warn(plain, streams.ERROR)
         return 1
     streams.tolerate()
     streams.say(plain)

@@ -17,7 +17,7 @@ from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.status import OLD, Rate, State, does, status, where
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.asking import add_which, carried_out, found, nobody, over, told, unless, wished
-from gateway.system import journal, streams
+from gateway.system import streams
 
 EXAMPLES = """\
 Examples:
@@ -65,7 +65,7 @@ async def _tell_once(arguments: argparse.Namespace) -> int:
     states = [answer for answer in answers if isinstance(answer, State)]
     for door, answer in zip(doors, answers, strict=True):
         if isinstance(answer, str):
-            streams.warn(f"{door.name or door.mount}: {answer.removeprefix('failed ')}", journal.ERROR)
+            streams.warn(f"{door.name or door.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
     streams.tolerate()
     if arguments.json:
         streams.say(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())

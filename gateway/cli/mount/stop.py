@@ -15,7 +15,7 @@ from typing import TextIO
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.asking import add_which
 from gateway.core.errors import UserError
-from gateway.system import journal
+from gateway.system import streams
 
 EXAMPLES = """\
 Examples:
@@ -69,8 +69,8 @@ def _stop(arguments: argparse.Namespace) -> int:
     if not (good or bad):
         only = f" for {arguments.mount}" if arguments.mount else ""
         good.append(NOTHING[word].format(only=only))
-    _say(good, sys.stdout, journal.INFO)
-    _say(bad, sys.stderr, journal.ERROR)
+    _say(good, sys.stdout, streams.INFO)
+    _say(bad, sys.stderr, streams.ERROR)
     return 1 if bad else 0
 
 
@@ -113,4 +113,4 @@ def _on_disk(folder: Path, word: str) -> tuple[str, str]:
 def _say(lines: list[str], stream: TextIO, level: int) -> None:
     for line in lines:
         plain = "".join(letter if letter.isprintable() else "?" for letter in line)
-        print(f"{journal.level(level, stream)}{plain}", file=stream)
+        print(f"{streams.level(level, stream)}{plain}", file=stream)

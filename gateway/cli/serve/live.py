@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.status import Rate, StatusLine, status
 from gateway.diagnostics.log.as_json import warning
-from gateway.system import journal, streams
+from gateway.system import streams
 from gateway.system.systemd import notify, wanted, watchdog
 
 if TYPE_CHECKING:
@@ -79,9 +79,9 @@ class Screen:
         """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
         self.clear()
         if self._as_json:
-            streams.tell(f"{journal.level(journal.WARNING, sys.stderr)}{warning(time.time(), text)}")
+            streams.tell(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
         else:
-            streams.warn(text, journal.WARNING)
+            streams.warn(text, streams.WARNING)
 
 
 def find_terminal() -> TextIO | None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
-from gateway.system import journal, streams
+from gateway.system import streams
 from gateway.system.own_commands import in_one_file, own_words
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _service(arguments: argparse.Namespace) -> int:
         streams.warn(
             f"only programs on this computer will reach this gateway, no phone: {path} has no surface at "
             "tcp://0.0.0.0:4030",
-            journal.INFO,
+            streams.INFO,
         )
     return 0
 

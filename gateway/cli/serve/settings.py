@@ -19,7 +19,7 @@ from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
 from gateway.app.config.keys import OFF
 from gateway.core.errors import UserError
-from gateway.system import journal, streams
+from gateway.system import streams
 
 #: The flags of ``--help`` by what they are about; a key that is in none of them is about the mount.
 GROUPS = {
@@ -170,7 +170,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     _put_flags(arguments, tables, source)
     config = make_config(tables, source)
     if path is HERE:
-        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", journal.INFO)
+        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", streams.INFO)
     return config, source
 
 

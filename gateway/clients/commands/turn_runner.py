@@ -19,7 +19,7 @@ from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
-from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.mount.safety.dead_man import HostActivity
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed

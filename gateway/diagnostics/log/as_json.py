@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.core.wire_log import Entry, show
-from gateway.system import journal
+from gateway.system import streams
 
 if TYPE_CHECKING:
     from gateway.diagnostics.log.layout import Row
@@ -80,7 +80,7 @@ def _line(
 
 def json_printer(rows: Rows, stream: TextIO, mount: str) -> Callable[[Entry], None]:
     """A sink that writes such lines to a stream."""
-    notice, info = (journal.level(number, stream) for number in (journal.NOTICE, journal.INFO))
+    notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
 
     def put(entry: Entry) -> None:
         for row in rows.take(entry):

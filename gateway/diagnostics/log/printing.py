@@ -11,7 +11,7 @@ from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.log.folding import Folding, Told
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
 from gateway.protocols.registry import ANY, guess
-from gateway.system import journal
+from gateway.system import streams
 
 #: What a person need not see: bytes shown as commands, the controller's own decisions, a lost port that has a note
 #: besides.
@@ -95,7 +95,7 @@ def _plain(text: str) -> str:
 
 def printer(rows: Rows, stream: TextIO, night: bool = False) -> Callable[[Entry], None]:
     """A sink that writes to a stream; in systemd's journal a note has a higher level than what was said."""
-    notice, info = (journal.level(number, stream) for number in (journal.NOTICE, journal.INFO))
+    notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
     colours, columns = colours_of(stream, night), columns_of(stream)
 
     def put(entry: Entry) -> None:

@@ -12,8 +12,8 @@ from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reckoning import Inside
-from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
-from gateway.mount.safety.rules.sun import SunAvoidance
+from gateway.mount.safety.allow import can_be_told, past_meridian
+from gateway.mount.safety.sun import SunAvoidance
 from gateway.mount.site.astrometry import SiteAstrometry
 
 

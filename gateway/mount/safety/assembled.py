@@ -8,13 +8,13 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.wanted import Movement
 from gateway.mount.policy import Hold
-from gateway.mount.readings.cache import RENEW, ReadingsCache
+from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.sun import SunAvoidance
-from gateway.mount.safety.rules.sync_sum import SyncTotal
+from gateway.mount.safety.sun import SunAvoidance
+from gateway.mount.safety.sync_sum import SyncTotal
+from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings_sync import SyncSettings
@@ -46,15 +46,12 @@ class Safety:
             movement.now,
             context,
             lambda: link.typical,
-            RENEW[op.Position],
             lambda: sync.sets_sky,
         )
         self.hold, self.synced = Hold(), SyncTotal()
         self.ends = EndWatch(context.now, context.note)
         self.watch = LimitWatch(self.inputs, reader, self.ends, self.synced)
-        self.admission = Admission(
-            self.inputs, reader, self.watch, sources, self.synced, self.hold, context.milestones.settled
-        )
+        self.admission = Admission(self.inputs, reader, self.watch, sources, self.synced, self.hold)
         reader.goto_over.connect(self.watch.arrived)
         reader.position.connect(self.watch.look)
         reader.axes.connect(self.watch.look_at_altitude)

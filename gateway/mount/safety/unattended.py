@@ -17,7 +17,7 @@ from gateway.mount.context import Context
 from gateway.mount.motion.wanted import ByHand, Wanted, WantedState
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.rules.dead_man import EVERY, TRACKING, Presence, Supervised, missing
+from gateway.mount.safety.dead_man import EVERY, TRACKING, Presence, Supervised, missing
 from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
 
 

@@ -17,14 +17,12 @@ from gateway.mount.motion import seen as fold
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.allow import allow, first_stretch
-from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.altitude import AltitudeAxis
-from gateway.mount.safety.rules.positions import MeantSky, StallWatch, blind
-from gateway.mount.safety.rules.sun import farthest
-from gateway.mount.safety.rules.sync_sum import SyncTotal
+from gateway.mount.safety.allow import allow, farthest, first_stretch
+from gateway.mount.safety.altitude_axis import AltitudeAxis
+from gateway.mount.safety.positions import MeantSky, StallWatch, blind
 from gateway.mount.safety.stop_timing import SHORTEST, StopDeadline
-from gateway.mount.safety.view import RESTLESS, Verdict, View
+from gateway.mount.safety.sync_sum import SyncTotal
+from gateway.mount.safety.view import RESTLESS, MountInputs, Verdict, View
 
 #: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
 ANEW = 3.0

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
-from gateway.mount.safety.rules.altitude import corrected, told
+from gateway.mount.safety.altitude_axis import corrected, told
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import sampled

@@ -10,7 +10,7 @@ import pytest
 from gateway.cli import main
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.printing import Rows, printer
-from gateway.system import journal
+from gateway.system import streams
 
 ASKED = Entry(1768514400.0, "mount", ">", b"V")
 NOTED = Entry(1768514400.5, "mount", "!", b"", "the mount does not answer")
@@ -42,10 +42,10 @@ def test_a_message_names_the_program_only_where_the_journal_does_not(
 ) -> None:
     path = tmp_path / "stream"
     with path.open("w") as stream:
-        assert journal.message("no such port", journal.WARNING, stream) == "mount-gateway: no such port"
+        assert streams.message("no such port", streams.WARNING, stream) == "mount-gateway: no such port"
         led_to(path, monkeypatch)
-        assert journal.message("no such port", journal.WARNING, stream) == "<4>no such port"
+        assert streams.message("no such port", streams.WARNING, stream) == "<4>no such port"
         monkeypatch.setattr("sys.stderr", stream)
         assert main(["run"]) == 2
-    assert not journal.in_journal(stream)  # a closed one
+    assert not streams.in_journal(stream)  # a closed one
     assert path.read_text().startswith("<3>command line: which mount?")

@@ -19,10 +19,9 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NearSun, PastMeridian
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.altitude import leaving
-from gateway.mount.safety.rules.meridian import can_be_told, past_meridian
+from gateway.mount.safety.allow import can_be_told, leaving, past_meridian
 from gateway.mount.safety.stop_timing import SHORTEST
+from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 
 #: Degrees of an axis between the places of a way that are looked at.
@@ -77,7 +76,7 @@ def check_turns(mount: MountInputs, limits: Limits, start: Start, turns: dict[in
 
 def _check_step(mount: MountInputs, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial) -> None:
     before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
-    if leaving(limits, before, after, 0.0):
+    if leaving(limits, before, after):
         limits.check_altitude(after)
     for now, then in zip(mount.suns.distances(seen), mount.suns.distances(soon), strict=True):
         if then < mount.suns.limit and then < now:
@@ -134,7 +133,7 @@ class HandAdmission:
         soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * A_WHILE)  # where it stands over the ground in a while
         before, after = astrometry.horizon(seen).alt + start.tilt, astrometry.horizon(soon).alt + start.tilt
         try:
-            if leaving(limits, before, after, 0.0):
+            if leaving(limits, before, after):
                 limits.check_altitude(before)
             if (
                 limits.hour_angle is not None

@@ -21,9 +21,9 @@ from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, over
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.slew_paths import clear
-from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.meridian import check_hour_angle, check_shaft
-from gateway.mount.safety.rules.sync_sum import SyncTotal, check_sum, check_sync
+from gateway.mount.safety.allow import check_hour_angle, check_shaft
+from gateway.mount.safety.sync_sum import SyncTotal, check_sum, check_sync
+from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.site_clock import BestSources
 
@@ -37,17 +37,10 @@ class Admission:
     """``admit`` is asked for every motion, in its turn; ``synced`` tells how far syncs have moved the sky so far."""
 
     def __init__(
-        self,
-        mount: MountInputs,
-        ask: Reader,
-        watch: LimitWatch,
-        sources: BestSources,
-        synced: SyncTotal,
-        hold: Hold,
-        settled: asyncio.Event,
+        self, mount: MountInputs, ask: Reader, watch: LimitWatch, sources: BestSources, synced: SyncTotal, hold: Hold
     ) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
-        self._sources, self._synced, self._hold, self._settled = sources, synced, hold, settled
+        self._sources, self._synced, self._hold = sources, synced, hold
         self._by_hand = HandAdmission(mount, ask, watch)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
@@ -55,7 +48,7 @@ class Admission:
         if isinstance(operation, GOTOS):
             with contextlib.suppress(TimeoutError):  # where and when the mount is, it tells right after who it is
                 async with asyncio.timeout(TELLS_ITS_SITE):
-                    await self._settled.wait()
+                    await self._mount.context.milestones.settled.wait()
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:

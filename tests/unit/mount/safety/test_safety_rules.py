@@ -10,11 +10,8 @@ from gateway.mount.motion.seen import PositionSample, Seen, begin, first, see
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.motions import needs_alignment
-from gateway.mount.safety.allow import allow, first_stretch
-from gateway.mount.safety.rules.altitude import altitude
-from gateway.mount.safety.rules.meridian import meridian
-from gateway.mount.safety.rules.positions import blind
-from gateway.mount.safety.rules.sun import farthest, near_sun
+from gateway.mount.safety.allow import allow, altitude, farthest, first_stretch, meridian, near_sun
+from gateway.mount.safety.positions import blind
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.view import View
 from tests.support.each import each

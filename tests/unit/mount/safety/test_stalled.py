@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.mount.motion.ends import Sample
-from gateway.mount.safety.rules.positions import StallWatch
+from gateway.mount.safety.positions import StallWatch
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run

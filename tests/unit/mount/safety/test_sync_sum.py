@@ -10,7 +10,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import SyncTooFar
-from gateway.mount.safety.rules.sync_sum import SyncSum, check_sum
+from gateway.mount.safety.sync_sum import SyncSum, check_sum
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 

@@ -1,6 +1,5 @@
-"""Neither below the lowest nor above the highest altitude: the limits of targets, of motion, and of tracking.
+"""An axis that tells the altitude decides alone: an alt-az NexStar tells where its axes stand, whatever it believes.
 
-An axis that tells the altitude decides alone: an alt-az NexStar tells where its axes stand, whatever it believes.
 Syncs, a wrong alignment, a wrong site or clock move what right ascension and declination mean, never the tube. So what
 is reckoned from them is corrected by what the axis tells, where the two differ by more than an alignment explains.
 """
@@ -11,13 +10,9 @@ from math import asin, degrees, radians, sin
 
 from gateway.core import operations as op
 from gateway.mount.motion.seen import Seen
-from gateway.mount.policy import Limits
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.view import ALLOWED, Verdict, View
+from gateway.mount.safety.view import MountInputs
 
-#: A goto that ends at a limit may overshoot by so much.
-OVERSHOOT = 0.05
 #: Degrees by which an alignment, cone error and refraction may let an axis differ from the altitude that is reckoned.
 MATTERS = 1.0
 #: By how many seconds of its motion the two may seem to differ: they are told one after the other, and motors ramp.
@@ -26,33 +21,6 @@ APART = 0.3
 IN_MOTION, AT_REST = 1.0, 5.0
 #: How old the word of the mount may be that it is an alt-az one, when its altitude axis contradicts what is reckoned.
 STATUS_AGE = 2.0
-
-
-def leaving(limits: Limits, before: float, now: float, margin: float) -> bool:
-    """Whether an altitude is outside the limits, or will be within ``margin`` degrees, and is getting worse.
-
-    There is nothing below -90 and above 90: those limits are none.
-    """
-    sinking = limits.lowest > -90.0 and now < limits.lowest + margin and now < before
-    rising = limits.highest < 90.0 and now > limits.highest - margin and now > before
-    return sinking or rising
-
-
-def altitude(view: View) -> Verdict:
-    """What leads beyond an altitude limit ends before it."""
-    before, last, changes = view.seen.before, view.seen.last, view.seen.changes
-    if before is None or last is None or changes is None or before.altitude is None or last.altitude is None:
-        return ALLOWED
-    limits, earlier = view.limits, view.seen.earlier
-    rate = view.ahead(changes.altitude, None if earlier is None else earlier.altitude)
-    margin = view.margin(rate) - OVERSHOOT * view.going
-    if leaving(limits, before.altitude, last.altitude, margin):
-        return Verdict(f"the altitude limit ({last.altitude:.1f} degrees)")
-    if last.altitude < before.altitude and limits.lowest > -90.0:
-        return view.until(last.altitude - limits.lowest, rate, "the altitude limit")
-    if last.altitude > before.altitude and limits.highest < 90.0:
-        return view.until(limits.highest - last.altitude, rate, "the altitude limit")
-    return ALLOWED
 
 
 def told(reading: float) -> float:

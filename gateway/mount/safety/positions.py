@@ -16,7 +16,7 @@ from gateway.core.signals import Signal
 from gateway.mount.motion.ends import Sample
 from gateway.mount.motion.seen import NEVER
 from gateway.mount.motion.wanted import Moving
-from gateway.mount.safety.inputs import MountInputs
+from gateway.mount.safety.view import MountInputs
 
 #: How old the last position may be when the next one is not told, seconds; and from one stop for that to the next.
 BLIND = 1.0

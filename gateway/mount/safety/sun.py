@@ -1,4 +1,4 @@
-"""Where the Sun is that must not come into the tube, and the rule that keeps the tube away from it.
+"""Where the Sun is that must not come into the tube.
 
 It counts while it is up. When the mount's date and this computer's differ by more than a day nobody knows which one is
 right, so both Suns count; while nobody has told a date, this computer's does, and the log says so, loudly.
@@ -10,7 +10,6 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.mount.context import Context
-from gateway.mount.safety.view import ALLOWED, Verdict, View
 from gateway.mount.site.site_clock import COMPUTER, BestSources
 
 DAY = 86400.0
@@ -18,8 +17,6 @@ DAY = 86400.0
 KEPT = 60.0
 #: Altitude of a Sun that may still shine into a tube: refraction, the disk, and a horizon that lies lower than the eye.
 SUN_IS_UP = -1.0
-#: So much nearer to the Sun is no jitter, degrees.
-NEARER = 0.05
 
 
 class SunAvoidance:
@@ -61,37 +58,3 @@ class SunAvoidance:
     def distances(self, seen: op.Equatorial) -> list[float]:
         """How far a place is from every Sun that counts, degrees."""
         return [separation(seen.ra, seen.dec, sun.ra, sun.dec) for sun in self.up()]
-
-
-def near_sun(view: View) -> Verdict:
-    """Nearer than the limit, and nearer than it was farthest since: a slow approach counts like a fast one."""
-    before, last, soonest = view.seen.before, view.seen.last, ALLOWED
-    if before is None or last is None:
-        return ALLOWED
-    for number, (then, now) in enumerate(zip(before.suns, last.suns, strict=True)):
-        rate = _rate(view, number)
-        if now >= view.sun + view.margin(rate):
-            soon = view.until(now - view.sun, rate, "the Sun") if now < then else ALLOWED
-            if soon.within is not None and (soonest.within is None or soon.within < soonest.within):
-                soonest = soon
-        elif now < view.seen.farthest[number] - NEARER:
-            return Verdict(f"the Sun ({now:.0f} degrees from it)")
-    return soonest
-
-
-def farthest(view: View) -> tuple[float, ...]:
-    """From how far the tube has come towards each Sun since it came near; far from it, where it is now."""
-    if view.seen.last is None:
-        return ()
-    return tuple(
-        now if now >= view.sun + view.margin(_rate(view, number)) or now < before - NEARER else max(now, before)
-        for number, (now, before) in enumerate(zip(view.seen.last.suns, view.seen.farthest, strict=True))
-    )
-
-
-def _rate(view: View, number: int) -> float:
-    """How fast it may come nearer to one of the Suns, degrees a second."""
-    changes, earlier = view.seen.changes, view.seen.earlier
-    assert changes is not None
-    comparable = earlier is not None and len(earlier.suns) == len(changes.suns)
-    return view.ahead(changes.suns[number], earlier.suns[number] if comparable and earlier is not None else None)

@@ -1,1 +1,0 @@
-"""One rule a file: what it is given, and what it says."""
