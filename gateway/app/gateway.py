@@ -23,13 +23,13 @@ from gateway.app.bindings import (
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import settled
-from gateway.app.control import Control
 from gateway.app.control.orders import orders
+from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.mount_claim import MountClaim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
-from gateway.app.watchdog import Watchdog, WatchedMount
+from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import SurfaceBinding

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
-    from gateway.app.watchdog import Watchdog
+    from gateway.app.watchdog.client import Watchdog
 
 #: How long a stop may take before the process is suspended.
 SUSPEND = 4.0
@@ -54,8 +54,7 @@ def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], r
 
 def start_watchdog(config: Config) -> Watchdog | None:
     """The process that stops the mounts when this one cannot; None where it is not wanted, needed or possible."""
-    from gateway.app.watchdog import Watchdog
-    from gateway.app.watchdog.client import available
+    from gateway.app.watchdog.client import Watchdog, available
 
     real = any(parse_endpoint(mount.at).where != "sim" for mount in config.mount)
     return Watchdog() if config.watchdog and real and available() else None
