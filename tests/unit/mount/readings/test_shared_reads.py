@@ -1,4 +1,4 @@
-"""A read that many wait for belongs to all of them; and none waits for ever because another always comes just before."""
+"""A read that many wait for belongs to all of them; and none waits for ever because another comes just before it."""
 
 from __future__ import annotations
 
