@@ -10,7 +10,7 @@ import msgspec
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.app.config.tables import ConsoleConfig
-from gateway.app.watchdog import WatchedMount
+from gateway.app.watchdog.client import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, LateAcceptor
 from gateway.clients.access import Access, Networks, networks

@@ -23,13 +23,13 @@ from gateway.app.bindings import (
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import settled
-from gateway.app.control import Control
 from gateway.app.control.orders import orders
+from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.mount_claim import MountClaim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
-from gateway.app.watchdog import Watchdog, WatchedMount
+from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import SurfaceBinding
@@ -83,7 +83,7 @@ class Gateway:
         #: What speaks HTTP where every protocol is spoken.
         self.web = Web()
         self.fitted = asyncio.Event()
-        self.controller: MountController | None = None
+        self._controller: MountController | None = None
         #: What an earlier run has kept, and the files it is kept in; a replay has none.
         self.past = PreviousRun(SavedState(FORMAT))
         self.keeping: StateStore | None = None
@@ -117,7 +117,7 @@ class Gateway:
             reception.located(port.where)  # with the number of the port that was taken
             if words := exposure(port.where, surface):
                 self.warn(words)
-        if self.controller is not None and self.controller.hold.on:
+        if self.controller.hold.on:
             self.entrance.tell("h", lambda: None)
         await self.entrance.begin(self.begin)
         await self._admit()
@@ -128,18 +128,14 @@ class Gateway:
             return
 
         def commands() -> list[bytes]:
-            assert self.controller is not None
             wire = self.controller.line.wire.name
             return [
                 on_the_wire(wire, command)
                 for command in stop_commands(self.controller.driver, self.controller.line.dialogue)
             ]
 
-        def busy() -> bool:
-            return self.controller is not None and self.controller.reconciler.busy
-
         lock = self.keeping.lock_path if self.keeping is not None else None
-        self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
+        self.watched = self.watchdog.mount(self.title, lock, commands, lambda: self.busy, self._was_stopped)
 
     def _was_stopped(self) -> None:
         """The watchdog process has stopped the mount while this one did not run: go on from what is seen."""
@@ -151,7 +147,6 @@ class Gateway:
 
     def was_stopped(self) -> None:
         """Another process has stopped the mount."""
-        assert self.controller is not None
         self.controller.line.distrust()
         self.controller.begin_stop()
 
@@ -164,7 +159,7 @@ class Gateway:
         shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
-        self.controller = MountController(
+        self._controller = MountController(
             driver, follow_ups, make_line(dialogue, self.wire_log), self.sky, site_clock, self.wire_log, policy(config)
         )
         if self.keeping is None:
@@ -182,19 +177,17 @@ class Gateway:
 
     def _show_itself(self, faces: list[SurfaceBinding]) -> None:
         """The mount has said what it is, for the first time or anew."""
-        assert self.controller is not None
         for face in faces:
             own_face(self.controller, face)
 
     def begin(self, refresh: bool = True) -> None:
         """Open the line and find out what is on it; ``refresh``: keep what clients ask for fresh."""
-        assert self.controller is not None
         self.controller.start(refresh)
         self.controller.spawn(self._fit())
 
     async def _admit(self) -> None:
         """Let ``mount-gateway stop`` and its like in."""
-        assert self.controller is not None and self.keeping is not None
+        assert self.keeping is not None
         where = [self.keeping.directory, *folders()[0]]
         self.control = Control(
             where,
@@ -214,7 +207,6 @@ class Gateway:
 
     async def _fit(self) -> None:
         """Present what fits the mount, where the user named no model."""
-        assert self.controller is not None
         await self.controller.identified.wait()
         while True:
             try:
@@ -232,7 +224,6 @@ class Gateway:
         """Where wishes from the command line are taken: made when the first one comes, not at the start."""
         from gateway.app.control.requests import Desk
 
-        assert self.controller is not None
         return Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
 
     def programs(self) -> list[str]:
@@ -257,13 +248,28 @@ class Gateway:
         }
 
     @property
+    def prepared(self) -> bool:
+        """Whether it has been put together."""
+        return self._controller is not None
+
+    @property
+    def controller(self) -> MountController:
+        """What looks after the mount, from ``prepare`` on."""
+        assert self._controller is not None
+        return self._controller
+
+    @property
+    def busy(self) -> bool:
+        """Whether the mount moves or is about to, as far as this gateway has to do with it."""
+        return self.prepared and self.controller.reconciler.busy
+
+    @property
     def title(self) -> str:
         """What messages call the mount."""
         return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
 
     async def found(self, seconds: float) -> bool:
         """Wait until the mount has said who it is -> whether it did in time."""
-        assert self.controller is not None
         try:
             async with asyncio.timeout(seconds):
                 await self.fitted.wait()
@@ -277,7 +283,7 @@ class Gateway:
             while self.ports:
                 await self.ports.pop().close()
         finally:  # whatever went wrong there, the mount is stopped
-            if self.controller is not None:
+            if self.prepared:
                 await self.entrance.end(self.controller.close)
             if self.keeping is not None:
                 await self.keeping.close()

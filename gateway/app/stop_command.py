@@ -105,7 +105,7 @@ async def _rescue(mark: MarkerContent, where: Path) -> str:
         await gateway.open()
     except UserError as error:
         return f"failed {error}"
-    assert gateway.controller is not None and gateway.keeping is not None
+    assert gateway.keeping is not None
     wanted, line = gateway.controller.wanted, gateway.controller.line
     try:
         if not gateway.keeping.held:

@@ -20,7 +20,7 @@ _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released
 
 async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
     """``stop``, ``hold`` or ``release``, as ``mount-gateway stop`` gives them -> whether it was done, and words."""
-    assert gateway.controller is not None and gateway.keeping is not None
+    assert gateway.keeping is not None
     answer = await orders(gateway.controller, gateway.keeping, gateway.entrance)[word]()
     return (True, _WORD[answer]) if answer in _WORD else (False, answer.removeprefix("failed "))
 

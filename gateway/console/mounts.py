@@ -82,7 +82,7 @@ def _called(gateway: Gateway) -> str:
     """The mount as ``explain`` wants it: with the model and version that it has told."""
     at = gateway.mount
     model, version = at.model, at.version
-    identity: Identity | None = gateway.controller.cache.value(GetIdentity) if gateway.controller else None
+    identity: Identity | None = gateway.controller.cache.value(GetIdentity)
     if identity is not None and identity.model in load(at.protocol).models:
         model, version = model or identity.model, version or identity.version
     return at.protocol + (f":{model}" if model else "") + (f"/{version}" if model and version else "")

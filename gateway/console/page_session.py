@@ -160,7 +160,6 @@ class PageSession:
             return
         jogging = self._jogging[request.mount]
         controller = gateway.controller
-        assert controller is not None
         match request:
             case requests.Talk():
                 self._listen(request.on)

@@ -111,7 +111,7 @@ class Metrics:
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
         there = find_spec("prometheus_client") is not None
-        self._mounts = [(one, Counts(one.controller)) for one in gateways if one.controller is not None and there]
+        self._mounts = [(one, Counts(one.controller)) for one in gateways if there]
         self._registry: Any = None
 
     async def text(self) -> bytes | None:
@@ -168,4 +168,4 @@ def _called(gateway: Gateway) -> str:
 
 
 def _answers(gateway: Gateway) -> bool:
-    return gateway.controller is not None and gateway.controller.line.state in ("up", "busy")
+    return gateway.controller.line.state in ("up", "busy")

@@ -15,11 +15,10 @@ from gateway.app.config.checks import EVERY
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet.client import Access, Connect
-from gateway.fleet.home_assistant import discovery
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.orders import WHO, Orders
 from gateway.fleet.presence import Presence
-from gateway.fleet.told import Events, state
+from gateway.fleet.told import Events, discovery, state
 from gateway.fleet.topics import UNNAMED, Heard, Message, Topics, own_id
 
 #: Seconds from one look at a mount to the next.

@@ -1,15 +1,16 @@
-"""What the broker is told of a mount: how it is, and what happens on it.
+"""What the broker is told of a mount: how it is, what happens on it, and what Home Assistant needs to take it up.
 
 The state is made of what is known without asking the mount. Angles are told as finely as somebody who looks can use, so
 that a mount that stands is told once and not every second. Events are taken from the wire log. A program that
 reconnects for every command must not fill the broker: what is more than a few a second is counted, and told as a
-number.
+number. For Home Assistant (2024.11 and later) a mount is a device with readings and buttons: one retained message.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -17,18 +18,37 @@ from gateway.app.control.gather import look
 from gateway.app.gateway import Gateway
 from gateway.app.status import does
 from gateway.core import operations as op
+from gateway.core.about import VERSION
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, show
+from gateway.fleet.topics import Message, Topics
 
 #: Arrows of the wire log that are told, and what they are called.
 KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
 #: Events at once, and in a second after that; characters of one.
 BURST, RATE, LONGEST = 20.0, 5.0, 500
+#: Key of the state -> name, unit, decimals that are shown.
+NUMBERS = {
+    "ra_hours": ("Right ascension", "h", 4),
+    "dec_degrees": ("Declination", "°", 3),
+    "altitude_degrees": ("Altitude", "°", 2),
+    "azimuth_degrees": ("Azimuth", "°", 2),
+    "programs": ("Programs", None, 0),
+}
+#: Key of the state -> name, class.
+FLAGS = {
+    "online": ("Mount answers", "connectivity"),
+    "moving": ("Moving", "moving"),
+    "tracking": ("Tracking", None),
+    "aligned": ("Aligned", None),
+}
+#: Order -> name, icon.
+BUTTONS = {"stop": ("Stop", "mdi:stop-circle"), "park": ("Park", "mdi:parking"), "wake": ("Wake", "mdi:weather-night"),
+           "home": ("Home", "mdi:home")}  # fmt: skip
 
 
 def state(gateway: Gateway) -> dict[str, Any]:
     """What is not known is None."""
     controller = gateway.controller
-    assert controller is not None
     seen = look(controller, gateway.config.name or "", str(gateway.mount), len(gateway.programs()))
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     status = seen.status
@@ -50,7 +70,6 @@ def state(gateway: Gateway) -> dict[str, Any]:
 
 
 def _places(gateway: Gateway, seen: op.Equatorial | None) -> dict[str, float | None]:
-    assert gateway.controller is not None
     derived = gateway.controller.astrometry
     over = None if seen is None or derived.site_clock.site() is None else derived.horizon(seen)
     return {
@@ -95,3 +114,51 @@ class Events:
         time = datetime.fromtimestamp(now, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
         told = {"time": time, "kind": kind, "who": show(who.encode()), "words": words[:LONGEST]}
         self._publish(json.dumps(told).encode())
+
+
+def discovery(
+    prefix: str, topics: Topics, mount: str, state: Mapping[str, Any], orders: Collection[str]
+) -> Message:  # fmt: skip
+    """The message that tells of a mount; ``orders`` are those that the broker may give."""
+    device = re.sub(r"[^A-Za-z0-9_-]", "_", f"{topics.prefix}_{topics.id}_{mount}")
+    told: dict[str, Any] = {
+        "device": {
+            "identifiers": [device],
+            "name": mount if mount != "mount" else f"Mount of {topics.id}",
+            "manufacturer": state["product"],
+            "model": state["model"],
+            "sw_version": state["version"],
+        },
+        "origin": {"name": "mount-gateway", "sw_version": VERSION},
+        "availability_topic": topics.availability,
+        "state_topic": topics.of(mount, "state"),
+        "components": {
+            key: {**part, "unique_id": f"{device}_{key}"}
+            for key, part in (*_readings(), *_buttons(topics.of(mount, "command"), orders))
+        },
+    }
+    told["device"] = {key: value for key, value in told["device"].items() if value is not None}
+    return Message(f"{prefix}/device/{device}/config", json.dumps(told).encode(), retain=True, newest=True)
+
+
+def _readings() -> list[tuple[str, dict[str, Any]]]:
+    found: list[tuple[str, dict[str, Any]]] = [
+        ("does", {"platform": "sensor", "name": "Does", "value_template": "{{ value_json.does }}"})
+    ]
+    for key, (name, unit, decimals) in NUMBERS.items():
+        number = {"platform": "sensor", "name": name, "value_template": f"{{{{ value_json.{key} }}}}",
+                  "suggested_display_precision": decimals, "unit_of_measurement": unit}  # fmt: skip
+        found.append((key, {word: value for word, value in number.items() if value is not None}))
+    for key, (name, kind) in FLAGS.items():
+        flag = {"platform": "binary_sensor", "name": name, "device_class": kind,
+                "value_template": f"{{{{ 'ON' if value_json.{key} else 'OFF' }}}}"}  # fmt: skip
+        found.append((key, {word: value for word, value in flag.items() if value is not None}))
+    return found
+
+
+def _buttons(topic: str, orders: Collection[str]) -> list[tuple[str, dict[str, Any]]]:
+    return [
+        (order, {"platform": "button", "name": name, "icon": icon, "command_topic": topic, "payload_press": order})
+        for order, (name, icon) in BUTTONS.items()
+        if order == "stop" or order in orders
+    ]

@@ -31,6 +31,23 @@ OnLost = Callable[[str], None]
 TIMEOUT, CHUNK = 0.25, 4096
 
 
+#: Why a port cannot be opened: the system's numbers or a part of pyserial's words -> the number and the words here.
+_REASONS = (
+    ((errno.ENOENT,), "No such file", errno.ENOENT, "no such port"),
+    ((errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK), "lock", errno.EBUSY, "the port is in use by another program"),
+    (
+        (errno.EACCES,),
+        "Permission denied",
+        errno.EACCES,
+        "permission denied; sudo usermod -aG {group} $USER puts you into the group that may use it "
+        "(then log out and in again)",
+    ),
+    ((errno.EISDIR,), "Is a directory", errno.EISDIR, "this is a folder, not a serial port"),
+    ((errno.ENOTTY,), "Inappropriate ioctl", errno.ENOTTY, "this is not a serial port"),
+    ((), "refused", errno.ECONNREFUSED, "nobody listens there (connection refused)"),
+)
+
+
 class Transport(Protocol):
     """A way to the mount."""
 
@@ -176,27 +193,14 @@ def open_port(url: str, baud: int) -> Serial:
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)
-        if number == errno.ENOENT or "No such file" in text:
-            raise OSError(errno.ENOENT, "no such port") from None
-        if number in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK) or "lock" in text:
-            raise OSError(errno.EBUSY, "the port is in use by another program") from None
-        if number == errno.EACCES or "Permission denied" in text:
-            raise OSError(
-                errno.EACCES,
-                f"permission denied; sudo usermod -aG {group_of(url)} $USER puts you into the "
-                "group that may use it (then log out and in again)",
-            ) from None
         if isinstance(error.__context__, socket.gaierror):
             raise OSError(
                 errno.ENOENT,
                 f"no address is known for the name {urlsplit(url).hostname}; write its number, like 192.168.1.50",
             ) from None
-        if number == errno.EISDIR or "Is a directory" in text:
-            raise OSError(errno.EISDIR, "this is a folder, not a serial port") from None
-        if number == errno.ENOTTY or "Inappropriate ioctl" in text:
-            raise OSError(errno.ENOTTY, "this is not a serial port") from None
-        if "refused" in text:
-            raise OSError(errno.ECONNREFUSED, "nobody listens there (connection refused)") from None
+        for numbers, part, reason, words in _REASONS:
+            if number in numbers or part in text:
+                raise OSError(reason, words.format(group=group_of(url))) from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:
             raise OSError(errno.EINVAL, "the port number is missing, for example socket://192.168.1.50:4030") from None
         raise OSError(number or errno.EIO, text.rpartition(": ")[2] or text) from None

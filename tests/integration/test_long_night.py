@@ -10,7 +10,7 @@ from tests.support.virtual import run
 
 @pytest.mark.parametrize("plan", PLANS, ids=[f"{plan.presented} on {plan.mount}" for plan in PLANS])
 def test_what_is_told_is_where_the_mount_points(plan: Plan) -> None:
-    record = run(night(plan, seconds=150.0, goto_every=60.0, seed=1))
+    record = run(night(plan, seconds=100.0, goto_every=40.0, seed=1))
     assert not record.wrong, record.wrong[:5]
     assert record.polls > 100
     assert record.gotos >= 2

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.support.pages import PAGES, ROOT
-from tests.support.process import GATEWAY
+from tests.support.process import Running
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
 _PATH = re.compile(r"`((?:gateway|mappings|tests|docs|examples)/[\w./*-]+)`")
@@ -28,8 +27,7 @@ def test_the_picture_shows_the_layers_as_they_are() -> None:
 
 
 def test_the_walk_is_what_the_program_prints() -> None:
-    command = [*GATEWAY, "explain", "lx200", "nexstar:6-8se", ":MS#"]  # a process that knows nothing of other tests
-    printed = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    printed = Running("explain", "lx200", "nexstar:6-8se", ":MS#").told().stdout  # it knows nothing of other tests
     written = _WALK.search(PAGE)
     assert written is not None
     assert written[1] == printed

@@ -1,7 +1,6 @@
 """The single file is whole: it plays the demo and its console, prints the tables, and its watchdog stops the mount.
 
-It takes minutes to make, and pyinstaller (the extra ``single-file``): played with ``--whole`` alone, which ``.ci/run``
-does.
+It takes minutes to make, and pyinstaller (the extra ``single-file``): played with ``--whole`` alone.
 """
 
 from __future__ import annotations

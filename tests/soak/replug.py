@@ -102,7 +102,6 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
         gateway = Gateway(MountConfig(at=f"nexstar@{link}"), [surface])
         await gateway.open()
         assert await gateway.found(20.0)
-        assert gateway.controller is not None
         line = gateway.controller.line
         host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
         programs = [Program(*await asyncio.open_connection(host, int(port))) for _ in range(3)]

@@ -15,6 +15,7 @@ import importlib
 import json
 import os
 import pkgutil
+import runpy
 import selectors
 import signal
 import socket
@@ -23,6 +24,7 @@ import sys
 import threading
 import time
 import traceback
+import warnings
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -37,7 +39,7 @@ PATIENCE = 20.0
 
 
 class Forked:
-    """A process of the product with these arguments; stdout and stderr are pipes of text.
+    """A process of the product with these arguments, or of a script; stdout and stderr are pipes of text.
 
     Where it ``hangs`` SIGUSR1 blocks it for so many seconds.
     """
@@ -198,12 +200,19 @@ def become(request: dict[str, Any], out: int, err: int) -> None:
 
 
 def live() -> int:
-    """Run the command to its end, but leave what was loaded as it is: taking that apart costs as much as the rest."""
+    """Run the command, or a script, to its end, but leave what was loaded as it is: taking that apart costs as much."""
     from gateway.cli import main
 
     code = 1
     try:
-        code = main()
+        if sys.argv[1:2] and sys.argv[1].endswith(".py"):
+            warnings.simplefilter("error")
+            warnings.simplefilter("ignore", BytesWarning)  # a script may print what it has received
+            del sys.argv[0]
+            runpy.run_path(sys.argv[0], run_name="__main__")
+            code = 0
+        else:
+            code = main()
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except BaseException:

@@ -59,6 +59,16 @@ class Running:
             ALIVE.remove(self)
         return code
 
+    def told(self, number: int | None = None) -> subprocess.CompletedProcess[str]:
+        """What else it says and how it ends: of itself, or by this signal."""
+        if number is not None:
+            self.process.send_signal(number)
+        assert self.process.stdout is not None
+        out = self.process.stdout.read()
+        self.process.wait(PATIENCE)
+        code = self.end()
+        return subprocess.CompletedProcess((), code, out, self.said)
+
     def end_at_once(self) -> None:
         """Whatever it is doing, and whether it has ended already."""
         if self.process.poll() is None:
@@ -73,12 +83,7 @@ def started(*words: str) -> subprocess.Popen[str]:
 
 def told(*arguments: str) -> subprocess.CompletedProcess[str]:
     """What a product process says and how it ends, of one that ends by itself."""
-    one = Running(*arguments)
-    assert one.process.stdout is not None
-    said = one.process.stdout.read()
-    one.process.wait(PATIENCE)
-    code = one.end()
-    return subprocess.CompletedProcess(arguments, code, said, one.said)
+    return Running(*arguments).told()
 
 
 def ask(where: str, data: bytes, until: bytes = b"#") -> bytes:

@@ -36,7 +36,6 @@ class RunningGateway:
     """
 
     def __init__(self, gateway: Gateway) -> None:
-        assert gateway.controller is not None
         self._gateway, self._controller = gateway, gateway.controller
         self._host = self._controller.presence.arrive("the program that embeds the gateway")
 
@@ -112,8 +111,7 @@ async def open_gateway(
     }
     config = make_config(tables, Source("open_gateway"))
     from gateway.app.gateway import Gateway
-    from gateway.app.watchdog import Watchdog
-    from gateway.app.watchdog.client import available
+    from gateway.app.watchdog.client import Watchdog, available
     from gateway.astro.ephemeris.sky import Sky
 
     loop, sky = asyncio.get_running_loop(), Sky()

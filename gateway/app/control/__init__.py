@@ -4,7 +4,3 @@ Each gateway listens for datagrams on a loopback port of its own; datagrams need
 writes the port and a secret into endpoint files that only its user can read, in its state folder and in every runtime
 folder. Requests and answers are text, sealed with the secret, so that nobody else can forge either.
 """
-
-from gateway.app.control.server import Control
-
-__all__ = ["Control"]

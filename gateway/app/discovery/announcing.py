@@ -1,10 +1,15 @@
 """Announcing: programs on the network find the surfaces that listen there, without anybody typing an address.
 
-Both ways are silent unless asked: mDNS (``mdns.py``), and SkyFi's discovery, by which SkySafari finds a mount. It sends
-``skyfi?``, or ``skyfi:NAME?`` when its user has named one, to UDP port 4031 of everybody. The answer is the question
-with ``@`` and an address in the place of the question mark: ``skyfi:NAME@192.168.1.5``. It holds no port: SkySafari
-connects to the one in its settings, 4030 unless it was changed. That an announcement fails is told, and costs nothing
-else.
+SkyFi's discovery, by which SkySafari finds a mount: it sends ``skyfi?``, or ``skyfi:NAME?`` when its user has named
+one, to UDP port 4031 of everybody. The answer is the question with ``@`` and an address in the place of the question
+mark: ``skyfi:NAME@192.168.1.5``. It holds no port: SkySafari connects to the one in its settings.
+
+mDNS (RFC 6762) and DNS-SD (RFC 6763), where the extra ``mdns`` is installed: every offer is a service of a type such
+as ``_lx200._tcp``, and the console is one of ``_http._tcp``, as other web pages are. No registered type means "a mount
+that speaks LX200", so the protocol's own name is the type; the TXT record says which model is presented, on which
+transport, and the name of the mount where there are several.
+
+Both are silent unless asked. That an announcement fails is told, and costs nothing else.
 """
 
 from __future__ import annotations
@@ -12,18 +17,28 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import re
-from collections.abc import Callable, Sequence
-from typing import cast
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, cast
 
-from gateway.app.discovery.mdns import Publisher, publish
+from msgspec.structs import replace
+
 from gateway.app.discovery.offer import EVERYWHERE, Offer, seen_from
-from gateway.protocols.registry import PROTOCOLS
+from gateway.core.about import VERSION
+from gateway.protocols.registry import PROTOCOLS, spoken
 from gateway.system.own_commands import how_to_add
+from gateway.system.own_names import held
+
+if TYPE_CHECKING:
+    from zeroconf import ServiceInfo
+    from zeroconf.asyncio import AsyncZeroconf
 
 PORT = 4031
 #: Where SkySafari connects unless it is told otherwise.
 USUAL = 4030
 _QUESTION = re.compile(rb"(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*", re.IGNORECASE)
+#: The longest name of a service, in bytes.
+LONGEST = 63
 
 
 class Announcement:
@@ -125,3 +140,55 @@ def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> 
     best = min(able, key=lambda offer: offer.port != USUAL)
     address = seen_from(asker) if best.host in EVERYWHERE else best.host
     return match[1] + b"@" + address.encode() if address else b""
+
+
+class Publisher:
+    """Services that are there until it is closed."""
+
+    def __init__(self, zeroconf: AsyncZeroconf) -> None:
+        self._zeroconf = zeroconf
+
+    async def add(self, offers: Sequence[Offer]) -> None:
+        """Announce the offers; one whose name another computer has already gets a number behind it."""
+        for one in (replace(offer, protocol=name) for offer in offers for name in spoken(offer.protocol)):
+            await (await self._zeroconf.async_register_service(service(one), allow_name_change=True))
+
+    async def close(self) -> None:
+        """Say goodbye, and end."""
+        await self._zeroconf.async_unregister_all_services()
+        await self._zeroconf.async_close()
+
+
+def publish(interfaces: Sequence[str] | None = None) -> Publisher:
+    """A publisher on the interfaces with these addresses, or on all. Raises ImportError without zeroconf, OSError."""
+    from zeroconf import InterfaceChoice
+    from zeroconf.asyncio import AsyncZeroconf
+
+    return Publisher(AsyncZeroconf(interfaces=InterfaceChoice.All if interfaces is None else list(interfaces)))
+
+
+def service(offer: Offer) -> ServiceInfo:
+    """An offer as DNS-SD has it."""
+    from zeroconf import ServiceInfo
+
+    kind, computer = f"_{offer.protocol}._tcp.local.", socket.gethostname().partition(".")[0]
+    name = f"{offer.mount or 'Telescope'} on {computer}".encode()[:LONGEST].decode("utf-8", "ignore")
+    record = {"txtvers": "1", "model": offer.model, "transport": offer.scheme, "mount": offer.mount, "gateway": VERSION}
+    return ServiceInfo(
+        kind,
+        f"{name}.{kind}",
+        port=offer.port,
+        server=f"{computer}-mount-gateway.local.",
+        properties={key: value for key, value in record.items() if value},
+        parsed_addresses=list(addresses(offer)),
+    )
+
+
+def addresses(offer: Offer) -> Iterator[str]:
+    """Where an offer is reached: the address it listens on, or all that this computer has of the kinds it takes."""
+    if offer.host not in EVERYWHERE:
+        yield offer.host
+        return
+    for _, address in held():
+        if not address.is_loopback and (address.version == 4 or offer.host == "::"):
+            yield str(address)

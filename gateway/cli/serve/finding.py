@@ -43,7 +43,6 @@ async def serve(
     found = not patient or await gateway.found(QUICK)
     ready(gateway)
     if not found and not await _found(gateway, warn):
-        assert gateway.controller is not None
         reason = gateway.controller.line.reason or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
         warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
@@ -51,7 +50,6 @@ async def serve(
 
 async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
     """Wait for the mount -> whether it is there; False as soon as there is little hope."""
-    assert gateway.controller is not None
     line, now = gateway.controller.line, asyncio.get_running_loop().time
     began, said = now(), False
     while now() < began + FIND_MOUNT:
@@ -70,7 +68,6 @@ async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
     """Wait for the mount; raise UserError that says what is there instead."""
     if await _found(gateway, warn):
         return
-    assert gateway.controller is not None
     line, words = gateway.controller.line, not_found(gateway)
     if line.reason.startswith(CANNOT_OPEN):
         raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway, line.reason)}")
@@ -114,8 +111,7 @@ def waiting(gateway: Gateway) -> str:
     """What is waited for, and how long it may take."""
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.takes[gateway.mount.model is None]
-    controller = gateway.controller
-    if controller is not None and controller.context.milestones.met.is_set():
+    if gateway.controller.context.milestones.met.is_set():
         return (
             f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
             f"it {takes} s to say"
@@ -125,7 +121,6 @@ def waiting(gateway: Gateway) -> str:
 
 def not_found(gateway: Gateway) -> str:
     """Why no mount was found, and what to do; the cable is only doubted where nothing ever came."""
-    assert gateway.controller is not None
     talk, where = gateway.controller.line.talk, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     rest = f"{look}, --wait keeps trying"

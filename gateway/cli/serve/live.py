@@ -114,14 +114,13 @@ class Onlooker:
     @property
     def served(self) -> bool:
         """Whether the line of every mount has somebody who works on it."""
-        return all(gateway.controller is not None and gateway.controller.line.served for gateway, _ in self._gateways)
+        return all(gateway.controller.line.served for gateway, _ in self._gateways)
 
 
 def look(gateway: Gateway, rate: Rate) -> StatusLine:
     """What is known of a mount, without asking it."""
     from gateway.app.control import gather
 
-    assert gateway.controller is not None
     here = len(gateway.programs())
     return gather.look(gateway.controller, gateway.config.name or "", str(gateway.mount), here, rate)
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
-    from gateway.app.watchdog import Watchdog
+    from gateway.app.watchdog.client import Watchdog
 
 #: How long a stop may take before the process is suspended.
 SUSPEND = 4.0
@@ -54,8 +54,7 @@ def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], r
 
 def start_watchdog(config: Config) -> Watchdog | None:
     """The process that stops the mounts when this one cannot; None where it is not wanted, needed or possible."""
-    from gateway.app.watchdog import Watchdog
-    from gateway.app.watchdog.client import available
+    from gateway.app.watchdog.client import Watchdog, available
 
     real = any(parse_endpoint(mount.at).where != "sim" for mount in config.mount)
     return Watchdog() if config.watchdog and real and available() else None
@@ -164,7 +163,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         web.close()
         if console is not None:
             await console.close()
-        moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
+        moved = [gateway.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if broker is not None:
             await broker.close()
@@ -190,7 +189,6 @@ async def _introduce(gateway: Gateway, screen: Screen, several: bool) -> None:
     """Once the mount has said who, where and when it is: what a person should know of that."""
     from gateway.app.control.first_words import first_words
 
-    assert gateway.controller is not None
     await gateway.controller.settled.wait()
     for said in first_words(gateway.controller, gateway.mount.model, gateway.mount.version):
         (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
@@ -200,7 +198,7 @@ def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
     """At the end: what was done, and how the mount was left."""
     from gateway.app.control.first_words import last_words
 
-    said = None if gateway.controller is None else last_words(gateway.controller, moved)
+    said = last_words(gateway.controller, moved) if gateway.prepared else None
     if said is not None:
         (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
 
@@ -223,14 +221,10 @@ def _log(config: Config, mount: MountConfig) -> Sink:
 
 async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     """Before this process is suspended: stop what moves, and say what was done."""
-    moving = [
-        (gateway.entrance, gateway.controller)
-        for gateway in gateways
-        if gateway.controller is not None and gateway.controller.reconciler.busy
-    ]
+    moving = [gateway for gateway in gateways if gateway.busy]
     try:
         async with asyncio.timeout(SUSPEND):
-            await asyncio.gather(*(entrance.stop(controller.stop) for entrance, controller in moving))
+            await asyncio.gather(*(gateway.entrance.stop(gateway.controller.stop) for gateway in moving))
         outcome = "the mount was stopped" if moving else "the mount was not moving"
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"

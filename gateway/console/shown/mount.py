@@ -138,7 +138,6 @@ class ShownMount:
     async def state(self) -> dict[str, Any]:
         """Everything that a page is shown of it."""
         controller = self.gateway.controller
-        assert controller is not None
         state: dict[str, Any] = {}
         for part in view.parts(self.gateway, self._index):
             state |= part
@@ -160,7 +159,6 @@ class ShownMount:
     async def _on_the_sky(self) -> list[dict[str, Any]]:
         """Anew after a while, and at once when the site changes or the astronomy becomes exact."""
         controller = self.gateway.controller
-        assert controller is not None
         now, by = self._loop.time(), (controller.sources.site(), controller.astrometry.sky.ready)
         fresh = BODIES_FRESH if len(self._bodies) == len(view.BODIES) else BODIES_MISSING
         if now - self._bodies_at >= fresh or by != self._bodies_by:

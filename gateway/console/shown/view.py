@@ -28,7 +28,6 @@ BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranu
 def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
     """Everything but the line's pulse, the programs and the bodies of the sky; each part takes about 0.1 ms."""
     controller = gateway.controller
-    assert controller is not None
     state = gather(controller, gateway.config.name or "", str(gateway.mount), ())
     look = state.look
     yield {}  # to gather is a piece of work by itself

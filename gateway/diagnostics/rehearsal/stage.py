@@ -20,6 +20,7 @@ from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
 from gateway.clients.profiles import J2000, SurfaceBinding
 from gateway.core import operations as op
+from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
@@ -145,10 +146,12 @@ class Visitor:
 
     def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
+        self._more = TimedEvent()
         self._guest = stage.reception.arrive(host, host, self._hear)
 
     def _hear(self, data: bytes) -> None:
         self.heard += data
+        self._more.set()
 
     @property
     def answered(self) -> bool:
@@ -159,11 +162,12 @@ class Visitor:
         """Send bytes and wait for the reply: up to ``until``, else for whatever comes first; b"" after ``seconds``."""
         self.heard = b""
         self._guest.feed(data)
-        end = asyncio.get_running_loop().time() + seconds
-        while asyncio.get_running_loop().time() < end:
-            if self.heard and (not until or self.heard.endswith(until)):
+        loop = asyncio.get_running_loop()
+        end = loop.time() + seconds
+        while not self.heard or not self.heard.endswith(until):
+            self._more.clear()
+            if not await self._more.within(end - loop.time()):
                 break
-            await asyncio.sleep(0.01)
         return self.heard
 
     def tell(self, data: bytes) -> None:

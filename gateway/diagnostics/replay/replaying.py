@@ -115,7 +115,6 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
         return lines[0]
 
     gateway.prepare(line)
-    assert gateway.controller is not None
     clients = _Clients(gateway)
     gateway.begin(refresh=False)  # the recording decides
     asked = 0

@@ -69,7 +69,6 @@ class Retracing:
         self.wire.ended = True
         self.entrance.release()
         await asyncio.sleep(AFTERWARDS)
-        assert self.gateway.controller is not None
         if not self._closing:
             await self.gateway.controller.close()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -122,7 +121,6 @@ class Retracing:
 
     def _mount(self, event: Event) -> None:
         gateway = self.gateway
-        assert gateway.controller is not None
         match event.arrow:
             case "<":
                 self.wire.on_data(event.data)

@@ -6,12 +6,15 @@ It looks as the reader's system asks for, by day and by night. Whoever's words c
 from __future__ import annotations
 
 import html
+from collections import Counter
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 from gateway.astro.ephemeris.sky import Sky
-from gateway.diagnostics.report import answer_plots, sky_plots, summary
+from gateway.diagnostics.report import answer_plots, sky_plots
+from gateway.diagnostics.report.answer_plots import at
 from gateway.diagnostics.report.night import Night, Remark
-from gateway.diagnostics.report.sky_plots import light, track
+from gateway.diagnostics.report.sky_plots import Seen, light, track
 from gateway.diagnostics.report.svg import clock
 
 #: Commands that are named of each program, and rows of what was refused or noted.
@@ -22,7 +25,7 @@ def page(night: Night, source: str) -> str:
     """``source`` is the recording's name."""
     sky = Sky()  # its closed forms are good to a second of arc
     seen = track(night, sky)
-    said = "".join(f"<p>{html.escape(words)}</p>" for words in summary.sentences(night, seen))
+    said = "".join(f"<p>{html.escape(words)}</p>" for words in sentences(night, seen))
     site = (
         f", {night.site.latitude:.2f}°, {night.site.longitude:.2f}° as {night.site.source} told" if night.site else ""
     )
@@ -44,16 +47,19 @@ def page(night: Night, source: str) -> str:
         ))  # fmt: skip
         parts.append(_section("How often it took how long", "", _wide(answer_plots.histogram(night))))
     parts += [
-        _section("Programs", "", programs(night)),
-        _section("Refused", "", remarks(night.refusals, "Nothing was refused.", of_programs=True)),
-        _section("Noted about the mount and its line", "", remarks(night.remarks, "Nothing.", of_programs=False)),
+        _section("Programs", "", table_of_programs(night)),
+        _section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", of_programs=True)),
+        _section(
+            "Noted about the mount and its line", "", table_of_remarks(night.remarks, "Nothing.", of_programs=False)
+        ),
     ]
-    title = summary.title(night)
+    heading = title(night)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
-        f'<h1>{html.escape(title)}</h1>\n<p class="from">{html.escape(source)}{html.escape(site)}. Times are UTC.</p>\n'
+        f"<title>{html.escape(heading)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
+        f"<h1>{html.escape(heading)}</h1>\n"
+        f'<p class="from">{html.escape(source)}{html.escape(site)}. Times are UTC.</p>\n'
         + "\n".join(parts)
         + "\n</main>\n</body>\n</html>\n"
     )
@@ -76,7 +82,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def programs(night: Night) -> str:
+def table_of_programs(night: Night) -> str:
     """The busiest first."""
     rows = []
     busiest = max((program.sent for program in night.programs.values()), default=1) or 1
@@ -94,7 +100,7 @@ def programs(night: Night) -> str:
     return table(heads, rows) if rows else "<p>No program was connected.</p>"
 
 
-def remarks(found: Sequence[Remark], none: str, of_programs: bool) -> str:
+def table_of_remarks(found: Sequence[Remark], none: str, of_programs: bool) -> str:
     """The same words once, with how often and when first and last; the most frequent first."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in found:
@@ -109,6 +115,86 @@ def remarks(found: Sequence[Remark], none: str, of_programs: bool) -> str:
     heads = ("how often", "when", *(["to whom"] if of_programs else []), "what")
     left = f"<p>{len(same) - ROWS:,} others are not shown.</p>" if len(same) > ROWS else ""
     return table(heads, rows) + left
+
+
+def title(night: Night) -> str:
+    """The day on which it began, UTC."""
+    return f"The night of {datetime.fromtimestamp(night.began, UTC):%d %B %Y}".replace(" 0", " ")
+
+
+def sentences(night: Night, seen: list[Seen]) -> list[str]:
+    """What happened, the most important first."""
+    return [
+        f"From {clock(night.began)} to {clock(night.ended)} UTC, {_lasting(night.ended - night.began)}, with the mount "
+        f"{night.mount}.",
+        _pointing(night, seen),
+        _answering(night),
+        _programs(night),
+        _refusals(night),
+        _remarks(night),
+        *([f"The recording is not whole: {night.cut}."] if night.cut else []),
+    ]
+
+
+def _lasting(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def counted(number: int, thing: str) -> str:
+    """``1 program``, ``1,200 commands``."""
+    return f"{number:,} {thing}{'s' * (number != 1)}"
+
+
+def _pointing(night: Night, seen: list[Seen]) -> str:
+    if not night.pointings:
+        return "The mount never told where it pointed."
+    gotos = f"It was sent to {counted(night.gotos, 'place')}" if night.gotos else "It was sent nowhere"
+    if not seen:
+        return f"{gotos}. Neither the settings nor the mount tell a site, so altitudes are not known."
+    lowest, highest = min(place.alt for place in seen), max(place.alt for place in seen)
+    return f"{gotos}; the telescope was between {lowest:.0f}° and {highest:.0f}° high."
+
+
+def _answering(night: Night) -> str:
+    if not night.took:
+        return "The mount answered nothing."
+    times = sorted(night.took)
+    lost = f"; {counted(night.unanswered, 'question')} had no answer" if night.unanswered else ""
+    every = "" if lost or len(times) == 1 else "all "
+    return (
+        f"The mount answered {every}{counted(len(times), 'question')}{lost}. It took {_ms(at(0.5, times))} as a rule, "
+        f"{_ms(at(0.99, times))} or less 99 times in 100, {_ms(times[-1])} at worst."
+    )
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds >= 10.0 else f"{seconds * 1000.0:.0f} ms"
+
+
+def _programs(night: Night) -> str:
+    sent = sum(program.sent for program in night.programs.values())
+    if not night.programs:
+        return "No program was connected."
+    return f"{counted(len(night.programs), 'program')} sent {counted(sent, 'command')}."
+
+
+def _refusals(night: Night) -> str:
+    if not night.refusals:
+        return "Nothing was refused."
+    [(words, times)] = Counter(remark.words for remark in night.refusals).most_common(1)
+    often = f", {'all of them' if times == len(night.refusals) else f'{times:,} of them'} because" if times > 1 else ":"
+    were = "was" if len(night.refusals) == 1 else "were"
+    return f"{counted(len(night.refusals), 'thing')} {were} refused{often} “{words}”."
+
+
+def _remarks(night: Night) -> str:
+    if not night.remarks:
+        return "The gateway had nothing to say about the mount or its line."
+    listed = "it is" if len(night.remarks) == 1 else "they are"
+    noted = counted(len(night.remarks), "thing")
+    return f"The gateway noted {noted} about the mount and its line; {listed} listed below."
 
 
 STYLE = """

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Generator, Mapping
 from typing import Any, TypeVar
 
 from gateway.core.errors import Asleep, Busy, Fault, Refused
@@ -18,7 +18,7 @@ from gateway.mount.context import Context
 from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, POSITION, STOP
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.wanted import WantedState
-from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
+from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Steps, Wait
 
 #: Seconds from one position that is tried to the next: no longer than where nobody asks a mount that is awake.
 TRY_AGAIN = 5.0
@@ -131,7 +131,7 @@ class DriverRunner:
 
 
 async def carry_out(
-    steps: Steps[_T],
+    steps: Generator[Step, Any, _T],
     exchange: Callable[[Send], Awaitable[Mapping[str, object]]],
     plan: Callable[[Schedule], object],
     remark: Callable[[str], object] = lambda text: None,

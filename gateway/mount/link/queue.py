@@ -34,7 +34,7 @@ PASSED_OVER = 4
 #: Something urgent is waited for that is due within so many times what an exchange takes, and this many seconds longer.
 BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
 #: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that
-#: waited for one, and a halt that is coming go before reads of a lower rank.
+#: waited for one, and a halt that is coming go before reads of a lower rank. Five would do; recordings count on eight.
 TURNS = 8
 
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]

@@ -23,12 +23,12 @@ def _framing() -> Framer:
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
-    from gateway.protocols.alpaca.surface import abilities, device, motion, site, tracking
+    from gateway.protocols.alpaca.surface import abilities, device, motion, site
     from gateway.protocols.alpaca.surface.client import AlpacaSurface
     from gateway.protocols.base.session import ClientSettings
 
     model = {"name": NAME, "equinox": settings.equinox}
-    surface = AlpacaSurface(load(NAME), handlers_of(abilities, device, motion, site, tracking))
+    surface = AlpacaSurface(load(NAME), handlers_of(abilities, device, motion, site))
     return MadeSurface(surface, model, ClientSettings(settings.limits))
 
 

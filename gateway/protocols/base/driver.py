@@ -9,7 +9,7 @@ while), ``Schedule`` (do this operation after some seconds) and ``Remark`` (say 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from msgspec import Struct
 
@@ -18,15 +18,6 @@ from gateway.core.errors import Fault, Unsupported
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
-
-if TYPE_CHECKING:
-    from typing_extensions import TypeVar
-
-    ResultT = TypeVar("ResultT", default=Any)
-else:
-    from typing import TypeVar  # which has no defaults before Python 3.13; they are for type checkers alone
-
-    ResultT = TypeVar("ResultT")
 
 _T = TypeVar("_T")
 #: Outcomes of ways by which nothing is done.
@@ -84,7 +75,7 @@ class Remark(NamedTuple):
 
 Step = Send | Wait | Schedule | Remark
 #: What a driver does, step by step, and what comes of it.
-Steps = Generator[Step, Any, ResultT]
+Steps = Generator[Step, Any, Any]
 #: A function of a protocol's driver, (state, operation) -> steps: each for its own kind of operation.
 Handler = Callable[..., Steps]
 FollowUps = dict[type[op.Operation], Handler]
@@ -255,7 +246,7 @@ class Driver:
             raise Unsupported
         return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
 
-    def perform(self, operation: op.Operation[_T]) -> Steps[_T]:
+    def perform(self, operation: op.Operation[_T]) -> Generator[Step, Any, _T]:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
         if isinstance(operation, op.PassThrough):
             if not self.knows(operation.command):

@@ -49,11 +49,11 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.lx200.session import LxSession
-    from gateway.protocols.lx200.surface import accessories, clock, help, motion, objects, site, target, tracking
+    from gateway.protocols.lx200.surface import accessories, clock, motion, objects, site, target
 
     protocol = load(NAME)
     name = settings.model or DEFAULT_MODEL
-    handlers = handlers_of(accessories, clock, help, motion, objects, site, target, tracking)
+    handlers = handlers_of(accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
     surface.stands_against, surface.session = clock.stands_against, LxSession
     return MadeSurface(

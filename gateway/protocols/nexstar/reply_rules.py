@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
+from typing import NamedTuple
 
 from gateway.core.errors import Fault, Garbled, NoDevice, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import Expected, kind
+from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: StarSense answers ``t`` with more than one byte: how many more at most.
@@ -24,10 +26,32 @@ ECHOES = range(0x40, 0x7E)
 TIMEOUT = 3.5
 
 
+PROTOCOL = load("nexstar")
+
+
+class _Reply(NamedTuple):
+    """The reply to a command: its picture, its length, and the length that it may have besides."""
+
+    picture: FrameTemplate
+    width: int
+    longest: int
+    passed_through: bool
+
+
+@cache
+def _reply(command: str) -> _Reply:
+    row = PROTOCOL.commands[command]
+    picture = row.replies[0][1]
+    assert picture.width is not None
+    passed_through = row.request.literal.startswith(b"P")
+    longest = picture.width + (1 if passed_through else EXTRA.get(command, 0))
+    return _Reply(picture, picture.width, longest, passed_through)
+
+
 class NexStarReplyRules:
     """What a line must know to exchange commands with a hand control."""
 
-    protocol: CommandSet = load("nexstar")
+    protocol: CommandSet = PROTOCOL
     closing = b""
 
     def expected(self, ask: Send) -> Expected:
@@ -36,19 +60,8 @@ class NexStarReplyRules:
 
     def alike(self, one: Send, other: Send) -> bool:
         """Whether the reply to the one could be taken for a reply to the other: by its length, that is all there is."""
-        return not set(self._lengths(one)).isdisjoint(self._lengths(other))
-
-    def _width(self, ask: Send) -> int:
-        width = self.protocol.commands[ask.command].replies[0][1].width
-        assert width is not None
-        return width
-
-    def _lengths(self, ask: Send) -> range:
-        width = self._width(ask)
-        return range(width, width + 1 + (1 if self._passed_through(ask) else EXTRA.get(ask.command, 0)))
-
-    def _passed_through(self, ask: Send) -> bool:
-        return self.protocol.commands[ask.command].request.literal.startswith(b"P")
+        first, second = _reply(one.command), _reply(other.command)
+        return first.width <= second.longest and second.width <= first.longest
 
     def as_written(self, command: str, reply: bytes) -> bytes:
         """Every hand control writes alike."""
@@ -66,17 +79,15 @@ class NexStarReplyRules:
 
         Raises ValueError for a field that cannot be read.
         """
-        picture = self.protocol.commands[ask.command].replies[0][1]
-        width = self._width(ask)
+        picture, width, longest, passed_through = _reply(ask.command)
         if len(buffer) < width:
             return None
         if buffer[width - 1 : width] == b"#":
             return picture.decode(buffer[:width]), width
-        longest = self._lengths(ask)[-1]
         end = buffer.find(b"#", width, longest)
         if end < 0:
             return None if len(buffer) < longest else (Garbled(), len(buffer))
-        if self._passed_through(ask):
+        if passed_through:
             return NoDevice(), end + 1
         return picture.decode(buffer[: width - 1] + b"#"), end + 1
 
@@ -92,6 +103,4 @@ class NexStarReplyRules:
 
 @cache
 def _expected(command: str, once: bool, raw: bool) -> Expected:
-    protocol = NexStarReplyRules.protocol
-    bare = protocol.commands[command].replies[0][1].width == 1
-    return Expected(kind(protocol, command, once, raw), TIMEOUT, bare)
+    return Expected(kind(PROTOCOL, command, once, raw), TIMEOUT, bare=_reply(command).width == 1)

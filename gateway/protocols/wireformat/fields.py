@@ -11,6 +11,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
+from urllib.parse import unquote
+
+import msgspec
 
 from gateway.protocols.wireformat import numerals
 from gateway.protocols.wireformat import sexagesimal as sx
@@ -96,17 +99,11 @@ def _number(
     return Codec(encode, decode, _FREE)
 
 
-def _suffixed(codec: Codec, suffix: str) -> Codec:
-    """The same number with a unit mark behind it, which clients may leave out."""
-    mark = suffix.encode("latin-1")
-
-    def encode(value: float) -> bytes:
-        return codec.encode(value) + mark
-
-    def decode(raw: bytes) -> Any:
-        return codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 "))
-
-    return Codec(encode, decode, _FREE)
+def _arcminutes(codec: Codec) -> Codec:
+    """The same number with its mark behind it, which clients may leave out."""
+    return Codec(
+        lambda value: codec.encode(value) + b"'", lambda raw: codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 ")), _FREE
+    )
 
 
 def _word(choices: str) -> Codec:
@@ -135,7 +132,7 @@ _TEXT_OTHERS = {
     "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _FREE),
     "sMM.M": _number("sMM.M", 1, 2, True, -99, 99),
     "NNN": _number("NNN", 0, 3, False, 0, 999),
-    "NNN'": _suffixed(_number("NNN", 0, 3, False, 0, 999), "'"),
+    "NNN'": _arcminutes(_number("NNN", 0, 3, False, 0, 999)),
     "NNNN": _number("NNNN", 0, 4, False, 0, 999999, longest=6),
     "DD*": Codec(lambda value: b"%02d*" % round(value), sx.limit, _FREE),
     "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.limit_to_set, _FREE),
@@ -237,11 +234,11 @@ _WORD = rb"[^ \n]*"
 _LINE = {
     "number": Codec(numerals.number, numerals.parse_number, _WORD),
     "hours": Codec(numerals.hours, numerals.parse_hours, _WORD),
-    "whole": Codec(numerals.whole, numerals.parse_whole, _WORD),
-    "truth": Codec(numerals.truth, numerals.parse_truth, _WORD),
+    "whole": Codec(lambda value: b"%d" % value, numerals.parse_whole, _WORD),
+    "truth": Codec(lambda value: b"true" if value else b"false", numerals.parse_truth, _WORD),
     "moment": Codec(numerals.moment, numerals.parse_moment, _WORD),
-    "quoted": Codec(numerals.quoted, numerals.parse_quoted, _WORD),
-    "json": Codec(numerals.json_text, numerals.parse_json, rb"[^\n]*"),
+    "quoted": Codec(numerals.quoted, lambda raw: unquote(raw.decode("ascii")), _WORD),
+    "json": Codec(msgspec.json.encode, numerals.parse_json, rb"[^\n]*"),
 }
 
 CODECS: dict[str, Codec] = {**_TEXT_ANGLES, **_TEXT_OTHERS, **_BINARY, **_LINE}

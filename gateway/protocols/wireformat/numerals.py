@@ -44,22 +44,12 @@ def parse_hours(raw: bytes) -> float:
     return parse_number(raw) * 15.0
 
 
-def whole(value: int) -> bytes:
-    """A whole number."""
-    return b"%d" % value
-
-
 def parse_whole(raw: bytes) -> int:
     """Digits with a sign or without."""
     digits = raw[1:] if raw[:1] in (b"-", b"+") else raw
     if not digits.isdigit() or len(digits) > _DIGITS or int(raw) not in _WHOLE:
         raise ValueError(f"{raw!r} is no whole number of 32 bits")
     return int(raw)
-
-
-def truth(value: bool) -> bytes:
-    """``true`` or ``false``."""
-    return b"true" if value else b"false"
 
 
 def parse_truth(raw: bytes) -> bool:
@@ -88,16 +78,6 @@ def parse_moment(raw: bytes) -> float:
 def quoted(text: str) -> bytes:
     """Text as one word: what would end the word or the line is written as in an address."""
     return quote(text, safe="+-.:,TZ").encode("ascii")
-
-
-def parse_quoted(raw: bytes) -> str:
-    """The text that was written so."""
-    return unquote(raw.decode("ascii"))
-
-
-def json_text(value: object) -> bytes:
-    """Any value as JSON on one line."""
-    return msgspec.json.encode(value)
 
 
 def parse_json(raw: bytes) -> object:

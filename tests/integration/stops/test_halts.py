@@ -51,7 +51,7 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
         st.sampled_from((0.0, 0.0, 0.0, 0.01, 0.11, 0.35)),
     )
 
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=15, deadline=None)
     @given(st.lists(said, max_size=12))
     @example([(False, 2, 1, 0, 0.0), (True, 2, 1, 0, 0.0), (False, 2, 1, 0, 0.0)])
     @example([(False, 0, 1, 0, 0.0), (True, 0, 1, 1, 0.0), (False, 0, 30, 0, 0.0)])

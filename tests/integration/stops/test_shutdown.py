@@ -233,7 +233,6 @@ class Served:
         while not (self.opened and self.opened[0].fitted.is_set()):
             await asyncio.sleep(0.01)
         controller = self.opened[0].controller
-        assert controller is not None
         await controller.perform(op.GotoAxes(10.0, 20.0))
         assert self.sim.slewing
         asyncio.get_running_loop().call_soon(then)

@@ -14,8 +14,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.discovery.announcing import Announcement, answer
-from gateway.app.discovery.mdns import Publisher
+from gateway.app.discovery.announcing import Announcement, Publisher, answer
 from gateway.app.discovery.offer import Offer, in_words, offered, to_type
 from gateway.cli.serve import serving
 from gateway.protocols.registry import streams

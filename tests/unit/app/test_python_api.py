@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import doctest
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +18,8 @@ from gateway.core.errors import NoAnswer, Stopped
 from gateway.core.wire_log import Entry
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
+from tests.support.forked import POSSIBLE
+from tests.support.process import Running
 
 ROOT = Path(gateway.__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -52,11 +53,9 @@ def test_the_examples_of_the_docstrings_are_true() -> None:
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_examples_run(example: Path, tmp_path: Path) -> None:
-    said = subprocess.run(
-        [sys.executable, "-W", "error", str(example)],
-        capture_output=True, text=True, timeout=60, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+def test_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = Running(str(example), by=None if POSSIBLE else [sys.executable, "-W", "error"]).told()
     assert (said.returncode, said.stderr) == (0, "")
     told = {
         "read_a_conversation": "BelowHorizon",

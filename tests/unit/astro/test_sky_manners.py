@@ -220,6 +220,16 @@ for moment in (-1e9, 0.0, 1.7e9, 4.0e9):
 from astropy.utils import iers
 print(sky.ready, sky.failure, touched, iers.conf.auto_download)
 """
+RESIDENT = """
+def resident():
+    with open("/proc/self/status") as status:
+        return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+"""
+MINUTES = """
+for minute in range(100):
+    sky.horizon(1.0, 2.0, 3.0, 4.0, 1.7e9 + 60 * minute)
+print(resident() - bare)
+"""
 NO_HOME = """
 def homeless(cls):
     raise RuntimeError("there is no home")
@@ -244,26 +254,11 @@ def test_nothing_touches_the_network_or_the_disk(first: str) -> None:
     assert run(WATCHED + first + ASKED) == "True  [] False"
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="/proc is a home that nobody can write to")
-def test_a_home_that_cannot_be_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc is a home that nobody can write to, and tells the memory")
+def test_a_home_that_cannot_be_written_to_and_memory_stays_small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", "/proc")
     monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    assert run(WATCHED + ASKED) == "True  [] False"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_memory_stays_small() -> None:
-    program = """
-def resident():
-    with open("/proc/self/status") as status:
-        return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
-bare = resident()
-from gateway.astro.ephemeris.sky import Sky
-sky = Sky()
-sky.load()
-for minute in range(100):
-    sky.horizon(1.0, 2.0, 3.0, 4.0, 1.7e9 + 60 * minute), sky.sun(1.7e9), sky.moon(1.7e9, 1.0, 2.0)
-print(resident() - bare)
-"""
-    assert int(run(program)) < 64 * 1024
+    said, memory = run(RESIDENT + WATCHED + "bare = resident()" + ASKED + MINUTES).splitlines()
+    assert said == "True  [] False"
+    assert int(memory) < 64 * 1024

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import signal
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -18,6 +16,7 @@ from gateway.cli.serve.serving import _unless
 from gateway.core.errors import UserError
 from gateway.diagnostics import command_tables
 from gateway.protocols.wireformat.command_set import load
+from tests.support.process import Running
 
 
 @pytest.mark.parametrize(
@@ -73,29 +72,15 @@ def test_an_installed_copy_is_not_written_into(
 def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         mute.settimeout(20)
-        process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "gateway",
-                "run",
-                "--surface",
-                "lx200@tcp://127.0.0.1:0",
-                "--mount",
-                f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}",
-            ],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        mount = f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}"
+        gateway = Running("run", "--surface", "lx200@tcp://127.0.0.1:0", "--mount", mount)
         link, _ = mute.accept()
         with link:
             link.settimeout(20)
             assert link.recv(1) == b"V"
             began = time.monotonic()
-            process.send_signal(signal.SIGINT)
-            out, error = process.communicate(timeout=20)
-    assert (process.returncode, out, error) == (0, "", "")
+            told = gateway.told(signal.SIGINT)
+    assert (told.returncode, told.stdout, told.stderr) == (0, "", "")
     assert time.monotonic() - began < 3.4  # an answer of the mount would be waited for 3.5 s
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.discovery.mdns import service
+from gateway.app.discovery.announcing import service
 from gateway.cli.serve.elsewhere import announced, from_elsewhere
 
 

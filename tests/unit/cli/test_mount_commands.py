@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +19,7 @@ from gateway.cli.mount.requests import place
 from gateway.core.errors import UserError
 from gateway.diagnostics.replay.replaying import replay
 from tests.support.each import each
-from tests.support.process import GATEWAY, PATIENCE, Running, ask
+from tests.support.process import PATIENCE, Running, ask
 
 Say = Callable[..., tuple[int, str, str]]
 #: Wherever and whenever a test runs, nothing here is below the horizon or near the Sun.
@@ -98,16 +96,13 @@ def test_ctrl_c_stops_what_was_begun(
     which = ("--state", str(tmp_path))
     gateway(started, tmp_path).ready()
     for words in (("goto", "03:00:00", "+80", "--wait"), ("move", "west", "--rate", "9", "--seconds", "25")):
-        with subprocess.Popen(
-            [*GATEWAY, *words, *which], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        ) as command:
-            deadline = time.monotonic() + PATIENCE
-            while not _wanted(which, capsys) and time.monotonic() < deadline:
-                time.sleep(0.1)
-            assert _wanted(which, capsys)
-            command.send_signal(signal.SIGINT)
-            out, err = command.communicate(timeout=PATIENCE)
-            assert (command.returncode, out.splitlines()[-1:], err) == (1, ["the mount was stopped"], "")
+        command = Running(*words, *which)
+        deadline = time.monotonic() + PATIENCE
+        while not _wanted(which, capsys) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert _wanted(which, capsys)
+        told = command.told(signal.SIGINT)
+        assert (told.returncode, told.stdout.splitlines()[-1:], told.stderr) == (1, ["the mount was stopped"], "")
         while _wanted(which, capsys) and time.monotonic() < deadline:
             time.sleep(0.1)
         assert not _wanted(which, capsys)
@@ -156,14 +151,11 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
 
 def test_watch_tells_a_line_a_second(tmp_path: Path, started: list[Running]) -> None:
     gateway(started, tmp_path).ready()
-    with subprocess.Popen(
-        [*GATEWAY, "watch", "--state", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as command:
-        assert command.stdout is not None
-        for _ in range(2):
-            assert command.stdout.readline().startswith("6-8se  ")
-        command.send_signal(signal.SIGINT)
-        assert command.wait(PATIENCE) == 0
+    command = Running("watch", "--state", str(tmp_path))
+    assert command.process.stdout is not None
+    for _ in range(2):
+        assert command.process.stdout.readline().startswith("6-8se  ")
+    assert command.told(signal.SIGINT).returncode == 0
 
 
 class Typed:
@@ -220,11 +212,5 @@ def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_declination_below_the_equator_is_no_flag() -> None:
-    told = subprocess.run(
-        [sys.executable, "-m", "gateway", "goto", "05:00", "-5:30", "--mount", "none"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-    )
+    told = Running("goto", "05:00", "-5:30", "--mount", "none").told()
     assert (told.returncode, "no gateway runs here for none" in told.stderr) == (1, True)

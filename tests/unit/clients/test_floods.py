@@ -335,7 +335,7 @@ def test_what_a_client_costs_in_memory_is_bounded() -> None:
             await make()
             tracemalloc.start()
             kept = []
-            for _ in range(4):
+            for _ in range(3):
                 await make()
                 kept.append(tracemalloc.get_traced_memory()[0])
             tracemalloc.stop()

@@ -31,10 +31,11 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
         mount = MountConfig(at="nexstar@sim", name=f"pier {number}", sun=0.0, speed=8.0, state=str(state / str(number)))
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0"), *answered_there(config, mount)]
         gateways.append(Gateway(mount, surfaces, warn=lambda text: None))
-    console = Console(gateways, Access(), pin)
+    console: Console | None = None
     try:
         for gateway in gateways:
             await gateway.open()
+        console = Console(gateways, Access(), pin)
         await console.open("127.0.0.1", 0)
         async with aiohttp.ClientSession() as http:
 
@@ -47,7 +48,8 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
                 assert (await ask("PUT", f"{API}{number}/connected", data={"Connected": "true"}))["ErrorNumber"] == 0
             yield gateways, ask
     finally:
-        await console.close()
+        if console is not None:
+            await console.close()
         for gateway in gateways:
             await gateway.close()
 

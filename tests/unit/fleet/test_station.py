@@ -123,7 +123,6 @@ def test_a_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
 def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_path: Path) -> None:
     async def work() -> None:
         async with shown(tmp_path) as there:
-            assert there.gateway.controller is not None
             before = there.gateway.controller.stops
             there.broker.say("mount-gateway/all/command", b"stop", times=200)
             await until(lambda: len(there.happened("done")) == 2)
@@ -152,7 +151,6 @@ def test_what_is_not_obeyed_is_refused_in_words(
 ) -> None:
     async def work() -> None:
         async with shown(tmp_path) as there:
-            assert there.gateway.controller is not None
             before = there.gateway.controller.stops
             there.broker.say(topic, payload, retain)
             await until(lambda: there.happened("refused"))

@@ -74,7 +74,9 @@ def test_nothing_else_names_a_protocol() -> None:
         place = path.relative_to(ROOT).as_posix()
         if place == "protocols/registry.py" or place.split("/")[:2] in (["protocols", name] for name in PROTOCOLS):
             continue
-        for text in _literals(ast.parse(path.read_text("utf-8"))):
+        if not NAMES.search(source := path.read_text("utf-8")):
+            continue
+        for text in _literals(ast.parse(source)):
             if not NAMES.search(text):
                 continue
             if place in SAID_TO_PEOPLE and SENTENCE.search(text):
@@ -87,10 +89,9 @@ def test_nothing_else_names_a_protocol() -> None:
 
 def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_path: Path) -> None:
     """Decode, sim, explain, tables, run and detect's words go by the list, and its surface pushes."""
-    caches = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT, tmp_path / "gateway", ignore=caches)
-    shutil.copytree(mappings_folder(), tmp_path / "mappings", ignore=caches)
-    shutil.copytree(THIRD / "toy", tmp_path / "gateway" / "protocols" / "toy", ignore=caches)
+    shutil.copytree(ROOT, tmp_path / "gateway")
+    shutil.copytree(mappings_folder(), tmp_path / "mappings")
+    shutil.copytree(THIRD / "toy", tmp_path / "gateway" / "protocols" / "toy")
     shutil.copytree(THIRD / "mappings", tmp_path / "mappings" / "toy")
     registry = tmp_path / "gateway" / "protocols" / "registry.py"
     text = registry.read_text("utf-8")

@@ -70,7 +70,6 @@ def test_what_follows_a_flood_of_halts_is_heard(last: bytes) -> None:
     """Also what was read together with the last of it."""
 
     async def program(gateway: Gateway) -> None:
-        assert gateway.controller is not None
         reader, writer = await asyncio.open_connection(*address(gateway))
         writer.write(b":Qn#" * (SKIM // 2) + last + b":GVP#")
         async with asyncio.timeout(10):

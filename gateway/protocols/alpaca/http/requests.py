@@ -74,7 +74,7 @@ def understood(method: str, member: str, pairs: Pairs) -> Asked:
             raise BadRequest(f"{member} has no {method}", allow=", ".join(others).upper())
         raise BadRequest(f"A telescope has no member {member!r}")
     given = _Given(pairs, any_case=verb == "get")
-    words = [f"{name}={_written(given.value(name))}" for name in found.parameters]
+    words = [f"{name}={quoted(given.value(name)).decode('ascii')}" for name in found.parameters]
     line = " ".join([verb, member, *words]).encode("ascii") + b"\n"
     try:
         found.command.request.decode(line)
@@ -109,11 +109,6 @@ class _Given:
         if not _PLAIN_NUMBER.fullmatch(text) or int(text) > MOST:
             raise BadRequest(f"{name} is {text!r}; it must be a whole number from 1 to {MOST}")
         return int(text)
-
-
-def _written(text: str) -> str:
-    """A value as one word."""
-    return quoted(text).decode("ascii")
 
 
 # --- lines ------------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.surface import abilities, motion, tracking
+from gateway.protocols.alpaca.surface import abilities, motion
 from gateway.protocols.alpaca.surface.client import AlpacaSession
 from gateway.protocols.base.wants import Handling, Possible, given
 from gateway.protocols.wireformat.command import Command
@@ -92,7 +92,7 @@ def _looked_at(session: AlpacaSession, command: Command) -> Iterator[tuple[str, 
     yield "SideOfPier", abilities.side_of_pier(session, command, {})
     yield "SiderealTime", _hours(_of(op.SiderealTime()))
     yield "Slewing", motion.slewing(session, command, {})
-    yield "Tracking", tracking.tracking(session, command, {})
+    yield "Tracking", motion.tracking(session, command, {})
     yield "UTCDate", _utc()
 
 

@@ -1,23 +1,53 @@
-"""Formats, home and park, focuser, drive corrections: the small commands."""
+"""The small commands: formats, home, focuser, drive corrections, and the help text.
+
+The help says what answers here, which mount stands behind it, and how to ask: a page of lines for each client.
+"""
 
 from __future__ import annotations
 
 from msgspec.structs import replace
 
-from gateway.core.errors import Invalid, Unsupported
-from gateway.core.operations import Backlash, Focus, HomeState, PeriodicError, Unpark, Values
+from gateway.core.about import VERSION
+from gateway.core.errors import Fault, Invalid, Unsupported
+from gateway.core.operations import (
+    Backlash,
+    Focus,
+    GetIdentity,
+    GetStatus,
+    HomeState,
+    Identity,
+    PeriodicError,
+    Status,
+    Unpark,
+    Values,
+)
 from gateway.protocols.base.wants import FireAndForget, Handling, Speed, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
+
+#: The digit of :SB -> baud. The manual prints the first one as 56.7K.
+RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
+_STEPS = {"??": None, "?+": 1, "?-": -1}
+#: Without the hash sign, which would end the line.
+_USAGE = (
+    "Every command ends with a hash sign",
+    "Target by place:   :Sr05:34:32 and :Sd+22*00:52",
+    "Messier object:    :LM42",
+    "NGC object:        :Lo0 and :LC7331",
+    "IC, Caldwell:      :Lo1, :Lo3 and :LC14",
+    "Hipparcos star:    :Ls3 and :LS32349",
+    "Planet, the Moon:  :Ls0 and :LS905, :LS903",
+    "Place on the Moon: :SE+17*00 and :Se+059*00",
+    "Go there:          :MS, 0 is yes",
+    "Where is it:       :GR :GD :GA :GZ",
+    "Stop everything:   :Q",
+    "More: mount-gateway explain lx200 nexstar :MS",
+)
 
 
 def toggle_precision(session: LxSession, command: Command, values: Values) -> None:
     """:U - the format of coordinates, for this client."""
     session.kept.precision = "low" if session.kept.precision == "high" else "high"
-
-
-#: The digit of :SB -> baud. The manual prints the first one as 56.7K.
-RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
 
 
 def baud(session: LxSession, command: Command, values: Values) -> Handling:
@@ -74,3 +104,36 @@ def periodic_error(session: LxSession, command: Command, values: Values) -> Hand
 def silence(session: LxSession, command: Command, values: Values) -> bytes:
     """Nothing needs doing, and nothing is what programs take best; or nothing true could be said."""
     return b""
+
+
+# --- help -------------------------------------------------------------------------------------------------------------
+
+
+def help_line(session: LxSession, command: Command, values: Values) -> Handling:
+    """:?? :?+ :?- - an empty line before the first and after the last; models without help say nothing."""
+    if not session.model["help"]:
+        return b""
+    kept = session.kept
+    step = _STEPS[command.name]
+    if step is None or not kept.help:
+        kept.help = yield from _text()
+        kept.help_line = 0
+    else:
+        kept.help_line = max(-1, min(len(kept.help), kept.help_line + step))
+    return {"text": kept.help[kept.help_line] if 0 <= kept.help_line < len(kept.help) else ""}
+
+
+def _text() -> Handling:
+    """-> the lines, as things stand now."""
+    try:
+        identity: Identity = yield GetIdentity()
+        status: Status = yield GetStatus()
+    except Fault as fault:
+        mount: tuple[str, ...] = (f"Mount: {fault}",)
+    else:
+        build = "equatorial" if status.equatorial else "alt-azimuth"
+        mount = (
+            f"Mount: {identity.product} {identity.model}, version {identity.version}",
+            f"It is {'aligned' if status.aligned else 'NOT aligned'}, {build}, tracking {status.tracking.value}",
+        )
+    return (f"mount-gateway {VERSION}: this is no Meade", *mount, *_USAGE)

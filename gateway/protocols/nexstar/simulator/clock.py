@@ -55,16 +55,14 @@ def _set_time(sim: SimulatedMount, values: Values, zone: float) -> None:
     sim.relocate(sim.mechanics.sky._replace(ahead=unix - sim.now))
 
 
-def set_time(sim: SimulatedMount, values: Values) -> Values:
+def set_time(sim: SimulatedMount, values: Values) -> None:
     """``H``."""
     _set_time(sim, values, values["zone"])
-    return {}
 
 
-def set_time_quarters(sim: SimulatedMount, values: Values) -> Values:
+def set_time_quarters(sim: SimulatedMount, values: Values) -> None:
     """``I``."""
     _set_time(sim, values, values["quarters"] / 4)
-    return {}
 
 
 def get_site(sim: SimulatedMount, _: Values) -> Values:
@@ -72,10 +70,9 @@ def get_site(sim: SimulatedMount, _: Values) -> Values:
     return {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude}
 
 
-def set_site(sim: SimulatedMount, values: Values) -> Values:
+def set_site(sim: SimulatedMount, values: Values) -> None:
     """``W``."""
     sim.relocate(Sky(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
-    return {}
 
 
 def sidereal_time(sim: SimulatedMount, _: Values) -> Values:

@@ -1,6 +1,6 @@
 """The hand control's own commands, one function each: position, goto, sync, tracking, and who it is.
 
-A handler gives the values of the reply; most replies are a bare ``#`` whatever was done. Like the real one,
+A handler gives the values of the reply, if it has any; most are a bare ``#`` whatever was done. Like the real one,
 an impossible request is acknowledged and not carried out, and without an alignment only motor positions mean
 anything.
 """
@@ -32,45 +32,40 @@ def axes(sim: SimulatedMount, _: Values) -> Values:
     return {"az": az, "alt": alt}
 
 
-def goto(sim: SimulatedMount, values: Values) -> Values:
+def goto(sim: SimulatedMount, values: Values) -> None:
     """``R`` ``r``: nothing without an alignment, nothing beyond a fork's slew limits."""
     if sim.aligned:
         hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - values["ra"])
         if _allowed(sim, sim.mechanics.geometry.axes(hour_angle, values["dec"], flipped=False)[1]):
             sim.mechanics.goto_sky(sim.now, values["ra"], values["dec"])
-    return {}
 
 
-def goto_axes(sim: SimulatedMount, values: Values) -> Values:
+def goto_axes(sim: SimulatedMount, values: Values) -> None:
     """``B`` ``b``: works without an alignment too, from where the mount was powered on."""
     if _allowed(sim, values["alt"]):
         first, second = sim.encoder_offset
         sim.mechanics.goto_axes(sim.now, values["az"] - first, values["alt"] - second)
-    return {}
 
 
 def _allowed(sim: SimulatedMount, altitude: float) -> bool:
     return sim.mechanics.build is not Build.ALTAZ or LOWEST <= altitude <= HIGHEST
 
 
-def sync(sim: SimulatedMount, values: Values) -> Values:
+def sync(sim: SimulatedMount, values: Values) -> None:
     """``S`` ``s``: from now on RA/Dec is read and sought relative to this; the motor positions stay."""
     if sim.aligned:
         sim.mechanics.sync(sim.now, values["ra"], values["dec"])
-    return {}
 
 
-def undo_sync(sim: SimulatedMount, _: Values) -> Values:
+def undo_sync(sim: SimulatedMount, _: Values) -> None:
     """``u``: back to the alignment itself."""
     if sim.aligned:
         sim.mechanics.correct(sim.now, (0.0, 0.0))
-    return {}
 
 
-def cancel(sim: SimulatedMount, _: Values) -> Values:
+def cancel(sim: SimulatedMount, _: Values) -> None:
     """``M``: a goto ends; hand motion does not."""
     sim.mechanics.cancel(sim.now)
-    return {}
 
 
 def get_mode(sim: SimulatedMount, _: Values) -> Values:
@@ -78,14 +73,13 @@ def get_mode(sim: SimulatedMount, _: Values) -> Values:
     return {"mode": sim.mode - 1 if sim.shifted and sim.mode else sim.mode}
 
 
-def set_mode(sim: SimulatedMount, values: Values) -> Values:
+def set_mode(sim: SimulatedMount, values: Values) -> None:
     """``T``: EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
     mode = values["mode"]
     mode = mode + 1 if sim.shifted and mode else mode
     possible = (OFF, EQ_NORTH, EQ_SOUTH) if sim.german else (OFF, ALTAZ, EQ_NORTH, EQ_SOUTH)
     if sim.aligned and mode in possible:
         sim.track(mode)
-    return {}
 
 
 def pier_side(sim: SimulatedMount, _: Values) -> Values:
@@ -96,20 +90,18 @@ def pier_side(sim: SimulatedMount, _: Values) -> Values:
     return {"side": "W" if west else "E"}
 
 
-def hibernate(sim: SimulatedMount, _: Values) -> Values:
+def hibernate(sim: SimulatedMount, _: Values) -> None:
     """``x``: everything stops; only ``y``, ``K`` and ``V`` are answered until waking."""
     sim.mechanics.cancel(sim.now)
     sim.mechanics.track(sim.now, on=False)
     sim.asleep = True
-    return {}
 
 
-def wake(sim: SimulatedMount, _: Values) -> Values:
+def wake(sim: SimulatedMount, _: Values) -> None:
     """``y``: tracking comes back in its mode."""
     if sim.asleep:
         sim.asleep = False
         sim.track(sim.mode)
-    return {}
 
 
 COMMANDS: dict[str, Handler] = {

@@ -12,8 +12,8 @@ import msgspec
 import pytest
 
 from gateway.app import reach
-from gateway.app.control import Control
 from gateway.app.control.exchange import ControlEndpoint, Parts, doors, parts, seal, unseal
+from gateway.app.control.server import Control
 from gateway.app.reach import ask
 from gateway.core.errors import NoAnswer
 

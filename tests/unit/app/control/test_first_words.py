@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import pytest
 from gateway.app.control.first_words import first_words, last_words
 from gateway.core.operations import AbortMotion
 from tests.support.in_process_gateway import Bridge
-from tests.support.process import GATEWAY, PATIENCE, Running, ask
+from tests.support.process import Running, ask
 from tests.support.virtual import run
 
 
@@ -159,32 +158,16 @@ def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None
     simulator = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path}/mount", "--unaligned")
     started.append(simulator)
     simulator.ready()
-    command = [
-        *GATEWAY,
-        "run",
-        "--no-console",
-        "--mount",
-        f"nexstar:cge@{tmp_path}/mount",
-        "--surface",
-        "lx200@tcp://127.0.0.1:0",
-        "--state",
-        str(tmp_path),
-        "--sun",
-        "0",
-        "--no-watchdog",
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as gateway:
-        assert gateway.stdout is not None
-        ready = gateway.stdout.readline()
-        assert ready.startswith("ready lx200")
-        assert gateway.stdout.readline() == "found Celestron NexStar, cpc, version 4.21\n"
-        assert gateway.stdout.readline().startswith("site ")
-        ask(ready.strip().partition("@")[2], b":RS#:Mn#:GVP#")
-        gateway.send_signal(signal.SIGINT)
-        out, err = gateway.communicate(timeout=PATIENCE)
-        assert gateway.returncode == 0
-    assert out.startswith("stopped the mount; tracking is o")
-    assert err.splitlines()[:2] == [
+    mount, where = f"nexstar:cge@{tmp_path}/mount", ("--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
+    gateway = Running("run", "--mount", mount, *where, "--sun", "0", "--no-watchdog")
+    address = gateway.ready()
+    assert gateway.process.stdout is not None
+    assert gateway.process.stdout.readline() == "found Celestron NexStar, cpc, version 4.21\n"
+    assert gateway.process.stdout.readline().startswith("site ")
+    ask(address, b":RS#:Mn#:GVP#")
+    told = gateway.told(signal.SIGINT)
+    assert (told.returncode, told.stdout.startswith("stopped the mount; tracking is o")) == (0, True)
+    assert told.stderr.splitlines()[:2] == [
         "mount-gateway: the mount was named as cge, and says that it is cpc: leave the model out, it is asked for, or "
         "write cpc",
         "mount-gateway: the mount is not aligned: where it points means nothing yet, and no limit can be watched; "
@@ -196,19 +179,7 @@ def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, sta
     simulator = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path}/mount", "--baud", "9600")
     started.append(simulator)
     simulator.ready()
-    command = [
-        *GATEWAY,
-        "run",
-        "--no-console",
-        "--mount",
-        f"nexstar@{tmp_path}/mount",
-        "--baud",
-        "19200",
-        "--surface",
-        "lx200@tcp://127.0.0.1:0",
-        "--state",
-        str(tmp_path),
-    ]
-    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=3 * PATIENCE)
+    where = ("--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
+    told = Running("run", "--mount", f"nexstar@{tmp_path}/mount", "--baud", "19200", *where).told()
     words = f"nexstar@{tmp_path}/mount: the mount answers at 9600 baud, and not at 19200: leave --baud out"
     assert (told.returncode, told.stderr.splitlines()[-1]) == (2, f"mount-gateway: {words}")

@@ -296,7 +296,7 @@ def test_closing_while_nothing_is_known() -> None:
     pieces=st.lists(st.one_of(st.binary(min_size=1, max_size=30), st.sampled_from(ODD)), min_size=1, max_size=12),
     pauses=st.lists(st.sampled_from([0.0, 0.05, 1.2, 3.5]), min_size=12, max_size=12),
 )
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: list[float]) -> None:
     async def program(bridge: AnyBridge) -> None:
         caller = bridge.call()

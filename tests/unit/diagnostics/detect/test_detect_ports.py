@@ -7,7 +7,6 @@ import errno
 import json
 import os
 import socket
-import subprocess
 import threading
 import time
 import tty
@@ -29,7 +28,7 @@ from gateway.diagnostics.detect.ports import here, holder, lasting_name
 from gateway.diagnostics.detect.probe import Patience
 from gateway.transport.baud import misread
 from gateway.transport.pty import speed
-from tests.support.process import GATEWAY
+from tests.support.process import Running
 
 PATIENCE = 20.0
 #: For devices that are known to answer, at once on an idle computer; for echoes; and for those that never answer.
@@ -103,27 +102,20 @@ async def _everybody(folder: Path) -> dict[str, Any]:
 def cli(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, list[str]]]:
     """A simulated mount as a process, on a virtual serial port that understands 9600 baud only."""
     folder = tmp_path_factory.mktemp("cli")
-    simulator = subprocess.Popen(
-        [*GATEWAY, "sim", "nexstar:cpc/4.10", "--at", f"pty:{folder / 'mount'}", "--baud", "9600"],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert simulator.stdout is not None
-    assert simulator.stdout.readline().startswith("ready")
+    simulator = Running("sim", "nexstar:cpc/4.10", "--at", f"pty:{folder / 'mount'}", "--baud", "9600")
+    simulator.ready()
     arguments = ["detect", "--json", str(folder / "mount"), str(folder / "none"), "--write", str(folder / "g.toml")]
     yield folder, arguments
-    simulator.terminate()
-    simulator.wait(PATIENCE)
-    simulator.stdout.close()
+    simulator.end()
 
 
 @pytest.fixture(scope="module")
 def found(cli: tuple[Path, list[str]], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """All findings; the command line looks while the others are looked at."""
-    process = subprocess.Popen([*GATEWAY, *cli[1]], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = Running(*cli[1])
     everybody = asyncio.run(_everybody(tmp_path_factory.mktemp("ports")))
-    out, error = process.communicate(timeout=PATIENCE)
-    return {**everybody, "cli": (process.returncode, out, error)}
+    told = command.told()
+    return {**everybody, "cli": (told.returncode, told.stdout, told.stderr)}
 
 
 @pytest.mark.parametrize("what", MOUNTS)

@@ -96,7 +96,6 @@ def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longes
             recorded.gateway.sky.load()
             loop.enter(recorded.gateway.wire_log.note, "mount", SKY_READY)
             await asyncio.sleep(seconds / 3)
-            assert recorded.gateway.controller is not None
             with contextlib.suppress(Exception):
                 await recorded.gateway.entrance.stop(recorded.gateway.controller.stop)
             recorded.gateway.entrance.tell("d", recorded.gateway.was_stopped)

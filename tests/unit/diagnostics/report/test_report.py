@@ -15,9 +15,8 @@ from gateway.cli import main
 from gateway.diagnostics.report.answer_plots import spreads
 from gateway.diagnostics.report.gather import gather
 from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.page import page
+from gateway.diagnostics.report.page import page, sentences
 from gateway.diagnostics.report.sky_plots import light, pieces, track
-from gateway.diagnostics.report.summary import sentences
 from tests.unit.diagnostics.report.recorded import BEGAN, REFUSED, SITE, TARGETS, Tape, head, night
 
 HOSTILE = "<script>alert(1)</script>"

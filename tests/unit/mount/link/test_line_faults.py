@@ -32,7 +32,7 @@ EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))
 @pytest.mark.parametrize(("driven", "model", "seed"), [("nexstar", "cge", 11), ("lx200", "autostar", 12)])
 def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: int) -> None:
     """A short piece of ``tests/soak/line_faults.py``; a failure is played again by its seed."""
-    done = trial(driven, model, seed, 0.05, EVERY, 300)
+    done = trial(driven, model, seed, 0.05, EVERY, 200)
     assert sum(done.wire.faults.values()) >= 5
     assert done.asked["positions"] > 50
     assert not done.wrong, done.notes
@@ -41,7 +41,7 @@ def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: in
 def test_the_proof_sees_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     """With every answer believed at once, garbled positions are delivered, and noticed."""
     monkeypatch.setattr("gateway.mount.link.verification.ReplyVerifier._wanted", lambda *_: 1)
-    assert trial("nexstar", "cge", 2, 0.5, (Kind.ALTERED,), 300).wrong["position"]
+    assert trial("nexstar", "cge", 2, 0.5, (Kind.ALTERED,), 120).wrong["position"]
 
 
 # --- one fault at a time ------------------------------------------------------------------------------------------
