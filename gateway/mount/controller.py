@@ -20,11 +20,12 @@ from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
+from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.order_runner import Consequences, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
-from gateway.mount.policy import Policy
+from gateway.mount.policy import Hold, Policy
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
@@ -32,10 +33,14 @@ from gateway.mount.readings.reader import Reader
 from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.target_limits import TargetLimits
 from gateway.mount.readings.told_position import AtHand, ToldPosition
-from gateway.mount.safety.assembled import Safety
+from gateway.mount.safety.admission.contradictions import doubts
+from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.dead_man import Presence
 from gateway.mount.safety.sun import SunAvoidance
+from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
+from gateway.mount.safety.view import MountInputs
+from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
@@ -94,19 +99,29 @@ class MountController:
         sync = SyncSettings(context, line, runner, cache, reader, movement, site_clock)
         self.settings = SiteAndClock(context, line, runner, site_clock, self.told_astrometry, sync)
         # Keeping it within its limits, and moving it.
-        safety = self.safety = Safety(context, line, cache, reader, movement, astrometry, self.sources, self.suns, sync)
-        self.hold, self.watch, self.ends, self.doubts = safety.hold, safety.watch, safety.ends, safety.doubts
-        self.order_runner = OrderRunner(context, follow_ups, runner, movement, safety.admission)
+        inputs = self._inputs = MountInputs(
+            driver, self.now, cache, astrometry, self.suns, movement.now, context,
+            exchange=lambda: line.typical, being_set=lambda: sync.sets_sky,
+        )  # fmt: skip
+        self.hold, self.synced, self.ends = Hold(), SyncTotal(), EndWatch(self.now, context.note)
+        watch = self.watch = LimitWatch(inputs, reader, self.ends, self.synced)
+        self.admission = Admission(inputs, reader, watch, self.sources, self.synced, self.hold)
+        reader.goto_over.connect(watch.arrived)
+        reader.position.connect(watch.look)
+        reader.axes.connect(watch.look_at_altitude)
+        reader.unseen.connect(watch.unseen)
+        reader.status.connect(self._status_came)
+        self.order_runner = OrderRunner(context, follow_ups, runner, movement, self.admission)
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, self.order_runner)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
-        consequences = Consequences(context, gate, cache, told, wanted, astrometry, safety)
+        consequences = Consequences(context, gate, cache, told, wanted, astrometry, watch, self.ends, self.synced)
         reconciler.begins.connect(consequences.begins)
         reconciler.done.connect(consequences.done)
         reconciler.stop_sent.connect(consequences.stop_sent)
         reconciler.at_rest.connect(consequences.at_rest)
-        safety.watch.must_stop.connect(self._stop_now)
-        safety.ends.again.connect(reconciler.send_again)
+        watch.must_stop.connect(self._stop_now)
+        self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
         # Whoever asks for something, and whoever looks after what was begun.
         self.orders = Orders(
@@ -114,12 +129,12 @@ class MountController:
             self.told_astrometry,
         )  # fmt: skip
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
-        TrackingAtLimit(context, cache, reader, safety.watch, self.orders.perform).must_stop.connect(self._stop_now)
+        TrackingAtLimit(context, cache, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
         self.supervisor = Supervisor(context, wanted, self.presence, self.orders.perform)
         reconciler.done.connect(self.supervisor.look_after)
         self.identification = Identification(
-            context, line, runner, gate, cache, reader, self.own, site_clock, sync, reconciler, self.ends, safety.doubts
+            context, line, runner, gate, cache, reader, self.own, site_clock, sync, reconciler, self.ends, self.doubts
         )
         self.identification.told.connect(self._found_equinox)
         self.identified, self.settled = context.milestones.known, context.milestones.settled
@@ -128,6 +143,11 @@ class MountController:
         )
         #: What answers are made of, and whatever may outdate one.
         self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
+
+    def _status_came(self, status: op.Status) -> None:
+        """A mount that is not aligned has no sky that syncs could have moved."""
+        if not status.aligned:
+            self.synced.forget()
 
     def _stop_now(self, _: None) -> None:
         self.begin_stop()
@@ -190,6 +210,10 @@ class MountController:
         return self.wanted.value.stops
 
     # --- reading --------------------------------------------------------------------------------------------------
+
+    def doubts(self) -> str:
+        """What does not fit together, in one line; nothing where all fits."""
+        return doubts(self._inputs, self.sources)
 
     def peek(self, operation: op.Operation[_T]) -> _T:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""

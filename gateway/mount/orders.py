@@ -11,7 +11,7 @@ from math import inf
 from typing import Any, TypeVar, cast
 
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer, Stopped
+from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer, Stopped, Unsupported
 from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
 from gateway.core.waiting import Outcome, over_before, refused, result_of
 from gateway.mount.context import Context
@@ -20,12 +20,11 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.wanted import FIRST, IN_ORDER, Movement, Order, WantedState
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Movement, Order, Slew, WantedState
 from gateway.mount.policy import Hold
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
-from gateway.mount.readings.standing import Standing
 from gateway.mount.safety.dead_man import HostActivity
 from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
@@ -55,7 +54,12 @@ class Orders:
         self._reader, self._own = reader, own
         self._reconciler, self._movement, self._wanted, self._hold = reconciler, movement, wanted, hold
         self._astrometry, self._told = astrometry, told
-        self._handlers = {**settings.handlers, **Standing(context, reader, wanted, astrometry).handlers}
+        self._handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
+            **settings.handlers,
+            op.GetActivity: self._activity,
+            op.GetAbilities: self._abilities,
+            op.TubeSide: self._tube_side,
+        }
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
@@ -189,6 +193,37 @@ class Orders:
         wanted = self._wanted.value
         return axis in wanted.by_hand and self._link.occupied and not wanted.waiting_gotos
 
+    # --- what the gateway knows without asking ------------------------------------------------------------------------
+
+    async def _activity(self, _: op.GetActivity) -> op.Activity:
+        """What moves by orders of this gateway."""
+        wanted, now, parked = self._wanted.value, self._context.now(), self._context.driver.parked
+        slews = isinstance(wanted.motion, Slew)
+        waiting = [order.operation for order in wanted.pending if not order.follow_up]
+        rest = [order.operation for order in wanted.pending if order.follow_up]
+        return op.Activity(
+            goto=slews or bool(wanted.waiting_gotos) or (not parked and any(map(_parks, rest))),
+            by_hand=isinstance(wanted.motion, ByHand) or any(isinstance(one, op.Move | op.MoveAxis) for one in waiting),
+            pulse=any(pulse.until > now for pulse in wanted.pulses)
+            or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
+            parked=parked,
+            homed=wanted.homed and not slews,
+        )
+
+    async def _abilities(self, _: op.GetAbilities) -> op.Abilities:
+        """By the tables, and the model and version that the mount has told."""
+        equatorial = (await self._reader.read(op.GetStatus())).equatorial
+        return self._context.driver.can_do(equatorial)
+
+    async def _tube_side(self, _: op.TubeSide) -> str:
+        driver = self._context.driver
+        told: str = await self._reader.read(op.PierSide())
+        if not driver.german:
+            raise Unsupported("Only a German mount has two sides of the pier.")
+        if (side := driver.tube_side(told)) is not None:
+            return side
+        return told if self._astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[told]
+
 
 async def _ended(outcome: Outcome) -> Any:
     """Wait for an outcome; who gives up ends it for nobody. Raises Fault, and Stopped where it is over undone."""
@@ -198,3 +233,8 @@ async def _ended(outcome: Outcome) -> Any:
         if outcome.cancelled():
             raise Stopped from None
         raise
+
+
+def _parks(operation: op.Operation) -> bool:
+    """Whether this is the rest of a park: the tube is there, and tracking is not off yet."""
+    return getattr(operation, "then", "") == "park"

@@ -152,7 +152,7 @@ def test_what_was_synced_counts_on_and_the_zone_is_kept(tmp_path: Path) -> None:
             state=taken_up(tmp_path, "synced.json", "lx200"),
         ) as bridge:
             assert bridge.warned == []
-            assert bridge.controller.safety.synced.value.north == pytest.approx(0.5975, abs=0.001)
+            assert bridge.controller.synced.value.north == pytest.approx(0.5975, abs=0.001)
             assert bridge.shared.settings.zone == (1.0, 0)
 
     run(program())

@@ -49,7 +49,7 @@ class PreviousRun(Struct, frozen=True):
 def recall(controller: MountController, past: PreviousRun) -> None:
     """Take up what an earlier run has remembered; what it left moving is stopped first."""
     controller.driver.recall(past.kept.mount, moving=False)
-    controller.safety.synced.value = past.kept.synced
+    controller.synced.value = past.kept.synced
     if past.left is not None:
         controller.driver.recall(past.left.memory, moving=True)
         controller.reconciler.owe_stop()
@@ -155,7 +155,7 @@ class StateStore:
     def attach(self, controller: MountController) -> None:
         """Let the controller tell of motions and changes; stop first what the last run left moving."""
         self._memory = controller.driver.memory
-        self._synced = lambda: controller.safety.synced.value
+        self._synced = lambda: controller.synced.value
         recall(controller, self.past)
         controller.changed.connect(lambda _: self.changed())
         controller.hold.on = is_held(self.directory)

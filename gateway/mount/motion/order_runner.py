@@ -17,12 +17,14 @@ from gateway.core.motion_kinds import ENDS, GOTOS, MOVING
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import MOTION, SETTING, STOP
+from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done
 from gateway.mount.motion.wanted import IN_ORDER, Movement, Order, WantedState
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.told_position import ToldPosition
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.assembled import Safety
+from gateway.mount.safety.sync_sum import SyncTotal
+from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.protocols.base.driver import FollowUps
 
@@ -92,11 +94,13 @@ class Consequences:
         told: ToldPosition,
         wanted: WantedState,
         astrometry: SiteAstrometry,
-        safety: Safety,
+        watch: LimitWatch,
+        ends: EndWatch,
+        synced: SyncTotal,
     ) -> None:
         self._driver, self._now, self._gate = context.driver, context.now, gate
         self._cache, self._told, self._wanted, self._astrometry = cache, told, wanted, astrometry
-        self._watch, self._ends, self._synced = safety.watch, safety.ends, safety.synced
+        self._watch, self._ends, self._synced = watch, ends, synced
 
     def stop_sent(self, _: None) -> None:
         """The commands of a stop went out."""

@@ -130,7 +130,7 @@ def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypat
             async def defect(operation: Any) -> Any:
                 raise ValueError("broken")
 
-            monkeypatch.setattr(bridge.controller.safety.admission, "admit", defect)
+            monkeypatch.setattr(bridge.controller.admission, "admit", defect)
             client.tell(b":Mn#")
             await asyncio.sleep(3.0)
             assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)

@@ -1,8 +1,9 @@
-"""A read that many wait for belongs to all of them: whoever gives up, the others are answered."""
+"""A read that many wait for belongs to all of them; and none waits for ever because another comes just before it."""
 
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 import pytest
 
@@ -47,5 +48,31 @@ def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
             await asyncio.sleep(0.01)
             waiting.cancel()
             assert isinstance(await other, op.Equatorial)
+
+    run(program())
+
+
+def stray(bridge: Any, data: bytes) -> None:
+    """Bytes come that nobody asked for: from now on some quiet is wanted before a question like the last one."""
+    bridge.controller.line.wire._deliver(data)
+
+
+@pytest.mark.parametrize("mount", ["lx200gps", "autostar", "lx200-16"])
+@pytest.mark.parametrize("latency", [0.1, 0.15, 0.2])
+def test_the_end_of_a_goto_is_told_after_a_stray_byte(mount: str, latency: float) -> None:
+    """Two halves of a position fill a slow line nearly, and the bars of :D# come in the pauses between."""
+
+    async def program() -> None:
+        async with Bridge(mount, driven="lx200", presented="nexstar", surface="6-8se", latency=latency) as bridge:
+            client = bridge.client()
+            stray(bridge, b"\x15")
+            assert await client.ask(b"r34000000,10000000", 20.0) == b"#"
+            await asyncio.sleep(5.0)
+            assert bridge.sim.slewing
+            while bridge.sim.slewing:
+                await asyncio.sleep(0.5)
+            await asyncio.sleep(5.0)
+            assert await client.ask(b"L", 5.0, until=b"#") == b"0#"
+            assert not bridge.controller.moving
 
     run(program())

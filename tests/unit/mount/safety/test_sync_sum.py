@@ -99,7 +99,7 @@ def test_a_jump_that_no_motor_makes_is_a_new_alignment() -> None:
                     ra, dec = mechanics.believed(bridge.clock())
                     mechanics.sync(bridge.clock(), ra + 30.0, dec)
             assert now < bridge.clock()
-            assert bridge.controller.safety.synced.value == SyncSum()
+            assert bridge.controller.synced.value == SyncSum()
 
     run(program())
 

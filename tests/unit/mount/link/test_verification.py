@@ -1,13 +1,32 @@
-"""What was heard last is remembered for a while, and nothing else with it."""
+"""A reply is believed when it can be its own; an order waits for older ones like it, but not for ever."""
 
 from __future__ import annotations
 
 import gc
 
-from gateway.core.errors import NoDevice
+import pytest
+
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer, NoDevice
+from gateway.mount.link.answers import LateReplies
 from gateway.mount.link.verification import KNOWN
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
+
+
+def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(late: LateReplies, ask: object, now: float) -> float:
+        return now + 1e6
+
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            monkeypatch.setattr(LateReplies, "until", never)
+            began = bridge.controller.now()
+            with pytest.raises(NoAnswer):
+                await bridge.controller.perform(op.Backlash(1, 5))
+            assert bridge.controller.now() - began < 20.0
+
+    run(program())
 
 
 def test_a_device_that_is_not_there_keeps_nobodys_question_in_memory() -> None:
