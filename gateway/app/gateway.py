@@ -27,7 +27,7 @@ from gateway.app.control.orders import orders
 from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
-from gateway.app.state.mount_claim import MountClaim
+from gateway.app.state.mount_claim import claim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -42,6 +42,7 @@ from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
+from gateway.system.locks import Claim
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
 from gateway.transport.listening import SERVED
@@ -88,13 +89,13 @@ class Gateway:
         self.past = PreviousRun(SavedState(FORMAT))
         self.keeping: StateStore | None = None
         self.control: Control | None = None
-        self.claim: MountClaim | None = None
+        self.claim: Claim | None = None
         #: How everything comes in that comes from outside.
         self.entrance = Entrance()
 
     def remember(self) -> None:
         """Take up what an earlier run has kept on disk, and keep it on. Raises UserError for a mount that is taken."""
-        self.claim = MountClaim(self.mount, self.warn)
+        self.claim = claim(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
         self.keeping = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
         self.past = self.keeping.past

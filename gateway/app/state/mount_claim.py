@@ -19,31 +19,23 @@ SCHEMES = ("socket", "rfc2217")
 HERE = ("localhost", "::1", "0.0.0.0", "::")
 
 
-class MountClaim:
-    """Held until ``release``. Raises UserError where another gateway has this mount.
+def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
+    """Held until it is released; None for a mount that has no network address.
 
     Without a folder for locks the mount is served all the same: ``warn`` is told why nobody else can be kept away.
+    Raises UserError where another gateway has this mount.
     """
-
-    def __init__(self, mount: Endpoint, warn: Callable[[str], None]) -> None:
-        self._claim: Claim | None = None
-        name = address(mount.where)
-        if name is None:
-            return
-        try:
-            self._claim = Claim(name)
-        except Taken as by:
-            raise UserError(
-                f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount "
-                "connect to that one's surfaces"
-            ) from None
-        except OSError as error:
-            warn(f"{mount}: a second gateway on the same mount would not be noticed: {error.strerror}")
-
-    def release(self) -> None:
-        """Another gateway may have it."""
-        if self._claim is not None:
-            self._claim.release()
+    name = address(mount.where)
+    try:
+        return None if name is None else Claim(name)
+    except Taken as by:
+        raise UserError(
+            f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount "
+            "connect to that one's surfaces"
+        ) from None
+    except OSError as error:
+        warn(f"{mount}: a second gateway on the same mount would not be noticed: {error.strerror}")
+        return None
 
 
 def address(where: str) -> str | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import datetime
 import re
+from collections.abc import Callable
 from functools import cache
 
 _SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
@@ -105,42 +106,31 @@ def _ticks(value: float, per_unit: float) -> tuple[str, int]:
     return ("-" if value < 0 and ticks else "+"), ticks
 
 
-def hours(degrees: float) -> str:
-    """Degrees -> ``HH:MM:SS``."""
-    return "{:02d}:{:02d}:{:02d}".format(*_split(round(degrees * 240.0) % 86400, 60, 60))
+def _circular(picture: str, per_degree: int, *bases: int) -> Callable[[float], str]:
+    """How an angle is written that goes round: in ticks, so many a degree, and what they are split by."""
+
+    def written(degrees: float) -> str:
+        return picture.format(*_split(round(degrees * per_degree) % (360 * per_degree), *bases))
+
+    return written
 
 
-def hours_low(degrees: float) -> str:
-    """Degrees -> ``HH:MM.T``."""
-    return "{:02d}:{:02d}.{:d}".format(*_split(round(degrees * 40.0) % 14400, 60, 10))
+def _to_the_poles(picture: str, per_degree: int, *bases: int) -> Callable[[float], str]:
+    """The same of one with a sign, from pole to pole: ValueError is raised beyond 90 degrees."""
+
+    def written(degrees: float) -> str:
+        sign, ticks = _ticks(degrees, per_degree)
+        if ticks > 90 * per_degree:
+            raise ValueError("an altitude, declination or latitude lies beyond 90 degrees")
+        return sign + picture.format(*_split(ticks, *bases))
+
+    return written
 
 
-def signed(degrees: float) -> str:
-    """Degrees in [-90, 90] -> ``sDD*MM:SS``."""
-    sign, ticks = _ticks(degrees, 3600)
-    return sign + "{:02d}*{:02d}:{:02d}".format(*_split(_within(ticks, 324000), 60, 60))
-
-
-def signed_low(degrees: float) -> str:
-    """Degrees in [-90, 90] -> ``sDD*MM``."""
-    sign, ticks = _ticks(degrees, 60)
-    return sign + "{:02d}*{:02d}".format(*_split(_within(ticks, 5400), 60))
-
-
-def _within(ticks: int, limit: int) -> int:
-    if ticks > limit:
-        raise ValueError("an altitude, declination or latitude lies beyond 90 degrees")
-    return ticks
-
-
-def azimuth(degrees: float) -> str:
-    """Degrees -> ``DDD*MM:SS``."""
-    return "{:03d}*{:02d}:{:02d}".format(*_split(round(degrees * 3600.0) % 1296000, 60, 60))
-
-
-def azimuth_low(degrees: float) -> str:
-    """Degrees -> ``DDD*MM``."""
-    return "{:03d}*{:02d}".format(*_split(round(degrees * 60.0) % 21600, 60))
+#: Degrees -> ``HH:MM:SS``, ``HH:MM.T``; ``DDD*MM:SS``, ``DDD*MM``; ``sDD*MM:SS``, ``sDD*MM``.
+hours, hours_low = _circular("{:02d}:{:02d}:{:02d}", 240, 60, 60), _circular("{:02d}:{:02d}.{:d}", 40, 60, 10)
+azimuth, azimuth_low = _circular("{:03d}*{:02d}:{:02d}", 3600, 60, 60), _circular("{:03d}*{:02d}", 60, 60)
+signed, signed_low = _to_the_poles("{:02d}*{:02d}:{:02d}", 3600, 60, 60), _to_the_poles("{:02d}*{:02d}", 60, 60)
 
 
 def longitude(degrees: float) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import parse_endpoint
-from gateway.app.state.mount_claim import MountClaim, address
+from gateway.app.state.mount_claim import address, claim
 from gateway.core.errors import UserError
 from gateway.system import runtime_folders as runtime
 from gateway.system.locks import Claim, PidLock, Taken, read_pid
@@ -72,7 +72,7 @@ def test_what_is_not_ones_own_is_not_used_and_said(
     with pytest.raises(UserError, match=f"cannot make {base}/lx200: no folder for its lock: .*{reason}"):
         DeviceLink(str(base / "lx200"))
     warned: list[str] = []
-    MountClaim(parse_endpoint("nexstar@socket://10.0.0.5:4030"), warned.append).release()
+    assert claim(parse_endpoint("nexstar@socket://10.0.0.5:4030"), warned.append) is None
     assert len(warned) == 1 and reason in warned[0]
 
 

@@ -7,20 +7,9 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import Fault, Invalid, Unsupported
-from gateway.core.operations import (
-    Backlash,
-    Focus,
-    GetIdentity,
-    GetStatus,
-    HomeState,
-    Identity,
-    PeriodicError,
-    Status,
-    Unpark,
-    Values,
-)
 from gateway.protocols.base.wants import FireAndForget, Handling, Speed, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
@@ -45,39 +34,39 @@ _USAGE = (
 )
 
 
-def toggle_precision(session: LxSession, command: Command, values: Values) -> None:
+def toggle_precision(session: LxSession, command: Command, values: op.Values) -> None:
     """:U - the format of coordinates, for this client."""
     session.kept.precision = "low" if session.kept.precision == "high" else "high"
 
 
-def baud(session: LxSession, command: Command, values: Values) -> Handling:
+def baud(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SB - 1 at the old rate; a network connection has none. Raises Invalid for what is none of the nine."""
     if values.get("rate") not in RATES:
         raise Invalid("The baud rates are 1 to 9.")
     yield Speed(RATES[values["rate"]])
 
 
-def restart(session: LxSession, command: Command, values: Values) -> Handling:
+def restart(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:I - back into service, and this client's state as at power-on; the stop in it was begun when it came."""
     session.forget()
-    yield FireAndForget(Unpark())
+    yield FireAndForget(op.Unpark())
 
 
-def home_state(session: LxSession, command: Command, values: Values) -> Handling:
+def home_state(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:h? - 0 of a telescope that has no way home: it was not found."""
     try:
-        return {"state": str((yield HomeState()))}
+        return {"state": str((yield op.HomeState()))}
     except Unsupported:
         return {"state": "0"}
 
 
-def focus(session: LxSession, command: Command, values: Values) -> Handling:
+def focus(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:F+ :F- :FQ"""
     direction = {"+": 1, "-": -1, "Q": 0}[command.name[1]]
-    yield FireAndForget(Focus(direction, session.kept.focus_speed))
+    yield FireAndForget(op.Focus(direction, session.kept.focus_speed))
 
 
-def focus_speed(session: LxSession, command: Command, values: Values) -> None:
+def focus_speed(session: LxSession, command: Command, values: op.Values) -> None:
     """:FF :FS :F<n> - 1 to 4; any other number leaves the speed as it was. Raises Invalid."""
     speed = {"FF": 4, "FS": 1}.get(command.name) or given(values)["speed"]
     if not 1 <= speed <= 4:
@@ -85,23 +74,23 @@ def focus_speed(session: LxSession, command: Command, values: Values) -> None:
     session.kept.focus_speed = speed
 
 
-def backlash(session: LxSession, command: Command, values: Values) -> Handling:
+def backlash(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:$BA the declination motor, :$BZ the right-ascension motor."""
-    yield FireAndForget(Backlash(2 if command.name == "$BA" else 1, given(values)["value"]))
+    yield FireAndForget(op.Backlash(2 if command.name == "$BA" else 1, given(values)["value"]))
 
 
-def periodic_error(session: LxSession, command: Command, values: Values) -> Handling:
+def periodic_error(session: LxSession, command: Command, values: op.Values) -> Handling:
     """$Q :$QA :$QZ - a toggle for both axes, or on and off for one; the toggle goes by right ascension's."""
     if command.name.startswith("$QA"):
-        yield FireAndForget(PeriodicError(2, command.name.endswith("+")))
+        yield FireAndForget(op.PeriodicError(2, command.name.endswith("+")))
         return
     toggled = command.name == "$Q"
     on = not session.shared.pec if toggled else command.name.endswith("+")
     session.set_for_all(replace(session.shared, pec=on))
-    yield FireAndForget(PeriodicError(None if toggled else 1, on))
+    yield FireAndForget(op.PeriodicError(None if toggled else 1, on))
 
 
-def silence(session: LxSession, command: Command, values: Values) -> bytes:
+def silence(session: LxSession, command: Command, values: op.Values) -> bytes:
     """Nothing needs doing, and nothing is what programs take best; or nothing true could be said."""
     return b""
 
@@ -109,7 +98,7 @@ def silence(session: LxSession, command: Command, values: Values) -> bytes:
 # --- help -------------------------------------------------------------------------------------------------------------
 
 
-def help_line(session: LxSession, command: Command, values: Values) -> Handling:
+def help_line(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:?? :?+ :?- - an empty line before the first and after the last; models without help say nothing."""
     if not session.model["help"]:
         return b""
@@ -126,8 +115,8 @@ def help_line(session: LxSession, command: Command, values: Values) -> Handling:
 def _text() -> Handling:
     """-> the lines, as things stand now."""
     try:
-        identity: Identity = yield GetIdentity()
-        status: Status = yield GetStatus()
+        identity: op.Identity = yield op.GetIdentity()
+        status: op.Status = yield op.GetStatus()
     except Fault as fault:
         mount: tuple[str, ...] = (f"Mount: {fault}",)
     else:

@@ -10,21 +10,8 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NotAligned
-from gateway.core.operations import (
-    Direction,
-    DriveRate,
-    GetStatus,
-    Move,
-    Pulse,
-    Rate,
-    SetGuideRate,
-    SetTracking,
-    Status,
-    Tracking,
-    TrackRate,
-    Values,
-)
 from gateway.protocols.base.wants import FireAndForget, Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
@@ -38,27 +25,27 @@ _DRIVES = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
 _MENU = ("ALTAZ", "POLAR", "LAND")
 
 
-def move(session: LxSession, command: Command, values: Values) -> Handling:
+def move(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Mn :Ms :Me :Mw - at this client's rate."""
-    direction = Direction(command.name[1])
+    direction = op.Direction(command.name[1])
     kept = session.kept
     own = kept.rate_ra if direction.axis == 1 else kept.rate_dec
-    rate = kept.rate or Rate(name="center")
+    rate = kept.rate or op.Rate(name="center")
     if own:
-        rate = Rate(degrees=own if kept.fastest is None else min(own, kept.fastest))
+        rate = op.Rate(degrees=own if kept.fastest is None else min(own, kept.fastest))
     elif rate.name == "max" and kept.fastest is not None:
-        rate = Rate(name="max", degrees=kept.fastest)
-    yield FireAndForget(Move(direction, rate, lowest=kept.lowest, highest=kept.highest))
+        rate = op.Rate(name="max", degrees=kept.fastest)
+    yield FireAndForget(op.Move(direction, rate, lowest=kept.lowest, highest=kept.highest))
 
 
-def choose_rate(session: LxSession, command: Command, values: Values) -> None:
+def choose_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the key's own number (0 is the slowest)."""
     name = _NAMES.get(command.name)
-    session.kept.rate = Rate(name=name) if name else Rate(key=max(1, given(values)["key"]))
+    session.kept.rate = op.Rate(name=name) if name else op.Rate(key=max(1, given(values)["key"]))
     session.kept.rate_ra = session.kept.rate_dec = None
 
 
-def axis_rate(session: LxSession, command: Command, values: Values) -> None:
+def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - degrees a second for the arrows of one axis, until another rate is chosen."""
     rate = given(values)["rate"] or None
     if command.name == "RA":
@@ -67,95 +54,95 @@ def axis_rate(session: LxSession, command: Command, values: Values) -> None:
         session.kept.rate_dec = rate
 
 
-def max_rate(session: LxSession, command: Command, values: Values) -> None:
+def max_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:Sw - the fastest rate for this client; some programs use it as their rate slider, so it is chosen, too."""
     low, high = session.model["max_rates"]
     if "fault" in values or not low <= values["rate"] <= max(high, 8):
         raise Invalid(f"The slew rate is {low} to {high} degrees a second.")
     session.kept.fastest = float(values["rate"])
-    session.kept.rate = Rate(name="max")
+    session.kept.rate = op.Rate(name="max")
 
 
-def guide_rate(session: LxSession, command: Command, values: Values) -> Handling:
+def guide_rate(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Rg - arcseconds a second, at most sidereal."""
     fraction = min(1.0, given(values)["rate"] / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
-        yield FireAndForget(SetGuideRate(axis, fraction))
+        yield FireAndForget(op.SetGuideRate(axis, fraction))
 
 
-def pulse(session: LxSession, command: Command, values: Values) -> Handling:
+def pulse(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     values = given(values)
-    yield FireAndForget(Pulse(Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))
+    yield FireAndForget(op.Pulse(op.Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------------
 
 
-def alignment(session: LxSession, command: Command, values: Values) -> Handling:
+def alignment(session: LxSession, command: Command, values: op.Values) -> Handling:
     """ACK - L only to a client that asked for land mode: widely used programs fail on it."""
     return {"mode": (yield from _letter(session))}
 
 
 def _letter(session: LxSession) -> Handling:
-    status: Status = yield GetStatus()
-    if session.kept.land and status.tracking is Tracking.OFF:
+    status: op.Status = yield op.GetStatus()
+    if session.kept.land and status.tracking is op.Tracking.OFF:
         return "L"
     return "P" if status.equatorial else "A"
 
 
-def menu(session: LxSession, command: Command, values: Values) -> Handling:
+def menu(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:G0 :G1 :G2 - the alignment menu, the present mode marked."""
     index = int(command.name[1])
     letter = yield from _letter(session)
     return {"text": f"{'>' if _MENU[index].startswith(letter) else ' '}{_MENU[index]:<15}"}
 
 
-def status(session: LxSession, command: Command, values: Values) -> Handling:
+def status(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GW - how it is built, whether it tracks, whether it is aligned."""
-    seen: Status = yield GetStatus()
+    seen: op.Status = yield op.GetStatus()
     return {
         "build": "G" if session.model.get("build") == "G" else "P" if seen.equatorial else "A",
-        "tracking": "N" if seen.tracking is Tracking.OFF else "T",
+        "tracking": "N" if seen.tracking is op.Tracking.OFF else "T",
         "aligned": "1" if seen.aligned else "0",
     }
 
 
-def align(session: LxSession, command: Command, values: Values) -> Handling:
+def align(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Aa - a hand control cannot be aligned from outside: 1 when it is aligned already, else 0."""
-    seen: Status = yield GetStatus()
+    seen: op.Status = yield op.GetStatus()
     if not seen.aligned:
         raise NotAligned
 
 
-def land(session: LxSession, command: Command, values: Values) -> Handling:
+def land(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:AL - tracking off. What comes next is told what became of it."""
     session.kept.land = True
-    yield SetTracking(on=False)
+    yield op.SetTracking(on=False)
 
 
-def track(session: LxSession, command: Command, values: Values) -> Handling:
+def track(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:AA :AP - tracking on, in the mount's own mode: its alignment must survive."""
     session.kept.land = False
-    yield FireAndForget(SetTracking(on=True))
+    yield FireAndForget(op.SetTracking(on=True))
 
 
-def named_rate(session: LxSession, command: Command, values: Values) -> Handling:
+def named_rate(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:TQ :TS :TL"""
-    yield TrackRate(name=_DRIVES[command.name])
+    yield op.TrackRate(name=_DRIVES[command.name])
 
 
-def tell_hertz(session: LxSession, command: Command, values: Values) -> Handling:
+def tell_hertz(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GT - also while it does not track, never 0: whether it does is in :GW."""
     try:
-        factor: float = yield DriveRate()
+        factor: float = yield op.DriveRate()
     except Fault:
         return {"hertz": _SIDEREAL_TOLD}
     hertz = round(factor * SIDEREAL_HERTZ, 1)
     return {"hertz": _SIDEREAL_TOLD if _SIDEREAL[0] <= hertz <= _SIDEREAL[1] else min(_MOST, hertz)}
 
 
-def set_hertz(session: LxSession, command: Command, values: Values) -> Handling:
+def set_hertz(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - from now on at this rate; 60.1 to 60.2 is sidereal exactly."""
     hertz = given(values)["hertz"]
     if not 0 < hertz < 100:
@@ -163,7 +150,7 @@ def set_hertz(session: LxSession, command: Command, values: Values) -> Handling:
     yield from _drive_at(session, hertz)
 
 
-def custom(session: LxSession, command: Command, values: Values) -> Handling:
+def custom(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:TM :T+ :T- - the manual rate, a tenth of a hertz more or less."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round((session.shared.manual_hertz or 60.1) + step, 3)
@@ -172,5 +159,5 @@ def custom(session: LxSession, command: Command, values: Values) -> Handling:
 
 def _drive_at(session: LxSession, hertz: float) -> Handling:
     sidereal = _SIDEREAL[0] <= round(hertz, 3) <= _SIDEREAL[1]
-    yield TrackRate(name="sidereal") if sidereal else TrackRate(factor=hertz / SIDEREAL_HERTZ)
+    yield op.TrackRate(name="sidereal") if sidereal else op.TrackRate(factor=hertz / SIDEREAL_HERTZ)
     session.set_for_all(replace(session.shared, manual_hertz=hertz), lasting=False)  # not one that was refused

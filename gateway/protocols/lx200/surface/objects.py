@@ -16,21 +16,8 @@ from msgspec.structs import replace
 
 from gateway.astro.catalog import QUALITIES, Entry, Wanted, deepsky, describe, stars
 from gateway.astro.spherical import separation
+from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, Unsupported
-from gateway.core.operations import (
-    Choose,
-    Chosen,
-    Equatorial,
-    MoonPlace,
-    Own,
-    PassThrough,
-    PlanetPlace,
-    Position,
-    ToEquinoxOfDate,
-    ToJ2000,
-    Values,
-    Zenith,
-)
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
@@ -53,7 +40,7 @@ _LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "s
 _TYPES = re.compile("gpdco", re.IGNORECASE)
 
 
-def choose_catalog(session: LxSession, command: Command, values: Values) -> None:
+def choose_catalog(session: LxSession, command: Command, values: op.Values) -> None:
     """:Lo - on models that do not search the reply is always 1."""
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
     session.kept.deep_sky = catalog
@@ -65,7 +52,7 @@ def choose_catalog(session: LxSession, command: Command, values: Values) -> None
         _check(session, lambda: deepsky.look_up(catalog, 1))
 
 
-def choose_stars(session: LxSession, command: Command, values: Values) -> None:
+def choose_stars(session: LxSession, command: Command, values: op.Values) -> None:
     """:Ls - planets, Hipparcos, and SAO, HR and HD where they are installed."""
     catalog = None if "fault" in values else values["catalog"]
     session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
@@ -87,13 +74,13 @@ def _check(session: LxSession, look_up: Callable[[], object]) -> None:
         raise Invalid(_NOT_FOUND) from None
 
 
-def select_object(session: LxSession, command: Command, values: Values) -> Handling:
+def select_object(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:LM a Messier object, :LC one of the catalogue that :Lo chose."""
     catalog = "M" if command.name == "LM" else session.kept.deep_sky
     yield from _select(session, catalog, values, deepsky.look_up)
 
 
-def select_star(session: LxSession, command: Command, values: Values) -> Handling:
+def select_star(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:LS - of the catalogue that :Ls chose, else STAR on models that have it and Hipparcos on the others."""
     catalog = session.kept.stars
     if catalog == "model":
@@ -106,26 +93,26 @@ def select_star(session: LxSession, command: Command, values: Values) -> Handlin
     elif catalog in _CROSS:
         yield from _select(session, _CROSS[catalog], values, lambda name, one: stars.by_other_number(name, one, year))
     elif number == _MOON:
-        yield from _follow(session, MoonPlace(), "MOON")
+        yield from _follow(session, op.MoonPlace(), "MOON")
     elif number in _PLANETS:
-        yield from _follow(session, PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
+        yield from _follow(session, op.PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
     else:
         session.kept.select_nothing(f"STAR {number} not found")
 
 
 def _aim_at(session: LxSession, entry: Entry) -> Handling:
     """A catalogue's object becomes the target."""
-    place: Equatorial = yield ToEquinoxOfDate(entry.ra, entry.dec)
+    place: op.Equatorial = yield op.ToEquinoxOfDate(entry.ra, entry.dec)
     kept = session.kept
     kept.deselect()
     kept.ra, kept.dec, kept.entry, kept.object = place.ra, place.dec, entry, describe(entry)
 
 
-def _follow(session: LxSession, moving: MoonPlace | PlanetPlace, words: str) -> Handling:
+def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, words: str) -> Handling:
     """Something that moves becomes the target. Raises Fault while it has no place: then nothing is selected."""
     kept = session.kept
     try:
-        place: Equatorial = yield moving
+        place: op.Equatorial = yield moving
     except Fault as fault:
         kept.select_nothing(str(fault))
         raise
@@ -133,7 +120,7 @@ def _follow(session: LxSession, moving: MoonPlace | PlanetPlace, words: str) -> 
     kept.ra, kept.dec, kept.moving, kept.object = place.ra, place.dec, moving, words
 
 
-def set_moon_target(session: LxSession, command: Command, values: Values) -> Handling:
+def set_moon_target(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SE the latitude north, :Se the longitude EAST positive (Mare Crisium is +59); the half not set yet is 0."""
     if "fault" in values:
         session.kept.select_nothing("No object selected")
@@ -143,7 +130,7 @@ def set_moon_target(session: LxSession, command: Command, values: Values) -> Han
 
 
 def _select(
-    session: LxSession, catalog: str | None, values: Values, look_up: Callable[[str, int], Entry | None]
+    session: LxSession, catalog: str | None, values: op.Values, look_up: Callable[[str, int], Entry | None]
 ) -> Handling:
     """The object of that number becomes the target; what is not there leaves none."""
     number = values.get("number")
@@ -162,12 +149,12 @@ def _select(
 # --- searching --------------------------------------------------------------------------------------------------------
 
 
-def tell_search(session: LxSession, command: Command, values: Values) -> object:
+def tell_search(session: LxSession, command: Command, values: op.Values) -> object:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
     return getattr(session.kept.search, _LIMITS[command.name[1]])
 
 
-def set_search(session: LxSession, command: Command, values: Values) -> None:
+def set_search(session: LxSession, command: Command, values: op.Values) -> None:
     """:Sb :Sf :SF :Sl :Ss :Sy - the types are five letters in their order, capitals for what is wanted."""
     name = _LIMITS[command.name[1]]
     (value,) = given(values).values()
@@ -176,13 +163,13 @@ def set_search(session: LxSession, command: Command, values: Values) -> None:
     session.kept.search = replace(session.kept.search, **{name: value})
 
 
-def step_quality(session: LxSession, command: Command, values: Values) -> None:
+def step_quality(session: LxSession, command: Command, values: op.Values) -> None:
     """:Sq - the next lower quality, from the worst back to the best."""
     present = QUALITIES.index(session.kept.search.quality)
     session.kept.search = replace(session.kept.search, quality=QUALITIES[(present + 1) % len(QUALITIES)])
 
 
-def browse(session: LxSession, command: Command, values: Values) -> Handling:
+def browse(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:LF the first within the limits, beginning in the west; :LN and :LB the ones after and before the object."""
     if not session.model["libraries"]:
         return
@@ -202,15 +189,15 @@ def browse(session: LxSession, command: Command, values: Values) -> Handling:
         session.kept.select_nothing(str(missing))
 
 
-def identify(session: LxSession, command: Command, values: Values) -> Handling:
+def identify(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Lf - how many objects within the limits are in the field, and the one nearest to its centre."""
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
     try:
         candidates = deepsky.matching(_wanted(session))
         visible, _ = yield from _sky(session)
-        seen: Equatorial = yield Position()
-        centre: Equatorial = yield ToJ2000(seen.ra, seen.dec)
+        seen: op.Equatorial = yield op.Position()
+        centre: op.Equatorial = yield op.ToJ2000(seen.ra, seen.dec)
         radius = session.kept.search.field / 120.0
         found = [c for c in deepsky.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
         nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""
@@ -219,7 +206,7 @@ def identify(session: LxSession, command: Command, values: Values) -> Handling:
         return {"text": str(missing)}
 
 
-def object_text(session: LxSession, command: Command, values: Values) -> dict[str, str]:
+def object_text(session: LxSession, command: Command, values: op.Values) -> dict[str, str]:
     """:LI"""
     if not session.model["libraries"]:
         return {"text": session.model["object_text"]}
@@ -237,7 +224,7 @@ def _sky(session: LxSession) -> Handling:
     """-> (what may be gone to now, the right ascension in the south); everything may, where the site is unknown."""
     limits = session.limits
     try:
-        zenith: Equatorial = yield Zenith()
+        zenith: op.Equatorial = yield op.Zenith()
     except Unsupported:
         return lambda ra, dec: True, 0.0
     farthest, nearest = 90.0 - max(0.0, limits.lowest), 90.0 - limits.highest
@@ -247,15 +234,15 @@ def _sky(session: LxSession) -> Handling:
 # --- the telescope's own library --------------------------------------------------------------------------------------
 
 
-def own_library(session: LxSession, command: Command, values: Values) -> Handling:
+def own_library(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI of the telescope itself."""
     kept = session.kept
     if command.name == "LI":
-        return (yield Own("LI", (), "moment")) if kept.object is None else f"{kept.object}#".encode("latin-1")
+        return (yield op.Own("LI", (), "moment")) if kept.object is None else f"{kept.object}#".encode("latin-1")
     if command.name in _CHOOSING:
         others = {name: fields for name, fields in kept.own_catalogs.items() if name != command.name}
         try:
-            answer = yield PassThrough(command.name, tuple(values.items()))
+            answer = yield op.PassThrough(command.name, tuple(values.items()))
         except Fault:
             kept.own_catalogs = others
             raise
@@ -264,7 +251,7 @@ def own_library(session: LxSession, command: Command, values: Values) -> Handlin
     catalogue = _CHOSEN_BY.get(command.name, "")
     chosen_by = kept.own_catalogs.get(catalogue)
     first = () if chosen_by is None else ((catalogue, chosen_by),)
-    chosen: Chosen = yield Choose(command.name, tuple(values.items()), first, kept.ra or 0.0, kept.dec or 0.0)
+    chosen: op.Chosen = yield op.Choose(command.name, tuple(values.items()), first, kept.ra or 0.0, kept.dec or 0.0)
     if chosen.place is not None:
         kept.deselect()
         kept.ra, kept.dec, kept.object = chosen.place.ra, chosen.place.dec, chosen.text
