@@ -22,7 +22,7 @@ import math
 import time
 from collections.abc import Callable
 
-from gateway.astro.ephemeris import closed_forms, lunar
+from gateway.astro.ephemeris import closed_forms
 from gateway.astro.ephemeris.closed_forms import Frame
 from gateway.astro.ephemeris.day_table import DAY, PARTS, DayTable
 from gateway.astro.offline import go_offline
@@ -194,7 +194,8 @@ class Sky(TableLoader):
         self, unix: float, lat: float, lon_east: float, moon_lat: float, moon_lon_east: float
     ) -> tuple[float, float]:
         """Apparent (ra, dec) of date of a place on the Moon, as seen from a site; libration and parallax counted."""
-        return from_vector(lunar.place(self._moon_from(unix, lat, lon_east), unix, moon_lat, moon_lon_east))
+        seen = self._moon_from(unix, lat, lon_east)
+        return from_vector(closed_forms.place_on_moon(seen, unix, moon_lat, moon_lon_east))
 
     def planet(self, name: str, unix: float) -> tuple[float, float] | None:
         """(ra, dec) of date of a planet where its light left it, from the Earth's centre; None while not `ready`.

@@ -9,7 +9,7 @@ import random
 import ephem
 import pytest
 
-from gateway.astro.ephemeris import lunar
+from gateway.astro.ephemeris import closed_forms
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import from_vector, rotate, separation, transpose, wrap180, wrap360
 from tests.support.sampling import as_a_rule
@@ -43,7 +43,7 @@ def libration(moon: tuple[float, float, float], unix: float) -> tuple[float, flo
 
     The angle is that of the northern half of the axis, from celestial north through east, in [0, 360).
     """
-    axes = lunar.orientation(unix)
+    axes = closed_forms.moon_orientation(unix)
     longitude, latitude = from_vector(rotate(transpose(axes), (-moon[0], -moon[1], -moon[2])))
     ra, dec = (math.radians(angle) for angle in from_vector(moon))
     pole = rotate(axes, (0.0, 0.0, 1.0))
