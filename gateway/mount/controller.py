@@ -30,8 +30,8 @@ from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
+from gateway.mount.readings.reckoning import TargetLimits
 from gateway.mount.readings.rest import SIGHT, come_to_rest
-from gateway.mount.readings.target_limits import TargetLimits
 from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
