@@ -20,8 +20,7 @@ from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.allow import can_be_told, past_meridian
-from gateway.mount.safety.sun import SunAvoidance
-from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
 
 Pair = tuple[float, float]
 Inside = Callable[[float, float], bool]
