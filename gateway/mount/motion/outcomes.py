@@ -100,7 +100,7 @@ def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, spe
         case op.Hibernate():
             return replace(wanted, motion=Theirs())
         case op.Focus(direction=direction):
-            return replace(wanted, focus=FocusMotion(operation, order.by, now) if direction else None)
+            return replace(wanted, focus=FocusMotion(order.by, now) if direction else None)
     return wanted
 
 

@@ -91,7 +91,6 @@ class Theirs(Struct, frozen=True):
 class FocusMotion(Struct, frozen=True):
     """The focuser moves; a stop of the mount leaves it alone."""
 
-    operation: op.Focus
     by: HostActivity | None
     since: float
 

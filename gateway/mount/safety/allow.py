@@ -122,10 +122,7 @@ def _rate(view: View, number: int) -> float:
 
 
 def meridian(view: View) -> Verdict:
-    """What leads past the meridian ends at the limit of the hour angle, a goto excepted: it may change sides.
-
-    A mount that may be a German one and does not tell the side that its tube is on is not watched.
-    """
+    """What leads past the meridian ends at the limit of the hour angle, a goto excepted: it may change sides."""
     before, last, changes = view.seen.before, view.seen.last, view.seen.changes
     limit = view.limits.hour_angle
     equatorial = view.status is not None and view.status.equatorial
@@ -144,7 +141,7 @@ def meridian(view: View) -> Verdict:
 
 
 def can_be_told(german: bool | None, side: str | None) -> bool:
-    """Whether anybody knows how far past the meridian it is: a German mount must have told its side."""
+    """Whether anybody knows how far past the meridian it is: a German mount must have told its side to be watched."""
     return german is not None and (bool(side) or not german)
 
 
