@@ -6,9 +6,3 @@ HD and HR a list that is no part of the extra (``stars.py``). Places are J2000, 
 A catalogue that is not installed raises NotInstalled; a number that it does not have is None. A look-up takes
 1 to 20 ms, a search 40 ms when its limits are new, so no thread is needed. Nothing is read before it is asked for.
 """
-
-from __future__ import annotations
-
-from gateway.astro.catalog.objects import QUALITIES, Entry, Wanted, describe
-
-__all__ = ["QUALITIES", "Entry", "Wanted", "describe"]

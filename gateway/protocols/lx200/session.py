@@ -8,7 +8,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from gateway.astro.catalog import Entry
+from gateway.astro.catalog.objects import Entry
 from gateway.core.operations import Fields, MoonPlace, PlanetPlace, Rate
 from gateway.protocols.base.session import AltitudeLimits, Kept, Session
 

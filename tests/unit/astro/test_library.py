@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.astro import catalog as library
-from gateway.astro.catalog import QUALITIES, Wanted, deepsky, describe, names, objects, stars
-from gateway.astro.catalog.objects import quality
+from gateway.astro.catalog import deepsky, names, objects, stars
+from gateway.astro.catalog.objects import QUALITIES, Entry, Wanted, describe, quality
 from gateway.astro.spherical import separation
 from tests.support.each import each
 
@@ -112,7 +111,7 @@ def test_brighter_is_better_and_thinner_is_worse() -> None:
 
 
 def test_a_description_leaves_out_what_nobody_has_measured() -> None:
-    assert describe(library.Entry("X1", "D", 0.0, 0.0)) == "X1 VP DIFF NEB"
+    assert describe(Entry("X1", "D", 0.0, 0.0)) == "X1 VP DIFF NEB"
 
 
 # --- searching ----------------------------------------------------------------------------------------------------

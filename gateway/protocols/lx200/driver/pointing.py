@@ -135,7 +135,7 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
     begins(mount, *MOUNT)
     try:
         yield from ask(mount, command)
-    except (NoAnswer, Garbled):
+    except NoAnswer:
         if not (yield from _has_begun(mount)):
             mount.goto = None
             raise

@@ -14,7 +14,8 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from gateway.astro.catalog import QUALITIES, Entry, Wanted, deepsky, describe, stars
+from gateway.astro.catalog import deepsky, stars
+from gateway.astro.catalog.objects import QUALITIES, Entry, Wanted, describe
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, Unsupported
