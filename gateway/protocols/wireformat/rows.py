@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import cache
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -52,7 +53,8 @@ def show_version(version: Version) -> str:
     return f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
 
 
-def handlers_of(*modules: ModuleType) -> dict[str, Callable[..., Any]]:
+@cache
+def handlers_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
     """What the rows of a surface or a driver may ``call``: the functions that these modules define for others, by name.
 
     Raises ValueError where two have one name.
