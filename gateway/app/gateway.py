@@ -184,7 +184,7 @@ class Gateway:
     def begin(self, refresh: bool = True) -> None:
         """Open the line and find out what is on it; ``refresh``: keep what clients ask for fresh."""
         self.controller.start(refresh)
-        self.controller.spawn(self._fit())
+        self.controller.spawn(self.fit())
 
     async def _admit(self) -> None:
         """Let ``mount-gateway stop`` and its like in."""
@@ -206,7 +206,7 @@ class Gateway:
                 f"{error.strerror or error}; --state PATH names another folder"
             )
 
-    async def _fit(self) -> None:
+    async def fit(self) -> None:
         """Present what fits the mount, where the user named no model."""
         await self.controller.identified.wait()
         while True:

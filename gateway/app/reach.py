@@ -18,7 +18,6 @@ from gateway.app.control.exchange import ControlEndpoint, Parts, doors, draw, se
 from gateway.app.state.file import MarkerContent, read_mark
 from gateway.system import processes
 from gateway.system.files import directory
-from gateway.system.processes import exists, is_gateway, suspended
 from gateway.system.runtime_folders import folders, of_others, user, user_name
 
 #: Seconds from one time that a question is sent to the next: a datagram may be lost.
@@ -151,7 +150,7 @@ class _Asking(asyncio.DatagramProtocol):
 def silent(pid: int) -> str:
     """What a gateway that does not answer may be, and what to do about it."""
     ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
-    goes_on = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} lets it go on; or " if suspended(pid) else ""
+    goes_on = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} lets it go on; or " if processes.suspended(pid) else ""
     return f"the gateway (process {pid}) does not answer: {goes_on}{ended}"
 
 
@@ -175,8 +174,8 @@ async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
                 await asyncio.wait({asking.done}, timeout=AGAIN)
         return asking.done.result()
     except ConnectionError:
-        return f"failed {silent(door.pid)}" if is_gateway(door.pid) else None
+        return f"failed {silent(door.pid)}" if processes.is_gateway(door.pid) else None
     except (OSError, TimeoutError):
-        return f"failed {silent(door.pid)}" if exists(door.pid) else None
+        return f"failed {silent(door.pid)}" if processes.exists(door.pid) else None
     finally:
         transport.close()

@@ -76,7 +76,11 @@ def own_id() -> str:
 
 
 class Outbox:
-    """``take`` gives states first: they say how it is now."""
+    """What waits to be published: of every state the newest, of what has happened the last so many.
+
+    It never grows, however long the broker is away. One thread puts in, another takes out. ``take`` gives states first:
+    they say how it is now.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

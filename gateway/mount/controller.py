@@ -30,19 +30,18 @@ from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
+from gateway.mount.readings.reckoning import TargetLimits
 from gateway.mount.readings.rest import SIGHT, come_to_rest
-from gateway.mount.readings.target_limits import TargetLimits
 from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.dead_man import Presence
-from gateway.mount.safety.sun import SunAvoidance
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
-from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
 from gateway.mount.site.site_clock import BestSources, SiteClock

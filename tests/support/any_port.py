@@ -22,7 +22,7 @@ class AnyBridge(Bridge):
         made = Acceptors(
             self.controller,
             Endpoint(self._driven, "sim"),
-            self.settings,
+            self.gateway.config,
             self.shared,
             self.clock,
             self.controller.astrometry.sky,

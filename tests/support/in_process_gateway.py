@@ -11,7 +11,6 @@ from gateway.app.state.file import MarkerContent
 from gateway.app.state.motion_marker import InThread
 from gateway.app.state.store import StateStore
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
-from gateway.protocols.base.session import Shared
 from tests.support.sent_forms import malformed
 
 __all__ = ["EVENING", "Bridge", "Visitor", "here"]
@@ -49,19 +48,12 @@ class Bridge(Stage):
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
 
-    def remember(self) -> Shared:
-        if self._state is None:
-            return super().remember()
-        self.keeping = StateStore(
-            self._driven,
-            "bridge",
-            MarkerContent(f"{self._driven}@bridge", 9600),
-            str(self._state),
-            self.warned.append,
-            self._in_thread or here,
-        )
-        self.keeping.attach(self.controller)
-        return self.keeping.shared
+    def remember(self) -> None:
+        if self._state is not None:
+            marked, folder = MarkerContent(f"{self._driven}@bridge", 9600), str(self._state)
+            in_thread = self._in_thread or here
+            self.keeping = StateStore(self._driven, "bridge", marked, folder, self.warned.append, in_thread)
+            self.gateway.keeping, self.gateway.past = self.keeping, self.keeping.past
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:
         await super().__aexit__()

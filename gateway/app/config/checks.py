@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from gateway.app.config.endpoints import nearest, parse_broker, parse_endpoint, right
-from gateway.app.config.keys import OFF, MountConfig
+from gateway.app.config.keys import MountConfig
 from gateway.app.config.programs import programs
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config
@@ -167,34 +167,36 @@ def _nobody(where: str, allowed: Networks) -> str:
 
 def _console(config: Config) -> Iterator[Mistake]:
     """An address to listen on, and networks that are some."""
-    for console in config.console:
-        if console.at == OFF:
-            continue
+    console = config.page
+    if console is None:
+        return
+    try:
+        if not console.at.startswith("tcp://"):
+            raise UserError(f"{console.at!r}: write tcp://127.0.0.1:4080, or off")
+        split_address(console.at)
+    except UserError as error:
+        yield Mistake(("console", "at"), str(error))
+    for key, value in (("allow", console.allow), ("read-only", console.read_only)):
         try:
-            if not console.at.startswith("tcp://"):
-                raise UserError(f"{console.at!r}: write tcp://127.0.0.1:4080, or off")
-            split_address(console.at)
+            networks(value if isinstance(value, list) else [])
         except UserError as error:
-            yield Mistake(("console", 0, "at"), str(error))
-        for key, value in (("allow", console.allow), ("read-only", console.read_only)):
-            try:
-                networks(value if isinstance(value, list) else [])
-            except UserError as error:
-                yield Mistake(("console", 0, key), str(error))
+            yield Mistake(("console", key), str(error))
 
 
 def _mqtt(config: Config) -> Iterator[Mistake]:
     """A broker's address, and a name that is not that of all gateways together."""
-    for mqtt in config.mqtt:
-        try:
-            broker = parse_broker(mqtt.at)
-        except UserError as error:
-            yield Mistake(("mqtt", 0, "at"), str(error))
-            continue
-        if mqtt.ca and not broker.tls:
-            yield Mistake(("mqtt", 0, "ca"), f"certificates are for TLS: write mqtts://{broker.host} in at")
-        if mqtt.id == EVERY:
-            yield Mistake(("mqtt", 0, "id"), f"{EVERY!r} means every gateway on the broker; write another name")
+    mqtt = config.mqtt
+    if mqtt is None:
+        return
+    try:
+        broker = parse_broker(mqtt.at)
+    except UserError as error:
+        yield Mistake(("mqtt", "at"), str(error))
+        return
+    if mqtt.ca and not broker.tls:
+        yield Mistake(("mqtt", "ca"), f"certificates are for TLS: write mqtts://{broker.host} in at")
+    if mqtt.id == EVERY:
+        yield Mistake(("mqtt", "id"), f"{EVERY!r} means every gateway on the broker; write another name")
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:

@@ -14,7 +14,7 @@ import tomli
 from gateway.app.config.checks import Mistake, mistakes
 from gateway.app.config.describing import keys, named, title
 from gateway.app.config.endpoints import misplaced, nearest
-from gateway.app.config.source import SINGLE, Place, Source
+from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, about_file
 
@@ -59,9 +59,8 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     except (RecursionError, ValueError) as error:
         raise UserError(f"{path}:{_broken_off(text)}: {_BEYOND[type(error)]}") from None
     source = Source(str(path), text)
-    for single in SINGLE:
-        if isinstance(tables.get(single), dict):
-            tables[single] = [tables[single]]
+    if isinstance(tables.get("mount"), dict):
+        tables["mount"] = [tables["mount"]]
     if isinstance(tables.get("surface"), dict):
         raise UserError(f"{source.where(('surface',))}: [surface]: write [[surface]], there may be several of them")
     return tables, source
@@ -99,7 +98,7 @@ def _misspelt(tables: object, place: Place = ()) -> Iterator[Mistake]:
 def make_config(tables: dict[str, object], source: Source) -> Config:
     """Plain tables, ``mount`` being a list of them -> what they say. Raises UserError that names place and key."""
     for place, words in _misspelt(tables):
-        raise _line(source, Mistake(place[:3] if place[0] in TABLES else place[:1], words))
+        raise _line(source, Mistake(_whole(place), words))
     try:
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
@@ -139,12 +138,17 @@ def _mistake(tables: dict[str, object], source: Source, place: Place, field: str
 
 def _wrong(tables: dict[str, object], source: Source, table: str, place: Place) -> UserError:
     """A value of the wrong type or out of its range, or something else in the place of a table."""
-    key = named(table, str(place[2] if table and len(place) > 2 else place[0]))
+    whole = _whole(place)
+    key = named(table, str(whole[-1]))
     if key is None:
         return _line(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
-    whole = place[:3] if table else place[:1]
     value = _value(tables, whole)
     return _line(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped(key.name, value)}"))
+
+
+def _whole(place: Place) -> Place:
+    """The place of a key whose value may have parts: of a table, of one of several, or outside any."""
+    return place[: 3 if place[0] in ("mount", "surface") else 2 if place[0] in TABLES else 1]
 
 
 def _value(tables: Any, place: Place) -> Any:
@@ -171,7 +175,7 @@ def _line(source: Source, mistake: Mistake) -> UserError:
             f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else f"{where}: {mistake.words}"
         )
     head = f"{title(str(table))} " if table in TABLES else ""
-    name = key if isinstance(key, str) and (len(mistake.place) > 2 or key not in TABLES) else ""
+    name = key if isinstance(key, str) and (len(mistake.place) > 1 or key not in TABLES) else ""
     return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.words}")
 
 

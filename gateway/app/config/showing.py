@@ -10,17 +10,16 @@ from gateway.app.config.describing import Key, keys, title
 from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import settled, wanted_by
 from gateway.app.config.source import Place, Source
-from gateway.app.config.tables import Config, ConsoleConfig
+from gateway.app.config.tables import Config
 
 
 def effective(config: Config, source: Source) -> str:
     """What ``run`` would go by, as ``gateway.toml``; what is no default says where it comes from."""
     lines = ["# The configuration in effect. What is no default says where it comes from.", ""]
     lines += [_line(key, getattr(config, key.name), source.origin((key.name,))) for key in keys("")]
-    console = config.console[0] if config.console else ConsoleConfig()
-    lines += ["", "[console]", *_table("console", console, source, ("console", 0))]
-    for mqtt in config.mqtt:
-        lines += ["", "[mqtt]", *_table("mqtt", mqtt, source, ("mqtt", 0))]
+    lines += ["", "[console]", *_table("console", config.console, source, ("console",))]
+    if config.mqtt is not None:
+        lines += ["", "[mqtt]", *_table("mqtt", config.mqtt, source, ("mqtt",))]
     for number, mount in enumerate(config.mount):
         lines += ["", "[mount]" if len(config.mount) == 1 else "[[mount]]"]
         lines += _table("mount", mount, source, ("mount", number))

@@ -13,9 +13,6 @@ import tomli
 
 Place = tuple[str | int, ...]
 
-#: Tables that a file writes once, and that are lists of one here.
-SINGLE = ("mount", "console", "mqtt")
-
 
 class Source(msgspec.Struct):
     """Where the values come from: a file's name and text, and the flags that were given."""
@@ -46,10 +43,8 @@ class Source(msgspec.Struct):
 
     def _written(self, place: Place) -> Place:
         """The place as the file has it: a single ``[mount]`` has no number."""
-        single = (
-            place[0] in SINGLE and place[1:2] == (0,) and isinstance(tomli.loads(self.text).get(str(place[0])), dict)
-        )
-        return (place[0], *place[2:]) if single else place
+        single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
+        return ("mount", *place[2:]) if single else place
 
 
 def line_of(text: str, place: Place) -> int | None:

@@ -98,8 +98,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
 
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
-    console: list[ConsoleConfig] = []
-    mqtt: list[MqttConfig] = []
+    console: ConsoleConfig = field(default_factory=ConsoleConfig)
+    mqtt: MqttConfig | None = None
     wait: Annotated[bool, key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
     discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, Alpaca, mDNS)")] = True
     watchdog: Annotated[
@@ -134,8 +134,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     @property
     def page(self) -> ConsoleConfig | None:
         """The console; None where there is to be none."""
-        console = self.console[0] if self.console else ConsoleConfig()
-        return None if console.at == OFF else console
+        return None if self.console.at == OFF else self.console
 
     def of(self, mount: MountConfig) -> list[SurfaceConfig]:
         """The surfaces of one mount."""

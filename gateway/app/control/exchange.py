@@ -23,6 +23,7 @@ from msgspec import Struct
 from gateway.system.runtime_folders import user
 
 ENDING = ".control"
+#: Bytes of an endpoint file that are read.
 LONGEST = 65536
 #: Characters of a part: 8 kB at most, as 9 kB are what a datagram holds on macOS.
 PART = 2000

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.config.tables import ConsoleConfig, MqttConfig
+from gateway.app.config.tables import ConsoleConfig
 from gateway.cli.serve.live import Screen
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.transport.listening import SERVED, split_address
@@ -135,11 +135,11 @@ def qr_code(address: str) -> list[str]:
 
 def let_in(config: Config) -> brokers.Access | None:
     """What the broker asks for; None where there is to be none. Raises UserError for what is missing."""
-    if not config.mqtt:
+    mqtt = config.mqtt
+    if mqtt is None:
         return None
     from gateway.fleet.client import access
 
-    mqtt = config.mqtt[0]
     return access(mqtt.at, mqtt.user, mqtt.password_file, mqtt.ca)
 
 
@@ -147,11 +147,10 @@ def open_broker(
     config: Config, access: brokers.Access | None, gateways: Sequence[Gateway], screen: Screen
 ) -> Station | None:
     """Show the mounts on the broker, as soon as it is there and for as long as the gateway runs."""
-    if access is None:
+    if access is None or config.mqtt is None:
         return None
     from gateway.fleet.station import Station
 
-    mqtt: MqttConfig = config.mqtt[0]
-    station = Station(mqtt, access, gateways, screen.say, screen.warn)
+    station = Station(config.mqtt, access, gateways, screen.say, screen.warn)
     station.start()
     return station

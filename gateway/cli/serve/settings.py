@@ -112,10 +112,10 @@ def add_shown(parser: argparse.ArgumentParser, table: str) -> None:
 def put_shown(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
     """What the flags say of that table."""
     for flag, name in SHOWN[table][1].items():
-        value, there = getattr(arguments, flag.replace("-", "_")), tables.get(table) or [{}]
-        if value is not None and isinstance(there, list) and isinstance(there[0], dict):
-            tables[table] = [{**there[0], name: value}]
-            source.flags[(table, 0, name)] = f"--no-{flag}" if value == OFF and table == "console" else f"--{flag}"
+        value, there = getattr(arguments, flag.replace("-", "_")), tables.get(table, {})
+        if value is not None and isinstance(there, dict):
+            tables[table] = {**there, name: value}
+            source.flags[(table, name)] = f"--no-{flag}" if value == OFF and table == "console" else f"--{flag}"
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:

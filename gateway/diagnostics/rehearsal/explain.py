@@ -15,7 +15,6 @@ from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
-from gateway.core.operations import GetStatus
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, outcome, taken
 from gateway.diagnostics.log.conversation import Side
@@ -120,15 +119,10 @@ def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | No
 
     async def play() -> tuple[Play, str]:
         async with stage(face, mount, sky()) as whole_gateway:
-            presented, controller = whole_gateway.face, whole_gateway.controller
-            if presented.fit is not None and not shows_itself(mount, face):
-                status = await controller.read(GetStatus())
-                presented.model.update(
-                    presented.fit(status.equatorial, controller.driver.german, controller.driver.gps)
-                )
+            await whole_gateway.gateway.fit()
             await asyncio.sleep(IDLE)  # what the gateway has asked for itself is old by then, so the mount is asked
             played = await Player(whole_gateway).play(frame, Before() if row is None else before(face, row))
-            return played, str(presented.model["name"])
+            return played, str(whole_gateway.face.model["name"])
 
     result: tuple[Play, str] = run(play())
     return result

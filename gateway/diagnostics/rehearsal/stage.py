@@ -1,7 +1,7 @@
 """A whole gateway in one process on virtual time, with a client at one end and a simulated mount at the other.
 
-The parts are those of a real gateway, put together as ``app/gateway.py`` does; only ports, files and the watchdog are
-missing. ``wire`` is what the mount itself received, taken at its end of the line and not from the gateway's records.
+The gateway is a real one, put together and never opened: it has no ports, no files and no watchdog. ``wire`` is what
+the mount itself received, taken at its end of the line and not from the gateway's records.
 """
 
 from __future__ import annotations
@@ -10,23 +10,15 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Self
 
-from msgspec.structs import replace
-
-from gateway.app.bindings import make_driver, make_surface, own_face, policy, shows_itself
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
-from gateway.clients.profiles import J2000, SurfaceBinding
-from gateway.core import operations as op
 from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import Entry, WireLog
-from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
-from gateway.mount.site.site_clock import SiteClock
-from gateway.protocols.base.driver import Driver
-from gateway.protocols.base.session import Shared
 from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import pairs
 from gateway.transport.wires import Connection, SimulatedTransport
@@ -71,7 +63,6 @@ class Stage:
         self._began: float = loop.time() if on is None else on._began
         self.clock: Callable[[], float] = lambda: start + loop.time() - self._began
         self.host: Callable[[], float] = lambda: self.clock() + host_ahead
-        self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
         self.sim: Simulated = (
             on.sim
@@ -83,32 +74,22 @@ class Stage:
         self.wire_log = WireLog(self.clock)
         self.entries: list[Entry] = []
         self.wire_log.sinks.append(self.entries.append)
-        known = endpoint if named else Endpoint(driven, "sim")
-        driver, follow_ups, dialogue = make_driver(known, self.settings, loop.time)
-        self.driver: Driver = driver
-        driver.hurry = speed
+        known = MountConfig(at=str(endpoint if named else Endpoint(driven, "sim")), speed=speed, **(config or {}))
+        shown = SurfaceConfig(at=str(Endpoint(presented, "-", surface, surface_version)))
+        self.gateway = Gateway(known, [shown], self.wire_log, sky, self.host)
+        self.remember()
         self.wire: list[bytes] = []
-        line = MountLink(
-            SimulatedTransport("sim", self._listening(self.sim.connection), latency), dialogue, self.wire_log
-        )
-        given = self.settings.site
-        self.site_clock = SiteClock(loop.time, self.host, op.Place(*given) if given else None)
-        self.controller = MountController(
-            driver, follow_ups, line, sky or Sky(), self.site_clock, self.wire_log, policy(self.settings)
-        )
-        shown = Endpoint(presented, "-", surface, surface_version)
-        self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
-        self.face.surface.verbatim = presented == driven
-        if self.face.counts_in == "j2000":
-            self.face = replace(self.face, equinox=J2000(self.controller.astrometry.sky, self.site_clock.unix))
-        if shows_itself(Endpoint(driven, "sim"), shown):
-            self.controller.identification.told.connect(lambda _: own_face(self.controller, self.face))
-        self.shared = self.remember()
+        wire = SimulatedTransport("sim", self._listening(self.sim.connection), latency)
+        self.gateway.prepare(lambda dialogue, wire_log: MountLink(wire, dialogue, wire_log))
+        self.controller = self.gateway.controller
+        self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
+        [made] = self.gateway.receptions
+        assert isinstance(made, ConnectionAcceptor)
+        self.face, self.shared = made.face, made.shared
         self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
-    def remember(self) -> Shared:
-        """What all clients have in common: here nothing outlives the stage."""
-        return Shared()
+    def remember(self) -> None:
+        """Take up what an earlier run has kept: here nothing outlives the stage."""
 
     def _listening(self, connect: Connection) -> Connection:
         """The same way into the mount, where what it is sent is noted."""

@@ -32,7 +32,7 @@ SKY, CREEP, DRIVES = 15.041 * ARCSECOND, 30.0 * ARCSECOND, 3.0 * ARCSECOND
 TURNS, ZENITH, FASTEST = 0.1, 3.0, 2.5
 
 
-class PositionSample(NamedTuple):
+class Look(NamedTuple):
     """Where it pointed, degrees, where its axes stood, and how fast the first of them may turn, degrees a second."""
 
     at: float
@@ -46,7 +46,7 @@ async def come_to_rest(context: Context, reader: Reader, movement: Movement, sec
 
     One that hibernates said so itself, and is not asked.
     """
-    looks: deque[PositionSample] = deque()
+    looks: deque[Look] = deque()
     rate, trouble = None, Fault("it has not told where it is")
     apart = max(APART, context.driver.resolution / CREEP)
     try:
@@ -77,7 +77,7 @@ async def come_to_rest(context: Context, reader: Reader, movement: Movement, sec
     raise Fault(f"it acknowledged the stop and still moves after {seconds:.0f} s, {rate:.3f} degrees a second")
 
 
-async def _look(context: Context, reader: Reader) -> PositionSample:
+async def _look(context: Context, reader: Reader) -> Look:
     """Ask the mount anew. Raises Fault."""
     status: op.Status = await reader.read(op.GetStatus())
     seen: op.Equatorial = await reader.anew(op.Position())
@@ -91,10 +91,10 @@ async def _look(context: Context, reader: Reader) -> PositionSample:
     turns = TURNS
     if not status.equatorial and status.tracking is not op.Tracking.OFF:
         turns = min(FASTEST, max(TURNS, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
-    return PositionSample(at, seen, axes, turns)
+    return Look(at, seen, axes, turns)
 
 
-def _unexplained(before: PositionSample, after: PositionSample, fine: float) -> float:
+def _unexplained(before: Look, after: Look, fine: float) -> float:
     """How fast it moves beyond what tracking explains, degrees a second; 0 where that is less than ``fine`` degrees."""
     elapsed = after.at - before.at
     (ra, dec), (last_ra, last_dec) = (before.seen.ra, before.seen.dec), (after.seen.ra, after.seen.dec)

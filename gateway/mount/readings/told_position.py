@@ -21,8 +21,17 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.readings.cache import FRESH, LAST_POSITION, MISSING, Kind, ReadingsCache
-from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
-from gateway.mount.readings.target_limits import TargetLimits
+from gateway.mount.readings.reckoning import (
+    EARLIER,
+    SOONEST,
+    Course,
+    Inside,
+    Pair,
+    Reading,
+    TargetLimits,
+    course,
+    place,
+)
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.site_clock import SiteClock
 

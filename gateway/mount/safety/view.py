@@ -18,8 +18,7 @@ from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming, ahead
-from gateway.mount.safety.sun import SunAvoidance
-from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
 from gateway.protocols.base.driver import Driver
 
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.

@@ -1,33 +1,34 @@
-"""What no mount is asked for because it follows from other things: horizon places, axis readings, equinox, planets.
+"""What follows from site and clock, so that no mount is asked: places, axis readings, planets, the Sun to be avoided.
 
-All of it needs the site, some of it the clock; without a site it is refused in words.
+Without a site what needs one is refused in words, and the Sun counts as up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from msgspec.structs import replace
 
 from gateway.astro.axes import Build, Geometry
 from gateway.astro.ephemeris.sky import Sky
-from gateway.astro.spherical import wrap360
+from gateway.astro.spherical import separation, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Unsupported
+from gateway.mount.context import Context
+from gateway.mount.site.site_clock import COMPUTER, BestSources, SiteClock
 
-
-class SiteAndTime(Protocol):
-    """Where and when: a site, and UTC as Unix seconds."""
-
-    def site(self) -> op.Place | None: ...
-    def unix(self) -> float: ...
+DAY = 86400.0
+#: The Sun moves a twenty-thousandth of a degree a second against the stars: one place is good for a minute.
+KEPT = 60.0
+#: Altitude of a Sun that may still shine into a tube: refraction, the disk, and a horizon that lies lower than the eye.
+SUN_IS_UP = -1.0
 
 
 class SiteAstrometry:
     """Astronomy at this mount's site and by its clock. ``equinox`` is what the mount's coordinates mean."""
 
-    def __init__(self, sky: Sky, site_clock: SiteAndTime, equinox: str) -> None:
+    def __init__(self, sky: Sky, site_clock: SiteClock | BestSources, equinox: str) -> None:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
     def means(self, equinox: str) -> None:
@@ -88,6 +89,51 @@ class SiteAstrometry:
         if self.equinox != "j2000":
             return seen
         return op.Equatorial(*self.sky.to_of_date(seen.ra, seen.dec, self.site_clock.unix()))
+
+
+class SunAvoidance:
+    """The Sun while it is up; ``limit`` is how near to it the tube may come, degrees: with 0 there is no Sun at all.
+
+    When the mount's date and this computer's differ by more than a day nobody knows which one is right, so both Suns
+    count; while nobody has told a date, this computer's does, and the log says so, loudly.
+    """
+
+    def __init__(self, context: Context, sky: Sky, sources: BestSources) -> None:
+        self._context, self._sky, self._sources = context, sky, sources
+        self.limit = context.policy.limits.sun
+        self._key: tuple[object, ...] = ()
+        self._up: list[op.Equatorial] = []
+
+    def up(self) -> list[op.Equatorial]:
+        """The places of date of every Sun that counts now."""
+        if not self.limit:
+            return []
+        best, host, site = self._sources.best_time(), self._sources.host(), self._sources.site()
+        if best.source == COMPUTER and self._context.milestones.settled.is_set():  # else the mount may tell one yet
+            self._context.note_once(
+                "WARNING: nobody has told a date: the Sun is avoided by this computer's date and time"
+            )
+        key = best.unix // KEPT, host // KEPT, site
+        if key != self._key:
+            self._key = key
+            moments = [best.unix]
+            if abs(best.unix - host) > DAY:
+                moments.append(host)
+                self._context.note_once("WARNING: the mount's date is not this computer's: the Sun is avoided by both")
+            self._up = [place for place in (self._place(unix, site) for unix in moments) if place is not None]
+        return self._up
+
+    def _place(self, unix: float, site: op.Place | None) -> op.Equatorial | None:
+        """The Sun of one moment; None when it is down. Without a site it counts as up."""
+        sky = self._sky
+        ra, dec = sky.sun(unix)
+        if site is not None and sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < SUN_IS_UP:
+            return None
+        return op.Equatorial(ra, dec)
+
+    def distances(self, seen: op.Equatorial) -> list[float]:
+        """How far a place is from every Sun that counts, degrees."""
+        return [separation(seen.ra, seen.dec, sun.ra, sun.dec) for sun in self.up()]
 
 
 # --- where things stand now: site and clock are enough ----------------------------------------------------------------

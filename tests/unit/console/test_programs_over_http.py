@@ -25,7 +25,7 @@ PLACE = {"RightAscension": "5.5", "Declination": "22.0"}
 
 @contextlib.asynccontextmanager
 async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tuple[list[Gateway], Any]]:
-    config = Config(mount=[], surface=[], console=[ConsoleConfig(**page)])
+    config = Config(mount=[], surface=[], console=ConsoleConfig(**page))
     gateways, pin = [], page.get("pin") or ""
     for number in range(mounts):
         mount = MountConfig(at="nexstar@sim", name=f"pier {number}", sun=0.0, speed=8.0, state=str(state / str(number)))
@@ -110,6 +110,6 @@ def test_the_setup_page_leads_to_the_console(tmp_path: Path) -> None:
 
 def test_without_a_console_nobody_answers_there() -> None:
     assert (
-        answered_there(Config(mount=[], surface=[], console=[ConsoleConfig(at="off")]), MountConfig(at="nexstar@sim"))
+        answered_there(Config(mount=[], surface=[], console=ConsoleConfig(at="off")), MountConfig(at="nexstar@sim"))
         == []
     )

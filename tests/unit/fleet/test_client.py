@@ -91,7 +91,7 @@ def test_without_the_extra_it_is_told_how_to_get_it(monkeypatch: pytest.MonkeyPa
 )
 def test_mistakes_in_the_file_are_told_with_their_place(keys: dict[str, object], words: str) -> None:
     with pytest.raises(UserError, match=words):
-        make_config({**WHOLE, "mqtt": [keys]}, Source("gateway.toml"))
+        make_config({**WHOLE, "mqtt": keys}, Source("gateway.toml"))
 
 
 def test_topics_are_made_of_what_a_topic_can_hold(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,8 +15,8 @@ from gateway.astro.spherical import separation
 from gateway.core.errors import Fault, NearSun, Unsupported
 from gateway.core.operations import Equatorial, GetStatus, GotoAxes, Park, Place
 from gateway.mount.policy import Limits, check_own_park
-from gateway.mount.safety.sun import SUN_IS_UP
 from gateway.mount.safety.view import MountInputs
+from gateway.mount.site.astrometry import SUN_IS_UP
 from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site, Time
 
 #: Sources that differ by more than this contradict each other: degrees on the Earth, and seconds.

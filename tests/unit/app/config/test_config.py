@@ -58,6 +58,7 @@ def flags(*words: str) -> Config:
         (f"[mont]\nat = 'nexstar@sim'\n{SURFACE}", 1, "mont: there is no such key; did you mean 'mount'?"),
         (f"[mount]\nbaud = 9600\n{SURFACE}", 1, "[mount] at: is needed"),
         (f"mount = 'nexstar@sim'\n{SURFACE}", 1, "write [mount] and KEY = VALUE under it"),
+        (f"{MOUNT}{SURFACE}[[console]]\nat = 'off'\n[[console]]\n", 5, "write [console] and KEY = VALUE under it"),
         (f"{MOUNT}{SURFACE}equinox = 'auto'\n", 5, "[[surface]] equinox: 'auto': write one of jnow, j2000"),
         (f"{MOUNT}[[surface]]\nequinox = 'jnow'\n", 3, "[[surface]] at: is needed"),
         (f"{MOUNT}{SURFACE}sync-text = 'matched#'\n", 5, "without #"),
