@@ -10,13 +10,12 @@ import argparse
 import asyncio
 import contextlib
 from collections.abc import Callable, Coroutine, Iterable
-from typing import TypeVar
 
 from gateway.app.control.exchange import ControlEndpoint
+from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError
 from gateway.system import streams
 
-_T = TypeVar("_T")
 #: Seconds within which a gateway has carried out whatever takes no time of its own.
 ANSWERED = 15.0
 #: Seconds between two looks at what is under way.
@@ -112,8 +111,6 @@ def carried_out(
     arguments: argparse.Namespace, work: Callable[[ControlEndpoint, asyncio.Event], Coroutine[object, object, int]]
 ) -> int:
     """Run something with the one gateway that is meant, and an event which Ctrl-C sets -> the exit code."""
-    from gateway.cli.serve.signals import until_signal
-
     door = the_one(arguments)
     if door is None:
         return 1
@@ -122,17 +119,6 @@ def carried_out(
         return await work(door, until_signal())
 
     return asyncio.run(run())
-
-
-async def unless(done: asyncio.Event, work: Coroutine[object, object, _T]) -> _T | None:
-    """The answer; None when Ctrl-C came first."""
-    asking, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
-    await asyncio.wait([asking, end], return_when=asyncio.FIRST_COMPLETED)
-    end.cancel()
-    if asking.done():
-        return asking.result()
-    asking.cancel()
-    return None
 
 
 async def over(done: asyncio.Event) -> bool:

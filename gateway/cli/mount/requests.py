@@ -17,7 +17,8 @@ from typing import TypeAlias
 from gateway.app.control import commands as wishes
 from gateway.app.control.exchange import ControlEndpoint, draw
 from gateway.cli.command_line import Commands, Parser
-from gateway.cli.mount.asking import ANSWERED, add_which, carried_out, over, told, unless, wished
+from gateway.cli.mount.asking import ANSWERED, add_which, carried_out, over, told, wished
+from gateway.cli.serve.signals import unless
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal

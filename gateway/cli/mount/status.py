@@ -16,7 +16,8 @@ from gateway.app.control.commands import See, written
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.status import OLD, Rate, State, does, status, where
 from gateway.cli.command_line import Commands
-from gateway.cli.mount.asking import add_which, carried_out, found, nobody, over, told, unless, wished
+from gateway.cli.mount.asking import add_which, carried_out, found, nobody, over, told, wished
+from gateway.cli.serve.signals import unless
 from gateway.system import streams
 
 EXAMPLES = """\

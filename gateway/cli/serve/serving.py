@@ -20,7 +20,7 @@ from gateway.app.recording.turns import TurnLoop
 from gateway.cli.serve.elsewhere import announced, answered_there, let_in, open_broker, open_console, to_be_found
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
-from gateway.cli.serve.signals import before_suspension, until_signal
+from gateway.cli.serve.signals import before_suspension, unless, until_signal
 from gateway.core.errors import Fault
 from gateway.core.wire_log import SKY_READY, Sink
 from gateway.diagnostics.log import as_json
@@ -139,7 +139,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             if not to_be_ready:
                 notify("READY=1")
 
-        await _unless(
+        await unless(
             done, asyncio.gather(*(serve(gateway, patient, start_sky, ready, screen.warn) for gateway in gateways))
         )
         garbage.started()
@@ -249,14 +249,3 @@ def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
             loop.call_soon_threadsafe(todo)
 
     return call
-
-
-async def _unless(done: asyncio.Event, work: asyncio.Future[list[None]]) -> None:
-    """Wait for some work, or for the end of it all. Raises what the work raises."""
-    end: asyncio.Future[bool] = asyncio.ensure_future(done.wait())
-    await asyncio.wait((end, work), return_when=asyncio.FIRST_COMPLETED)
-    for future in (end, work):
-        future.cancel()
-    await asyncio.gather(end, return_exceptions=True)
-    with contextlib.suppress(asyncio.CancelledError):
-        await work

@@ -7,11 +7,14 @@ only after the mount was stopped: nobody looks after a mount that moves while it
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import signal
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import TypeVar
 
+_T = TypeVar("_T")
 #: A wrapper that passes a Ctrl-C on delivers it twice within this time, in seconds; a person does not.
 TWICE = 0.1
 
@@ -39,6 +42,17 @@ def until_signal() -> asyncio.Event:
         except NotImplementedError:  # Windows
             signal.signal(number, lambda number, _: loop.call_soon_threadsafe(end, number))
     return done
+
+
+async def unless(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
+    """What some work comes to; None when the end came first, which cancels it. Raises what the work raises."""
+    working, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
+    await asyncio.wait((working, end), return_when=asyncio.FIRST_COMPLETED)
+    for future in (end, working):
+        future.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        return await working
+    return None
 
 
 def before_suspension(prepare: Callable[[], Coroutine[object, object, None]]) -> None:

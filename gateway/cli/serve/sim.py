@@ -13,7 +13,7 @@ from gateway.app.config.endpoints import right
 from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
-from gateway.cli.serve.signals import until_signal
+from gateway.cli.serve.signals import unless, until_signal
 from gateway.core.errors import UserError, about_file
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
@@ -168,17 +168,11 @@ async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -
     """Until a signal comes. Raises UserError when the file takes no more: half a truth would pass for a whole one."""
     from gateway.protocols.mechanics.truth import sample
 
-    ending = asyncio.ensure_future(done.wait())
-    sampler = asyncio.ensure_future(sample(simulator, lambda seen: file.write(seen.line())))
     try:
-        await asyncio.wait({ending, sampler}, return_when=asyncio.FIRST_COMPLETED)
-        if sampler.done():
-            await sampler
+        await unless(done, sample(simulator, lambda seen: file.write(seen.line())))
         file.close()
     except OSError as error:
         raise UserError(f"cannot write {file.name}: {error.strerror}; the simulated mount has ended") from None
     finally:
-        for task in (ending, sampler):
-            task.cancel()
         with contextlib.suppress(OSError):
             file.close()

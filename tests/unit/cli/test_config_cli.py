@@ -12,7 +12,7 @@ import pytest
 
 import gateway
 from gateway.cli import main
-from gateway.cli.serve.serving import _unless
+from gateway.cli.serve.signals import unless
 from gateway.core.errors import UserError
 from gateway.diagnostics import command_tables
 from gateway.protocols.wireformat.command_set import load
@@ -96,7 +96,7 @@ def test_whatever_is_under_way_ends_with_the_signal() -> None:
                 cleaned = True
 
         asyncio.get_running_loop().call_later(0.01, done.set)
-        await asyncio.wait_for(_unless(done, asyncio.ensure_future(work())), 5)
+        await asyncio.wait_for(unless(done, asyncio.ensure_future(work())), 5)
         return done.is_set(), cleaned
 
     assert asyncio.run(story()) == (True, True)
@@ -107,7 +107,7 @@ def test_what_the_search_finds_wrong_is_raised() -> None:
         async def work() -> None:
             raise UserError("no mount answers")
 
-        await _unless(asyncio.Event(), asyncio.ensure_future(work()))
+        await unless(asyncio.Event(), asyncio.ensure_future(work()))
 
     with pytest.raises(UserError, match="no mount answers"):
         asyncio.run(story())
