@@ -26,6 +26,7 @@ from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Hold, Policy
+from gateway.mount.presence import Presence
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
@@ -35,7 +36,6 @@ from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.dead_man import Presence
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.safety.view import MountInputs

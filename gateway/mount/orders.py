@@ -22,10 +22,10 @@ from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, 
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Movement, Order, Slew, WantedState
 from gateway.mount.policy import Hold
+from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.dead_man import HostActivity
 from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 

@@ -18,8 +18,8 @@ from gateway.core.errors import Fault
 from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
 from gateway.mount.policy import Limits
+from gateway.mount.presence import HostActivity, Presence
 from gateway.mount.readings.cache import MISSING
-from gateway.mount.safety.dead_man import HostActivity, Presence
 from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 

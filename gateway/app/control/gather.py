@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from gateway.app.status import Rate, State, StatusLine, on_the_sky
 from gateway.core import operations as op
 from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.contradictions import shown
-from gateway.mount.safety.dead_man import HostActivity
 
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController

@@ -21,8 +21,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Invalid, Stopped
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
-from gateway.mount.safety.dead_man import HostActivity
 
 #: What an answer begins with: carried out, still under way, not carried out.
 DONE, UNDER_WAY, FAILED = "done", "under way", "failed"

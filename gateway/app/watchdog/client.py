@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import signal
 import socket
 import sys
 from collections.abc import Callable, Sequence
@@ -23,6 +24,8 @@ BEAT = 0.25
 #: A process that ended sooner than that after its start is not started again.
 LASTED = 1.0
 PROGRAM = Path(__file__).with_name("process.py")
+#: What ends or suspends the gateway must not do so to its watchdog, from its first moment on.
+HELD_BACK = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
 #: The descriptor of the socket in the process.
 THERE = 3
 
@@ -57,6 +60,7 @@ class Watchdog:
                 arguments,
                 os.environ,
                 file_actions=[*files, (os.POSIX_SPAWN_DUP2, there.fileno(), THERE)],
+                setsigmask=HELD_BACK,
             )
             self._connection = here
         except OSError as error:

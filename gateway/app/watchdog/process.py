@@ -5,13 +5,13 @@ anything heavy is loaded and stays under 10 MiB. It holds duplicates of the gate
 single lines of ASCII from a socket: ``line``, ``gone``, ``moving``, ``rest``, ``beat`` (see ``client.py``). While
 nothing moves it sleeps. While something moves, ``SILENCE`` seconds without a word, or the end of the socket, mean that
 nobody looks after the mount any more: the stop of every mount that moves is sent, and repeated for some seconds. It
-ends with its gateway, and as soon as another gateway has taken the lock of a mount.
+ends with its gateway, and as soon as another gateway has taken the lock of a mount, but by no signal that ends a
+gateway: those are held back from it.
 """
 
 from __future__ import annotations
 
-import _signal  # the modules ``signal`` and ``socket`` would cost more than a megabyte
-import _socket
+import _socket  # the module ``socket`` would cost more than a megabyte
 import os
 import select
 import sys
@@ -188,8 +188,6 @@ def send_stops(mounts: list[Mount]) -> None:
 
 def main() -> None:
     """``process.py DESCRIPTOR PID``: watch the gateway at the other end of that socket."""
-    for number in (_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP, _signal.SIGQUIT, _signal.SIGTSTP, _signal.SIGPIPE):
-        _signal.signal(number, _signal.SIG_IGN)  # what ends the gateway must not end this before
     try:
         os.setsid()
     except OSError:

@@ -6,7 +6,7 @@ import argparse
 import asyncio
 import contextlib
 from math import inf
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.config import parse_device, parse_site
 from gateway.app.config.endpoints import right
@@ -15,9 +15,11 @@ from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import unless, until_signal
 from gateway.core.errors import UserError, about_file
-from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
+
+if TYPE_CHECKING:
+    from gateway.protocols.mechanics.simulated import Simulated
 
 
 def add_sim(commands: Commands) -> None:

@@ -19,7 +19,7 @@ from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
 from gateway.core.wire_log import ClientLog, WireLog, show
 from gateway.mount.controller import MountController
-from gateway.mount.safety.dead_man import HostActivity
+from gateway.mount.presence import HostActivity
 from gateway.protocols.base.frames import Framer, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Ending, Surface

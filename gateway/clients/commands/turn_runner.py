@@ -18,8 +18,8 @@ from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Rea
 from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import AT_ONCE, LATE
+from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import FRESH, MISSING
-from gateway.mount.safety.dead_man import HostActivity
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed

@@ -15,8 +15,8 @@ from msgspec import Struct
 from gateway.core import operations as op
 from gateway.core.motion_kinds import ENDS, GOTOS
 from gateway.core.signals import Signal
+from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
-from gateway.mount.safety.dead_man import HostActivity
 
 #: What ends a motion, or must come before it; what was interrupted for that; everything else.
 FIRST, RESUMED, IN_ORDER = range(3)

@@ -1,24 +1,47 @@
 """What moves and nobody ends: motion by hand of programs that are gone, and tracking that comes to a limit.
 
-Either is ended by an operation of the gateway's own (``perform``). Gotos end by themselves; a mount that rests at a
-limit is told of once, and left. It may track again, by its keys or because it was unparked: then that is switched off
-again.
+The dead man's switch: fast motion by hand, and the focuser's, needs somebody at the other end, and who began it must be
+heard of. Rates up to 60" a second are somebody's tracking and go on; gotos end by themselves. Tracking that carries the
+tube to a limit is switched off; a mount that rests there is told of once, and left. It may track again, by its keys or
+because it was unparked: then it is switched off again.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
+
+from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import ByHand, Wanted, WantedState
+from gateway.mount.presence import HostActivity, Presence
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.dead_man import EVERY, TRACKING, Presence, Supervised, missing
 from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
+
+#: Up to so many degrees a second a motion by hand is somebody's own tracking.
+TRACKING = 60.0 / 3600.0
+#: How often it is looked after somebody, seconds.
+EVERY = 0.5
+
+
+class Supervised(Struct, frozen=True):
+    """A motion that needs somebody: what ends it, whose it is, and since when."""
+
+    ends: op.Operation
+    by: HostActivity
+    since: float
+
+
+class Missing(Struct, frozen=True):
+    """A motion whose program is not there any more, and why in words."""
+
+    motion: Supervised
+    why: str
 
 
 class Supervisor:
@@ -76,6 +99,27 @@ def supervised(wanted: Wanted) -> list[Supervised]:
         ]
     if wanted.focus is not None and wanted.focus.by is not None:
         found.append(Supervised(op.Focus(0), wanted.focus.by, wanted.focus.since))
+    return found
+
+
+def missing(
+    motions: Iterable[Supervised], presence: Presence, now: float, silence: float, closed: float
+) -> list[Missing]:
+    """The motions whose program is gone, or has been silent for too long.
+
+    ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
+    """
+    found = []
+    for motion in motions:
+        there = presence.stands_for(motion.by)
+        for one in there:
+            if one.heard:
+                one.heard, one.last = False, now
+        left = [one.closed for one in there if one.closed is not None]
+        if len(left) == len(there) and now - max(motion.since, *left) >= closed:
+            found.append(Missing(motion, "has disconnected"))
+        elif now - max(motion.since, *(one.last for one in there)) >= silence:
+            found.append(Missing(motion, f"has sent nothing for {silence:g} s"))
     return found
 
 

@@ -17,7 +17,7 @@ import pytest
 
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
-from gateway.app.watchdog.client import LASTED, PROGRAM, available
+from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, available
 from gateway.app.watchdog.process import SILENCE, Mount, Watch
 from gateway.mount.shutdown import stop_commands
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
@@ -180,6 +180,18 @@ class Process:
             return b""
         finally:
             self.line.settimeout(PATIENCE)
+
+
+def test_no_signal_ends_it_in_its_first_moment() -> None:
+    """Ctrl-C reaches a whole group of processes: one that is not ready for it yet would leave the mount alone."""
+    watchdog = Watchdog()
+    assert watchdog.pid is not None
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
+        os.kill(watchdog.pid, number)
+    time.sleep(0.3)
+    assert os.waitpid(watchdog.pid, os.WNOHANG) == (0, 0)
+    watchdog.close()
+    os.waitpid(watchdog.pid, 0)  # it ends with its gateway all the same
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from gateway.core.motion_kinds import GOTOS
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, next_moment, next_operation, stopped, take_back
 from gateway.mount.motion.wanted import ByHand, Order, Slew, Theirs, Wanted
-from gateway.mount.safety.dead_man import HostActivity
+from gateway.mount.presence import HostActivity
 
 FAST = op.Rate(name="max")
 NORTH, EAST = op.Move(op.Direction.NORTH, FAST), op.Move(op.Direction.EAST, FAST)

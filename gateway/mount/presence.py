@@ -1,23 +1,14 @@
-"""The dead man's switch: fast motion by hand, and the focuser's, needs somebody at the other end.
+"""Who is there: the connections of every host, and when something was heard of them.
 
-Who began it must be heard of: while the connection that did so is open, its own bytes count and nobody else's, for
-another program on the same computer does not hold that arrow. Once it is closed, connections count that the same host
-has opened since: some programs open one for every command. Rates up to 60" a second are somebody's tracking and go on;
-gotos end by themselves.
+While a connection is open, its own bytes count and nobody else's, for another program on the same computer does not
+hold its arrow. Once it is closed, connections count that the same host has opened since: some programs open one for
+every command.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
-from msgspec import Struct
-
-from gateway.core.operations import Operation
-
-#: Up to so many degrees a second a motion by hand is somebody's own tracking.
-TRACKING = 60.0 / 3600.0
-#: How often it is looked after somebody, seconds.
-EVERY = 0.5
 #: A connection that was closed so long ago is forgotten.
 FORGET = 60.0
 
@@ -32,21 +23,6 @@ class HostActivity:
         self.heard = True
         self.last = opened
         self.closed: float | None = None
-
-
-class Supervised(Struct, frozen=True):
-    """A motion that needs somebody: what ends it, whose it is, and since when."""
-
-    ends: Operation
-    by: HostActivity
-    since: float
-
-
-class Missing(Struct, frozen=True):
-    """A motion whose program is not there any more, and why in words."""
-
-    motion: Supervised
-    why: str
 
 
 class Presence:
@@ -85,24 +61,3 @@ class Presence:
         if closed is None:
             return [activity]
         return [activity, *(later for later in self._hosts.get(activity.who, ()) if later.opened >= closed)]
-
-
-def missing(
-    motions: Iterable[Supervised], presence: Presence, now: float, silence: float, closed: float
-) -> list[Missing]:
-    """The motions whose program is gone, or has been silent for too long.
-
-    ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
-    """
-    found = []
-    for motion in motions:
-        there = presence.stands_for(motion.by)
-        for one in there:
-            if one.heard:
-                one.heard, one.last = False, now
-        left = [one.closed for one in there if one.closed is not None]
-        if len(left) == len(there) and now - max(motion.since, *left) >= closed:
-            found.append(Missing(motion, "has disconnected"))
-        elif now - max(motion.since, *(one.last for one in there)) >= silence:
-            found.append(Missing(motion, f"has sent nothing for {silence:g} s"))
-    return found
