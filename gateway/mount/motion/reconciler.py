@@ -22,13 +22,12 @@ from gateway.core.signals import Signal
 from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
 from gateway.mount.motion.order_runner import OrderRunner
 from gateway.mount.motion.outcomes import Done, forsaken, may_have_begun, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
-from gateway.mount.motion.wanted import RESUMED, Movement, Order, Theirs, Wanted, WantedState
+from gateway.mount.motion.wanted import RESUMED, Order, Theirs, Wanted
 from gateway.protocols.base.driver import Schedule
 
 #: Seconds until the focuser is told to stop once more, while its mount does not answer to that.
@@ -43,17 +42,9 @@ class Reconciler:
     acknowledged; ``lasting`` when something may have changed that outlives the gateway.
     """
 
-    def __init__(
-        self,
-        context: Context,
-        link: MountLink,
-        runner: DriverRunner,
-        wanted: WantedState,
-        movement: Movement,
-        orders: OrderRunner,
-    ) -> None:
-        self._context, self._driver = context, context.driver
-        self._link, self._state, self._movement, self._orders = link, wanted, movement, orders
+    def __init__(self, context: Context, runner: DriverRunner, orders: OrderRunner) -> None:
+        self._context, self._driver, self._link, self._orders = context, context.driver, context.link, orders
+        self._state, self._movement = context.wanted, context.movement
         self.begins: Signal[op.Operation] = Signal()
         self.done: Signal[Done] = Signal()
         self.lasting: Signal[None] = Signal()
@@ -65,7 +56,7 @@ class Reconciler:
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         #: The number of the order that is being carried out.
         self._active = 0
-        self._stopping = Stopping(context, link, runner, wanted)
+        self._stopping = Stopping(context, runner)
         self.stop_sent, self.at_rest = self._stopping.sent, self._stopping.at_rest
         self.at_rest.connect(lambda _: self._want(outcomes.at_rest(self.wanted)))
         self._stopping.over.connect(lambda _: self._go_on())

@@ -14,10 +14,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import READ, SETTING
-from gateway.mount.motion.wanted import Movement
-from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site.owed import (
     BUSY,
@@ -35,7 +32,6 @@ from gateway.mount.site.owed import (
     site_is_ours,
     without,
 )
-from gateway.mount.site.site_clock import SiteClock
 
 #: In words, for the log.
 _NAMES: dict[type[op.Operation], str] = {
@@ -54,19 +50,9 @@ REMEMBERED = 8
 class SyncSettings:
     """``owe`` takes what is to be told; ``doubt`` when the line comes up, ``resume`` when the mount is known again."""
 
-    def __init__(
-        self,
-        context: Context,
-        link: MountLink,
-        runner: DriverRunner,
-        cache: ReadingsCache,
-        reader: Reader,
-        movement: Movement,
-        site_clock: SiteClock,
-    ) -> None:
-        self._context, self._driver, self._now = context, context.driver, context.now
-        self._link, self._runner, self._cache, self._reader = link, runner, cache, reader
-        self._movement, self._site_clock = movement, site_clock
+    def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
+        self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
+        self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
         self._owed: Owed = {}
         #: What was sent since the mount told last what it has, by kind; and what is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
@@ -116,7 +102,7 @@ class SyncSettings:
 
     def resume(self) -> None:
         """The mount has said who it is, and where and when."""
-        identity: op.Identity | None = self._cache.value(op.GetIdentity)
+        identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount is not None and now is not None and now != self._mount:
             for setting in self._owed.values():
@@ -155,7 +141,7 @@ class SyncSettings:
 
     def _disturbs(self, setting: Setting, now: float) -> bool:
         """A date that nobody waits for any more is not told while something moves: a classic is blind afterwards."""
-        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._movement.anything
+        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._context.movement.anything
 
     async def _run(self) -> None:
         """Tell what is owed until nothing is, or the line is down: then ``resume`` begins anew."""
