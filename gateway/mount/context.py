@@ -13,9 +13,10 @@ from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.wanted import Movement, WantedState
-from gateway.mount.policy import Policy
+from gateway.mount.policy import Hold, Policy
 from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming
+from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
 from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
@@ -48,6 +49,7 @@ class Context:
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
+        self.hold, self.synced = Hold(), SyncTotal()
         self.suns = SunAvoidance(policy.limits.sun, sky, self.sources, self.milestones.settled, self.note_once)
 
     @property

@@ -24,7 +24,7 @@ from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.order_runner import Consequences, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.orders import Orders
-from gateway.mount.policy import Hold, Policy
+from gateway.mount.policy import Policy
 from gateway.mount.presence import Presence
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
@@ -33,7 +33,6 @@ from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.told_position import ToldPosition
 from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
@@ -84,9 +83,9 @@ class MountController:
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
         # Keeping it within its limits, and moving it.
-        self.hold, self.synced, self.ends = Hold(), SyncTotal(), EndWatch(self.now, context.note)
-        watch = self.watch = LimitWatch(context, reader, self.ends, self.synced, lambda: sync.sets_sky)
-        self.admission = Admission(context, reader, watch, self.synced, self.hold)
+        self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
+        watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sets_sky)
+        self.admission = Admission(context, reader, watch)
         reader.goto_over.connect(watch.arrived)
         reader.position.connect(watch.look)
         reader.axes.connect(watch.look_at_altitude)
@@ -96,7 +95,7 @@ class MountController:
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
-        consequences = Consequences(context, gate, told, watch, self.ends, self.synced)
+        consequences = Consequences(context, gate, told, watch, self.ends)
         reconciler.begins.connect(consequences.begins)
         reconciler.done.connect(consequences.done)
         reconciler.stop_sent.connect(consequences.stop_sent)
@@ -105,7 +104,7 @@ class MountController:
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
         # Whoever asks for something, and whoever looks after what was begun.
-        self.orders = Orders(context, runner, reader, self.own, self.settings, reconciler, self.hold)
+        self.orders = Orders(context, runner, reader, self.own, self.settings, reconciler)
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
         TrackingAtLimit(context, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
@@ -153,14 +152,12 @@ class MountController:
         await self.line.close()
 
     def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
-        """Run something in the background and hold on to it."""
         return self.context.tasks.spawn(work)
 
     # --- what is known --------------------------------------------------------------------------------------------
 
     @property
     def policy(self) -> Policy:
-        """What the operator has decided."""
         return self.context.policy
 
     @property
@@ -170,7 +167,6 @@ class MountController:
 
     @property
     def slewing(self) -> bool:
-        """Whether the mount is seen to carry out a goto."""
         return self.movement.slewing
 
     @property

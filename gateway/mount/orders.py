@@ -20,7 +20,6 @@ from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
-from gateway.mount.policy import Hold
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
@@ -42,11 +41,10 @@ class Orders:
         own: OwnAnswers,
         settings: SiteAndClock,
         reconciler: Reconciler,
-        hold: Hold,
     ) -> None:
         self._context, self._link, self._wanted, self._movement = (
             context, context.link, context.wanted, context.movement)  # fmt: skip
-        self._runner, self._reader, self._own, self._reconciler, self._hold = runner, reader, own, reconciler, hold
+        self._runner, self._reader, self._own, self._reconciler = runner, reader, own, reconciler
         self._handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             **settings.handlers,
             op.GetActivity: self._activity,
@@ -65,7 +63,7 @@ class Orders:
             return Busy()
         try:
             if isinstance(operation, MOTIONS):
-                self._hold.admit(operation)
+                self._context.hold.admit(operation)
         except Held as fault:
             return fault
         if not self._context.milestones.known.is_set():

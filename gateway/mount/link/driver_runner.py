@@ -57,7 +57,6 @@ class HibernationGate:
         self._next = self._now() + TRY_AGAIN
 
     def _heard(self, ask: Send) -> bool:
-        """Whether the mount hears this in its sleep."""
         return bool(self._driver.protocol.commands[ask.command].while_asleep)
 
     def answered(self, ask: Send) -> None:

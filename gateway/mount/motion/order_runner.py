@@ -22,7 +22,6 @@ from gateway.mount.motion.outcomes import Done
 from gateway.mount.motion.wanted import IN_ORDER, Order
 from gateway.mount.readings.told_position import ToldPosition
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.watch import LimitWatch
 from gateway.protocols.base.driver import FollowUps
 
@@ -83,23 +82,15 @@ class Consequences:
     """What is known without asking once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
-        self,
-        context: Context,
-        gate: HibernationGate,
-        told: ToldPosition,
-        watch: LimitWatch,
-        ends: EndWatch,
-        synced: SyncTotal,
+        self, context: Context, gate: HibernationGate, told: ToldPosition, watch: LimitWatch, ends: EndWatch
     ) -> None:
-        self._context, self._now, self._cache, self._gate = context, context.now, context.cache, gate
-        self._told, self._watch, self._ends, self._synced = told, watch, ends, synced
+        self._context, self._now, self._cache = context, context.now, context.cache
+        self._gate, self._told, self._watch, self._ends = gate, told, watch, ends
 
     def stop_sent(self, _: None) -> None:
-        """The commands of a stop went out."""
         self._ends.sent((1, 2), self._watch.fastest)
 
     def at_rest(self, _: None) -> None:
-        """A stop was acknowledged."""
         self._told.ordered(op.AbortMotion(), self._watch.restless)
         self._watch.ended()
         self._cache.put(op.Slewing, False, self._now())
@@ -133,7 +124,6 @@ class Consequences:
                 self._gate.begun()
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
-        """One axis was ended."""
         if moved is not None:
             self._ends.sent((axis,), self._context.speed(moved))
         self._watch.halted()
@@ -145,6 +135,6 @@ class Consequences:
         status, here = self._cache.value(op.GetStatus), self._cache.value(op.Position)
         if status is not None and status.aligned and here is not None:
             there = self._context.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
-            self._synced.add(here, there, status.equatorial)
+            self._context.synced.add(here, there, status.equatorial)
         aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
         self._cache.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)

@@ -67,7 +67,6 @@ class Reconciler:
 
     @property
     def wanted(self) -> Wanted:
-        """What is wanted now."""
         return self._state.value
 
     @property
@@ -90,12 +89,10 @@ class Reconciler:
         return outcome if outcome is not None else waiting.done()
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
-        """What whoever asked for such operations waits for."""
         numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))
         return [outcome for number in numbers if (outcome := self._outcomes.get(number)) is not None]
 
     def want(self, wanted: Wanted) -> None:
-        """This is wanted from now on."""
         self._want(wanted)
         self._go_on()
 
@@ -190,7 +187,6 @@ class Reconciler:
         self._want(outcomes.refused(self.wanted, order))
 
     def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
-        """An operation was carried out, failed, or was given up."""
         self._work, self._active = None, 0
         order = next((one for one in self.wanted.pending if one.number == order.number), replace(order, rank=-1))
         outcome = self._outcomes.pop(order.number, None)
@@ -257,7 +253,6 @@ class Reconciler:
             self.plan(Schedule(FOCUS_AGAIN, order.operation))
 
     def _has_been_taken(self, order: Order, operation: op.Operation, value: Any) -> None:
-        """The mount has acknowledged it."""
         now = self._loop.time()
         self._want(outcomes.done(self.wanted, order, now))
         if isinstance(value, op.Pulsed):

@@ -69,7 +69,6 @@ class Stopping:
         self.at_rest.emit(None)
 
     async def halt_again(self, axis: int) -> None:
-        """Send the end of one axis once more."""
         with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
             await self._runner.perform(StopAxis(axis), STOP)
 
@@ -105,7 +104,6 @@ class Stopping:
             self._times = 0
 
     def close(self) -> None:
-        """Nothing is sent again."""
         self._closed = True
         self._cancel()
 

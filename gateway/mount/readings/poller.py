@@ -97,7 +97,6 @@ class Poller:
             await self._rest(kind, max(0.005, pause))
 
     async def _rest(self, kind: Kind, seconds: float) -> None:
-        """Wait until it is time, or until something has changed."""
         self._news[kind].clear()
         await self._news[kind].within(seconds)
 

@@ -55,7 +55,6 @@ class Reader:
         self.goto_over: Signal[None] = Signal()
 
     def close(self) -> None:
-        """Nobody waits any more."""
         for task in self._sharing.values():
             task.cancel()
 

@@ -166,7 +166,6 @@ class ToldPosition:
         return type(last.value)(*place(self._course(kind), self._now())) if self._movement.anything else last.value
 
     def answered(self, kind: Kind) -> None:
-        """The mount has answered in time."""
         self.told_old = self.told_old and kind not in PLACES
 
     def fresh_until(self, kinds: list[Kind]) -> float:

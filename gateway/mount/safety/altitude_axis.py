@@ -104,7 +104,6 @@ class AltitudeAxis:
 
 
 def _climb(seen: Seen) -> float:
-    """How fast the altitude was seen to change, degrees a second."""
     before, last = seen.before, seen.last
     if before is None or last is None or before.altitude is None or last.altitude is None:
         return 0.0

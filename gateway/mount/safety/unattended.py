@@ -60,7 +60,6 @@ class Supervisor:
             self._watching = self._loop.call_later(EVERY, self._look)
 
     def close(self) -> None:
-        """Nothing is looked after any more."""
         if self._watching is not None:
             self._watching.cancel()
 
@@ -149,7 +148,6 @@ class TrackingAtLimit:
             self._resting = False
 
     def switch_off(self, reason: str) -> None:
-        """It has come to this limit."""
         age = self._context.cache.age(op.GetStatus, self._context.now())
         if self._resting and age > STATUS_AGE:
             self._reader.shared(op.GetStatus())

@@ -23,7 +23,6 @@ from gateway.mount.safety.allow import allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import AltitudeAxis
 from gateway.mount.safety.positions import MeantSky, StallWatch, blind
 from gateway.mount.safety.stop_timing import SHORTEST, StopDeadline
-from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
 #: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
@@ -46,10 +45,8 @@ class LimitWatch:
     the mount was looked at and had said this of itself.
     """
 
-    def __init__(
-        self, mount: Context, reader: Reader, ends: EndWatch, synced: SyncTotal, being_set: Callable[[], bool]
-    ) -> None:
-        self._mount, self._reader, self._ends, self._synced = mount, reader, ends, synced
+    def __init__(self, mount: Context, reader: Reader, ends: EndWatch, being_set: Callable[[], bool]) -> None:
+        self._mount, self._reader, self._ends = mount, reader, ends
         self.must_stop: Signal[None] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self.motion_began: Signal[None] = Signal()
@@ -210,7 +207,7 @@ class LimitWatch:
         if self.seen.across > RESTLESS and not moving.anything:
             self._restless_until = now + CLOSELY
         if self.seen.across > ANEW * mount.fastest:
-            self._synced.forget()
+            mount.synced.forget()
             self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))

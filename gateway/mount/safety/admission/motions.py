@@ -16,14 +16,14 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
-from gateway.mount.policy import CHOOSE, Hold, Limits, check_own_park
+from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, over
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.allow import check_hour_angle, check_shaft
-from gateway.mount.safety.sync_sum import SyncTotal, check_sum, check_sync
+from gateway.mount.safety.sync_sum import check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, and between two looks at it.
@@ -33,10 +33,10 @@ TELLS_ITS_SITE = 4.0
 
 
 class Admission:
-    """``admit`` is asked for every motion, in its turn; ``synced`` tells how far syncs have moved the sky so far."""
+    """``admit`` is asked for every motion, in its turn."""
 
-    def __init__(self, mount: Context, ask: Reader, watch: LimitWatch, synced: SyncTotal, hold: Hold) -> None:
-        self._mount, self._ask, self._watch, self._synced, self._hold = mount, ask, watch, synced, hold
+    def __init__(self, mount: Context, ask: Reader, watch: LimitWatch) -> None:
+        self._mount, self._ask, self._watch = mount, ask, watch
         self._by_hand = HandAdmission(mount, ask, watch)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
@@ -48,7 +48,7 @@ class Admission:
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:
-        self._hold.admit(operation)
+        self._mount.hold.admit(operation)
         self._watch.dips = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
@@ -108,7 +108,7 @@ class Admission:
             here: op.Equatorial = await self._ask.read(op.Position())
             wanted = op.Equatorial(operation.ra, operation.dec)
             check_sync(limits, here, wanted)
-            check_sum(limits.sync, self._synced.value, here, wanted, status.equatorial)
+            check_sum(limits.sync, mount.synced.value, here, wanted, status.equatorial)
         return mount.astrometry.to_mount(operation)
 
     async def _goto_ends(self) -> None:
