@@ -285,7 +285,7 @@ class Gateway:
                 await self.ports.pop().close()
         finally:  # whatever went wrong there, the mount is stopped
             if self.prepared:
-                await self.entrance.end(self.controller.close)
+                await self.entrance.do("q", self.controller.close)
             if self.keeping is not None:
                 await self.keeping.close()
             if self.control is not None:

@@ -1,4 +1,4 @@
-"""The command line, a module for every command.
+"""The command line: its parser, and the commands.
 
 One line per open endpoint goes to stdout; a mistake is one line on stderr and exit code 2.
 """

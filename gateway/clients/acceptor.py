@@ -126,7 +126,6 @@ class ConnectionAcceptor:
         return here + [host for host in self.between() if host not in connected]
 
     def connected(self) -> list[str]:
-        """The hosts of all connections."""
         return [visit.host for visit in self._visits]
 
     def between(self) -> list[str]:
@@ -134,7 +133,6 @@ class ConnectionAcceptor:
         return [host for host, (at, _) in self._left.items() if self.controller.now() - at <= HERE]
 
     def connections(self) -> list[ClientConnection]:
-        """The programs that are connected."""
         return [visit for visit in self._visits if not visit.stranger]
 
     def located(self, where: str) -> None:
@@ -180,23 +178,18 @@ class LateAcceptor:
         return self._made
 
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection. Raises ConnectionRefused."""
         return self._one.arrive(name, host, write)
 
     def admit(self, name: str, host: str) -> None:
-        """See whether a connection may be. Raises ConnectionRefused."""
         self._one.admit(name, host)
 
     def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection that has been admitted."""
         return self._one.come(name, host, write)
 
     def here(self) -> list[str]:
-        """The hosts of the programs that seem to be here."""
         return [] if self._made is None else self._made.here()
 
     def connections(self) -> list[ClientConnection]:
-        """The programs that are connected."""
         return [] if self._made is None else self._made.connections()
 
     def located(self, where: str) -> None:

@@ -59,7 +59,6 @@ class Access(Struct, frozen=True):
     hibernate: bool = False
 
     def admits(self, host: str) -> bool:
-        """Whether this host may connect."""
         return self.allow is None or _within(host, self.allow)
 
     def only_looks(self, host: str) -> bool:

@@ -103,7 +103,6 @@ class ClientConnection:
 
     @property
     def protocol(self) -> str:
-        """What is spoken."""
         return self._face.surface.protocol.name
 
     @property
@@ -117,7 +116,6 @@ class ClientConnection:
         return not self._waiting and self.client.answered
 
     def feed(self, data: bytes) -> None:
-        """Bytes have come."""
         if self._first is not None:
             self._first.hear(data)
             self._first = None if self._first.over else self._first

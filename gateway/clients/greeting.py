@@ -40,7 +40,6 @@ class Beginning:
 
     @property
     def over(self) -> bool:
-        """Whether it is known who it is."""
         return self._recogniser.over
 
     def hear(self, piece: Piece) -> list[Piece]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Protocol
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -20,13 +19,6 @@ from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.session import ClientSettings
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.rows import Model
-
-
-class Equinox(Protocol):
-    """Between a surface's coordinates and the controller's of date; None where they are the same."""
-
-    def inward(self, operation: op.Operation) -> op.Operation: ...
-    def outward(self, operation: op.Operation, value: object) -> object: ...
 
 
 class J2000:
@@ -60,7 +52,7 @@ class ClientProfile(Struct, frozen=True):
     first: bytes
     program: str
     settings: Values
-    equinox: Equinox | None
+    equinox: J2000 | None
 
 
 class SurfaceBinding(Struct, frozen=True):
@@ -74,7 +66,7 @@ class SurfaceBinding(Struct, frozen=True):
     beginning: re.Pattern[bytes]
     model: Model
     settings: ClientSettings
-    equinox: Equinox | None = None
+    equinox: J2000 | None = None
     #: What its programs count in where the user says nothing: ``jnow`` or ``j2000``.
     counts_in: str = "jnow"
     #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;

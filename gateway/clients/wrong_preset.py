@@ -90,7 +90,6 @@ class Presets:
         self._told: dict[str, float] = {}
 
     def listen(self, name: str, host: str) -> FirstWords:
-        """To a new connection."""
         return FirstWords(self, name, host, self._framing())
 
     def spoke(self, host: str) -> None:
@@ -122,7 +121,6 @@ class FirstWords:
         self.over = False
 
     def hear(self, data: bytes) -> None:
-        """More bytes have come."""
         presets = self._presets
         if not self._sent:
             began = presets.now()

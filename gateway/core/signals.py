@@ -27,11 +27,9 @@ class Signal(Generic[T]):
         self._listeners = (*self._listeners, listener)
 
     def disconnect(self, listener: Callable[[T], object]) -> None:
-        """It is not called any more."""
         self._listeners = tuple(one for one in self._listeners if one != listener)
 
     def emit(self, value: T) -> None:
-        """It has happened."""
         self.count += 1
         for listener in self._listeners:
             listener(value)

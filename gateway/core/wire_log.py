@@ -114,7 +114,6 @@ class ClientLog:
         self._host = name.rpartition(":")[0]
 
     def put(self, arrow: str, data: bytes, note: str = "") -> None:
-        """Bytes that passed, or were dropped."""
         self.wire_log.put(self.name, arrow, data, note)
 
     def note(self, text: str) -> None:
@@ -125,7 +124,6 @@ class ClientLog:
         self.wire_log.note_once(self.name, text, self._host)
 
     def refused(self, text: str) -> None:
-        """Something that was asked for is not done."""
         self.wire_log.refused(self.name, text)
 
     def refused_once(self, text: str) -> None:

@@ -1,12 +1,24 @@
-"""What every part of a mount may use, and how far the mount is known: nothing here knows any of the parts."""
+"""What every part of a mount may use: the line to it, what is wanted and known of it, where and when it stands.
+
+Nothing here knows any of the parts that act.
+"""
 
 from __future__ import annotations
 
 import asyncio
 
+from gateway.astro.ephemeris.sky import Sky
+from gateway.core import operations as op
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import WireLog
-from gateway.mount.policy import Policy
+from gateway.mount.link.line import MountLink
+from gateway.mount.motion.wanted import Movement, WantedState
+from gateway.mount.policy import Hold, Policy
+from gateway.mount.readings.cache import RENEW, ReadingsCache
+from gateway.mount.safety.stop_timing import StopTiming
+from gateway.mount.safety.sync_sum import SyncTotal
+from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
+from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
 
 
@@ -18,24 +30,41 @@ class Milestones:
     def __init__(self) -> None:
         self.met, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
 
-    def nothing_comes(self) -> None:
-        """The gateway ends: whoever waits for the mount goes on, and finds the line closed."""
-        self.met.set()
-        self.known.set()
-
 
 class Context:
-    """The driver, the operator's policy, the log, the loop's clock, background tasks; and how far the mount is known.
+    """The driver, the operator's policy, the log, the loop's clock, background tasks; the values that parts share.
 
     ``closed`` is set at the end: nothing is begun any more.
     """
 
-    def __init__(self, driver: Driver, policy: Policy, log: WireLog) -> None:
-        self.driver, self.policy, self.log = driver, policy, log
+    def __init__(
+        self, driver: Driver, policy: Policy, log: WireLog, link: MountLink, sky: Sky, site_clock: SiteClock
+    ) -> None:
+        self.driver, self.policy, self.log, self.link, self.site_clock = driver, policy, log, link, site_clock
         self.now = asyncio.get_running_loop().time
-        self.tasks = BackgroundTasks()
-        self.milestones = Milestones()
-        self.closed = False
+        self.tasks, self.milestones, self.closed = BackgroundTasks(), Milestones(), False
+        self.cache, self.wanted = ReadingsCache(), WantedState()
+        self.movement = Movement(self.wanted, self.cache)
+        #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
+        self.sources = BestSources(site_clock)
+        self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
+        self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
+        self.hold, self.synced = Hold(), SyncTotal()
+        self.suns = SunAvoidance(policy.limits.sun, sky, self.sources, self.milestones.settled, self.note_once)
+
+    @property
+    def timing(self) -> StopTiming:
+        """As things are on the line now."""
+        return StopTiming(self.link.typical, self.driver.position_reads, RENEW[op.Position])
+
+    @property
+    def fastest(self) -> float:
+        """Degrees a second of the mount's fastest motion."""
+        return self.driver.speed(op.Rate(name="max"))
+
+    def speed(self, moving: op.Move | op.MoveAxis) -> float:
+        """Degrees a second of a motion by hand."""
+        return self.driver.speed(moving.rate)
 
     def note(self, text: str) -> None:
         """Leave a line about the mount in the log."""

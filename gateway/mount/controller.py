@@ -23,28 +23,22 @@ from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.order_runner import Consequences, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
-from gateway.mount.policy import Hold, Policy
+from gateway.mount.policy import Policy
 from gateway.mount.presence import Presence
-from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
-from gateway.mount.readings.reckoning import TargetLimits
 from gateway.mount.readings.rest import SIGHT, come_to_rest
-from gateway.mount.readings.told_position import AtHand, ToldPosition
+from gateway.mount.readings.told_position import ToldPosition
 from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
-from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
-from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import BestSources, SiteClock
+from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.driver import Driver, FollowUps
 
 _T = TypeVar("_T")
@@ -67,54 +61,41 @@ class MountController:
         wire_log: WireLog,
         policy: Policy = Policy(),
     ) -> None:
-        context = self.context = Context(driver, policy, wire_log)
+        context = self.context = Context(driver, policy, wire_log, line, sky, site_clock)
         self.driver, self.line, self.site_clock, self.wire_log = driver, line, site_clock, wire_log
         self.now, self.loop = context.now, asyncio.get_running_loop()
         # What is known: of the mount, of what is wanted of it, of where and when it is.
-        cache = self.cache = ReadingsCache()
-        wanted = self.wanted = WantedState()
-        movement = self.movement = Movement(wanted, cache)
-        #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
-        self.sources = BestSources(site_clock)
-        astrometry = self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
-        self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
-        self.suns = SunAvoidance(context, sky, self.sources)
+        cache, wanted, self.movement = context.cache, context.wanted, context.movement
+        self.cache, self.wanted, self.sources, self.suns = cache, wanted, context.sources, context.suns
+        self.astrometry = context.astrometry
         # Exchanges with the mount.
-        gate = HibernationGate(context, wanted)
+        gate = HibernationGate(context)
         self.verifier = ReplyVerifier(line, self.now, driver.hurry)
         runner = DriverRunner(context, self.verifier, gate)
         self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
         # Reading it.
-        at_hand = AtHand(self.now, line, cache, wanted, site_clock)
-        limits = TargetLimits(context, cache, wanted, movement, astrometry, self.suns)
-        told = self.told_position = ToldPosition(context, at_hand, cache, wanted, movement, astrometry, limits)
-        reader = self.reader = Reader(
-            context, line, runner, self.fair_scheduler, cache, at_hand, told, wanted, movement, astrometry
-        )
+        told = self.told_position = ToldPosition(context)
+        reader = self.reader = Reader(context, runner, self.fair_scheduler, told)
         self.read, self.anew = reader.read, reader.anew
         self.touch, self.fresh_until = cache.touch, told.fresh_until
         runner.stirs.connect(told.stirs)
-        self.own = OwnAnswers(context, runner, self.fair_scheduler, site_clock)
-        sync = SyncSettings(context, line, runner, cache, reader, movement, site_clock)
-        self.settings = SiteAndClock(context, line, runner, site_clock, self.told_astrometry, sync)
+        self.own = OwnAnswers(context, runner, self.fair_scheduler)
+        sync = SyncSettings(context, runner, reader)
+        self.settings = SiteAndClock(context, runner, sync)
         # Keeping it within its limits, and moving it.
-        inputs = self._inputs = MountInputs(
-            driver, self.now, cache, astrometry, self.suns, movement.now, context,
-            exchange=lambda: line.typical, being_set=lambda: sync.sets_sky,
-        )  # fmt: skip
-        self.hold, self.synced, self.ends = Hold(), SyncTotal(), EndWatch(self.now, context.note)
-        watch = self.watch = LimitWatch(inputs, reader, self.ends, self.synced)
-        self.admission = Admission(inputs, reader, watch, self.sources, self.synced, self.hold)
+        self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
+        watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sets_sky)
+        self.admission = Admission(context, reader, watch)
         reader.goto_over.connect(watch.arrived)
         reader.position.connect(watch.look)
         reader.axes.connect(watch.look_at_altitude)
         reader.unseen.connect(watch.unseen)
         reader.status.connect(self._status_came)
-        self.order_runner = OrderRunner(context, follow_ups, runner, movement, self.admission)
-        reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, self.order_runner)
+        self.order_runner = OrderRunner(context, follow_ups, runner, self.admission)
+        reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
-        consequences = Consequences(context, gate, cache, told, wanted, astrometry, watch, self.ends, self.synced)
+        consequences = Consequences(context, gate, told, watch, self.ends)
         reconciler.begins.connect(consequences.begins)
         reconciler.done.connect(consequences.done)
         reconciler.stop_sent.connect(consequences.stop_sent)
@@ -123,23 +104,16 @@ class MountController:
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
         # Whoever asks for something, and whoever looks after what was begun.
-        self.orders = Orders(
-            context, line, runner, reader, self.own, self.settings, reconciler, movement, wanted, self.hold, astrometry,
-            self.told_astrometry,
-        )  # fmt: skip
+        self.orders = Orders(context, runner, reader, self.own, self.settings, reconciler)
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
-        TrackingAtLimit(context, cache, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
+        TrackingAtLimit(context, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
-        self.supervisor = Supervisor(context, wanted, self.presence, self.orders.perform)
+        self.supervisor = Supervisor(context, self.presence, self.orders.perform)
         reconciler.done.connect(self.supervisor.look_after)
-        self.identification = Identification(
-            context, line, runner, gate, cache, reader, self.own, site_clock, sync, reconciler, self.ends, self.doubts
-        )
+        self.identification = Identification(context, runner, gate, reader, self.own, sync, reconciler, self.ends)
         self.identification.told.connect(self._found_equinox)
         self.identified, self.settled = context.milestones.known, context.milestones.settled
-        self.poller = Poller(
-            context, line, gate, cache, reader, site_clock, self.settings, movement, self.watch, self.ends
-        )
+        self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
         #: What answers are made of, and whatever may outdate one.
         self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
 
@@ -155,7 +129,7 @@ class MountController:
         """The mount has said who it is, and with that what its coordinates mean."""
         if self.context.policy.equinox == "auto":
             self.astrometry.means(self.driver.equinox)
-            self.told_astrometry.means(self.driver.equinox)
+            self.context.told_astrometry.means(self.driver.equinox)
 
     # --- life -----------------------------------------------------------------------------------------------------
 
@@ -167,9 +141,10 @@ class MountController:
 
     async def close(self) -> None:
         """End motion, put tracking back, forget what was planned, close the line."""
-        await end_motion(self.context, self.line, self.reader, self.reconciler)
+        await end_motion(self.context, self.reader, self.reconciler)
         self.context.closed = True
-        self.context.milestones.nothing_comes()
+        self.context.milestones.met.set()  # whoever waits for the mount goes on, and finds the line closed
+        self.context.milestones.known.set()
         self.reconciler.close()
         self.supervisor.close()
         self.reader.close()
@@ -177,14 +152,12 @@ class MountController:
         await self.line.close()
 
     def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
-        """Run something in the background and hold on to it."""
         return self.context.tasks.spawn(work)
 
     # --- what is known --------------------------------------------------------------------------------------------
 
     @property
     def policy(self) -> Policy:
-        """What the operator has decided."""
         return self.context.policy
 
     @property
@@ -194,7 +167,6 @@ class MountController:
 
     @property
     def slewing(self) -> bool:
-        """Whether the mount is seen to carry out a goto."""
         return self.movement.slewing
 
     @property
@@ -212,7 +184,7 @@ class MountController:
 
     def doubts(self) -> str:
         """What does not fit together, in one line; nothing where all fits."""
-        return doubts(self._inputs, self.sources)
+        return doubts(self.context)
 
     def peek(self, operation: op.Operation[_T]) -> _T:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
@@ -221,7 +193,7 @@ class MountController:
 
     async def come_to_rest(self, seconds: float = SIGHT) -> None:
         """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be."""
-        await come_to_rest(self.context, self.reader, self.movement, seconds)
+        await come_to_rest(self.context, self.reader, seconds)
 
     # --- orders ---------------------------------------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
 from typing import Any
 
 from gateway.core import operations as op
@@ -16,54 +15,43 @@ from gateway.core.errors import Fault, NoAnswer
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import READ, STOP
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import SiteClock
 
 #: Seconds from one question who is there to the next, while nobody answers.
 ASK_AGAIN = 1.0
 
 
 class Identification:
-    """Listens to the line. ``told`` is emitted whenever the mount has said who it is.
-
-    ``doubts`` tells what does not fit together, once where and when it is are known as well.
-    """
+    """Listens to the line. ``told`` is emitted whenever the mount has said who it is."""
 
     def __init__(
         self,
         context: Context,
-        link: MountLink,
         runner: DriverRunner,
         gate: HibernationGate,
-        cache: ReadingsCache,
         reader: Reader,
         own: OwnAnswers,
-        site_clock: SiteClock,
         sync: SyncSettings,
         reconciler: Reconciler,
         ends: EndWatch,
-        doubts: Callable[[], str],
     ) -> None:
         self._context, self._driver, self._milestones = context, context.driver, context.milestones
-        self._link, self._runner, self._gate = link, runner, gate
-        self._cache, self._reader, self._own = cache, reader, own
-        self._site_clock, self._sync = site_clock, sync
-        self._reconciler, self._ends, self._doubts = reconciler, ends, doubts
+        self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
+        self._reader, self._own, self._sync, self._reconciler, self._ends = reader, own, sync, reconciler, ends
         self._asking: asyncio.Task[Any] | None = None
         self.told: Signal[None] = Signal()
         #: Something moved when the mount's port was lost.
         self._cut_short = False
-        link.came_up.connect(self._on_up)
-        link.reopened.connect(self._first_words)
-        link.lost.connect(self._on_lost)
+        self._link.came_up.connect(self._on_up)
+        self._link.reopened.connect(self._first_words)
+        self._link.lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
         self._cut_short = self._cut_short or self._reconciler.busy or self._ends.pending
@@ -119,7 +107,7 @@ class Identification:
         await self.learn(op.GetClock())
         self._sync.resume()
         self._milestones.settled.set()
-        if words := self._doubts():
+        if words := doubts(self._context):
             self._context.note_once(words)
 
     async def _meet(self) -> bool:
@@ -137,7 +125,7 @@ class Identification:
 
     def _counts_from_the_other_pole(self) -> bool:
         """Whether it was taken to follow the northern sky before it told that it stands in the south."""
-        place, status = self._site_clock.site(), self._cache.value(op.GetStatus)
+        place, status = self._context.site_clock.site(), self._cache.value(op.GetStatus)
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH
         return north and place is not None and place.latitude < 0.0
 

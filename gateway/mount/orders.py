@@ -16,17 +16,15 @@ from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
 from gateway.core.waiting import Outcome, over_before, refused, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Movement, Order, Slew, WantedState
-from gateway.mount.policy import Hold
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
-from gateway.mount.site.astrometry import PLACES, SiteAstrometry
+from gateway.mount.site.astrometry import PLACES
 from gateway.mount.site.settings import SiteAndClock
 
 _T = TypeVar("_T")
@@ -38,22 +36,15 @@ class Orders:
     def __init__(
         self,
         context: Context,
-        link: MountLink,
         runner: DriverRunner,
         reader: Reader,
         own: OwnAnswers,
         settings: SiteAndClock,
         reconciler: Reconciler,
-        movement: Movement,
-        wanted: WantedState,
-        hold: Hold,
-        astrometry: SiteAstrometry,
-        told: SiteAstrometry,
     ) -> None:
-        self._context, self._link, self._runner = context, link, runner
-        self._reader, self._own = reader, own
-        self._reconciler, self._movement, self._wanted, self._hold = reconciler, movement, wanted, hold
-        self._astrometry, self._told = astrometry, told
+        self._context, self._link, self._wanted, self._movement = (
+            context, context.link, context.wanted, context.movement)  # fmt: skip
+        self._runner, self._reader, self._own, self._reconciler = runner, reader, own, reconciler
         self._handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             **settings.handlers,
             op.GetActivity: self._activity,
@@ -72,7 +63,7 @@ class Orders:
             return Busy()
         try:
             if isinstance(operation, MOTIONS):
-                self._hold.admit(operation)
+                self._context.hold.admit(operation)
         except Held as fault:
             return fault
         if not self._context.milestones.known.is_set():
@@ -123,10 +114,10 @@ class Orders:
         if isinstance(operation, MOTIONS):
             value = await _ended(self._take(operation, stops, life, patience))
             if isinstance(value, op.Chosen) and value.place is not None:
-                value = op.Chosen(self._astrometry.from_mount(value.place), value.text, value.reply)
+                value = op.Chosen(self._context.astrometry.from_mount(value.place), value.text, value.reply)
             return value
         if type(operation) in PLACES:
-            return PLACES[type(operation)](self._told, operation)
+            return PLACES[type(operation)](self._context.told_astrometry, operation)
         handler = self._handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
@@ -222,7 +213,7 @@ class Orders:
             raise Unsupported("Only a German mount has two sides of the pier.")
         if (side := driver.tube_side(told)) is not None:
             return side
-        return told if self._astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[told]
+        return told if self._context.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[told]
 
 
 async def _ended(outcome: Outcome) -> Any:

@@ -34,7 +34,6 @@ class Presence:
         self._swept = now()
 
     def arrive(self, host: str) -> HostActivity:
-        """A connection from this host was opened."""
         now = self._now()
         if now - self._swept > FORGET:
             self._swept = now
@@ -52,7 +51,6 @@ class Presence:
         self._hosts[activity.who].remove(activity)
 
     def leave(self, activity: HostActivity) -> None:
-        """It was closed."""
         activity.closed = self._now()
 
     def stands_for(self, activity: HostActivity) -> list[HostActivity]:

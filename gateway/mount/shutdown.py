@@ -13,7 +13,6 @@ import copy
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.mount.context import Context
-from gateway.mount.link.line import MountLink
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.readings.reader import Reader
 from gateway.protocols.base.driver import Driver, Send
@@ -25,12 +24,13 @@ STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
 LEFT = 1.0
 
 
-async def end_motion(context: Context, link: MountLink, reader: Reader, reconciler: Reconciler) -> None:
+async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -> None:
     """Stop whatever moves and put tracking back; takes seconds at most, and raises nothing."""
+    link = context.link
     reconciler.no_more()  # what still waits in a connection is not begun any more
     moved = reconciler.busy and link.state != "opening"
     if moved:
-        await _stop(context, link, reconciler)
+        await _stop(context, reconciler)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(SETTLE):
             while link.usable and reconciler.wanted.pending:  # hand controls may need to be told twice to track again
@@ -41,21 +41,21 @@ async def end_motion(context: Context, link: MountLink, reader: Reader, reconcil
                 await reader.anew(op.GetStatus())
 
 
-async def _stop(context: Context, link: MountLink, reconciler: Reconciler) -> None:
+async def _stop(context: Context, reconciler: Reconciler) -> None:
     await asyncio.sleep(0)  # a loop that is torn down has cancelled the line as well
     try:
-        async with asyncio.timeout(STOP if link.served else 0.0):
+        async with asyncio.timeout(STOP if context.link.served else 0.0):
             await reconciler.stop()
     except (TimeoutError, Fault):
         context.note("the mount did not answer the stop at shutdown: the stop is sent once more")
-        await _stop_blindly(context, link)
+        await _stop_blindly(context)
 
 
-async def _stop_blindly(context: Context, link: MountLink) -> None:
+async def _stop_blindly(context: Context) -> None:
     """The bytes of a stop, without waiting for answers."""
     with contextlib.suppress(Exception):  # the last thing tried
-        for command in stop_commands(context.driver, link.dialogue):
-            link.talk.send(command)
+        for command in stop_commands(context.driver, context.link.dialogue):
+            context.link.talk.send(command)
             await asyncio.sleep(BLIND)
 
 

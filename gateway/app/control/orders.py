@@ -28,12 +28,12 @@ def orders(controller: MountController, keeping: StateStore, entrance: Entrance 
     """By word."""
 
     async def stop() -> str:
-        return await entrance.order(lambda: stopped(controller))
+        return await entrance.do("o", lambda: stopped(controller))
 
     async def hold() -> str:
         entrance.tell("h", lambda: _hold(controller, True))
         answer, trouble = await asyncio.gather(
-            entrance.order(lambda: stopped(controller)), _on_disk(keeping, held=True)
+            entrance.do("o", lambda: stopped(controller)), _on_disk(keeping, held=True)
         )
         if answer != STOPPED:
             return f"failed not stopped: {answer.removeprefix('failed ')}; it is held from now on{trouble}"

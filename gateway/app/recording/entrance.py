@@ -43,25 +43,16 @@ class Entrance:
         return work
 
     async def begin(self, begin: Callable[[], None]) -> None:
-        """Let the gateway begin."""
         begin()
 
     def tell(self, arrow: str, act: Callable[[], None]) -> None:
         """Something has happened outside that a recording has a letter for: act on it."""
         act()
 
-    async def stop(self, stop: Work[None]) -> None:
-        """Somebody outside has the mount stopped. Raises Fault."""
-        await stop()
-
-    async def order(self, order: Work[str]) -> str:
-        """Somebody outside has the mount stopped and looked at until it rests."""
-        return await order()
+    async def do(self, arrow: str, work: Work[_T]) -> _T:
+        """Somebody outside has something done that a recording has a letter for. Raises what the work raises."""
+        return await work()
 
     async def wish(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
         """A person at the command line wishes for something, written on one line."""
         return await carry_out(line)
-
-    async def end(self, end: Work[None]) -> None:
-        """Let the gateway end."""
-        await end()

@@ -57,11 +57,10 @@ class RecordedEntrance(Entrance):
         begun = self._loop.create_future()
 
         def go() -> None:
-            self.recorder.line(MOUNT, "b")
             begin()
             begun.set_result(None)
 
-        self._loop.enter(go)
+        self.tell("b", go)
         await begun
 
     def tell(self, arrow: str, act: Callable[[], None]) -> None:
@@ -71,19 +70,13 @@ class RecordedEntrance(Entrance):
 
         self._loop.enter(go)
 
-    async def stop(self, stop: Work[None]) -> None:
-        await result_of(await self._task("s", stop))  # who gives up waiting does not take the stop back
-
-    async def order(self, order: Work[str]) -> str:
-        return await result_of(await self._task("o", order))
+    async def do(self, arrow: str, work: Work[_T]) -> _T:
+        return await result_of(await self._task(arrow, work))  # who gives up waiting does not take a stop back
 
     async def wish(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
         if not (line.isascii() and line.isprintable()):
             return await carry_out("")  # which it does not understand
         return await asyncio.shield(await self._task("c", lambda: carry_out(line), line))
-
-    async def end(self, end: Work[None]) -> None:
-        await result_of(await self._task("q", end))
 
     async def _task(self, arrow: str, work: Work[_T], text: str = "") -> asyncio.Task[_T]:
         begun: asyncio.Future[asyncio.Task[_T]] = self._loop.create_future()

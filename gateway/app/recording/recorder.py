@@ -106,7 +106,6 @@ class Recorder:
             self.line(side, arrow, note.replace("\n", " "))
 
     def line(self, side: str, arrow: str, text: str = "") -> None:
-        """Write one thing that happened."""
         if self._file < 0:
             return
         if self._turns is not None and not self._lines:
@@ -116,12 +115,10 @@ class Recorder:
             self.flush()
 
     def _turn(self) -> None:
-        """Time has gone on."""
         assert self._turns is not None
         self.line(RECORDER, "t", str(self._turns.turn))
 
     def flush(self) -> None:
-        """Write what has not been written yet."""
         text = "".join(self._lines)
         self._lines.clear()
         if self._file < 0 or not text:

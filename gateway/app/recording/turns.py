@@ -96,7 +96,6 @@ class TurnLoop(asyncio.SelectorEventLoop):
         return events
 
     def _due(self, elapsed: float) -> bool:
-        """Whether a timer has come."""
         timers: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined]  # asyncio has no public way
         return bool(timers) and timers[0].when() < BASE + elapsed + RESOLUTION
 

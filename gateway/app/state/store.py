@@ -13,19 +13,8 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.state.file import (
-    FORMAT,
-    MarkerContent,
-    SavedState,
-    encode,
-    file_name,
-    from_shared,
-    is_held,
-    move_aside,
-    read_kept,
-    read_mark,
-    to_shared,
-)
+from gateway.app.state import file
+from gateway.app.state.file import MarkerContent, SavedState
 from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file
 from gateway.core.operations import Place, Values
@@ -75,7 +64,7 @@ class StateStore:
         warn: Callable[[str], None],
         in_thread: InThread = asyncio.to_thread,
     ) -> None:
-        self.directory, self.name = directory(configured), file_name(protocol, where)
+        self.directory, self.name = directory(configured), file.file_name(protocol, where)
         self.path = self.directory / f"{self.name}.json"
         self.held = False
         #: A simulated mount in this process ends with it, so there is nothing to stop, and nobody to warn of another.
@@ -85,10 +74,10 @@ class StateStore:
         self._lock = PidLock(self.lock_path)
         self._take()
         kept = self._read()
-        self.shared = Shared(to_shared(kept), self.changed)
+        self.shared = Shared(file.to_shared(kept), self.changed)
         self._marks = self.held and not self._simulated
-        self.past = PreviousRun(kept, read_mark(self._mark_path) if self._marks else None)
-        self._written = encode(kept)
+        self.past = PreviousRun(kept, file.read_mark(self._mark_path) if self._marks else None)
+        self._written = file.encode(kept)
         self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
         self._mark: MotionMarker | None = None
@@ -134,7 +123,7 @@ class StateStore:
 
     def _read(self) -> SavedState:
         try:
-            return read_kept(self.path)
+            return file.read_kept(self.path)
         except OSError as error:
             if self.held:
                 self._say(
@@ -145,12 +134,12 @@ class StateStore:
             if self.held:
                 where = "left in place"
                 with contextlib.suppress(OSError):
-                    where = f"moved to {move_aside(self.path).name}"
+                    where = f"moved to {file.move_aside(self.path).name}"
                 self._warn(
                     f"{self.path} is not a state file of this version ({error}): it was "
                     f"{where}, and the gateway starts without it"
                 )
-        return SavedState(FORMAT)
+        return SavedState(file.FORMAT)
 
     def attach(self, controller: MountController) -> None:
         """Let the controller tell of motions and changes; stop first what the last run left moving."""
@@ -158,7 +147,7 @@ class StateStore:
         self._synced = lambda: controller.synced.value
         recall(controller, self.past)
         controller.changed.connect(lambda _: self.changed())
-        controller.hold.on = is_held(self.directory)
+        controller.hold.on = file.is_held(self.directory)
         if controller.hold.on:
             self._warn(
                 f"{self._marked.mount}: the mount is held: no program moves it until mount-gateway stop --release"
@@ -204,7 +193,7 @@ class StateStore:
 
     async def _write(self) -> bool:
         """Write what is not in the file yet -> whether there was anything to write."""
-        data = encode(from_shared(self.shared.settings, self._memory(False), self._synced()))
+        data = file.encode(file.from_shared(self.shared.settings, self._memory(False), self._synced()))
         if data == self._written:
             return False
         self._written = data

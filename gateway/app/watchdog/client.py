@@ -25,7 +25,11 @@ BEAT = 0.25
 LASTED = 1.0
 PROGRAM = Path(__file__).with_name("process.py")
 #: What ends or suspends the gateway must not do so to its watchdog, from its first moment on.
-HELD_BACK = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
+HELD_BACK = [
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
+    if hasattr(signal, name)  # Windows has two of them, and no watchdog
+]
 #: The descriptor of the socket in the process.
 THERE = 3
 

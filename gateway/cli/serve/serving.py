@@ -224,7 +224,7 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     moving = [gateway for gateway in gateways if gateway.busy]
     try:
         async with asyncio.timeout(SUSPEND):
-            await asyncio.gather(*(gateway.entrance.stop(gateway.controller.stop) for gateway in moving))
+            await asyncio.gather(*(gateway.entrance.do("s", gateway.controller.stop) for gateway in moving))
         outcome = "the mount was stopped" if moving else "the mount was not moving"
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"

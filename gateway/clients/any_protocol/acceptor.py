@@ -97,7 +97,6 @@ class AnyConnection:
             self._speak(protocol, f"because the program has said nothing for {SILENCE:g} s")
 
     def _hear(self, data: bytes) -> None:
-        """Bytes have come, and it is not decided yet."""
         self._silence.cancel()
         now = self._controller.now()
         if now - self._heard >= QUIET and (half := self.sent.lstrip(IDLE)):
@@ -146,7 +145,6 @@ class AnyConnection:
             guest.close()
 
     def _settle(self) -> None:
-        """It is decided."""
         assert self._guest is not None
         self.feed = self._guest.feed
         sent, self.sent = self.sent, b""
@@ -200,7 +198,6 @@ class AnyAcceptor:
         self._admission.check(name, host, unknown + sum(one.clients() for one in self._speaking.values()))
 
     def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection that has been admitted."""
         wire_log = self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
 
@@ -213,16 +210,13 @@ class AnyAcceptor:
         return connection
 
     def here(self) -> list[str]:
-        """The hosts of the programs that seem to be here."""
         connected = [host for one in self._speaking.values() for host in one.connected()]
         between = {host for one in self._speaking.values() for host in one.between()}
         return connected + sorted(between.difference(connected))
 
     def connections(self) -> list[ClientConnection]:
-        """The programs that are connected."""
         return [visit for one in self._speaking.values() for visit in one.connections()]
 
     def located(self, where: str) -> None:
-        """The port is open, and has its real number."""
         for one in self._speaking.values():
             one.located(where)

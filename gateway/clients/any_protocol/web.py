@@ -47,7 +47,6 @@ class Web:
         self._waiting: list[Browser] = []
 
     def enter(self, browser: Browser) -> None:
-        """A connection speaks HTTP."""
         if self._serve is not None:
             self._hand_over(browser, self._serve)
         elif self._later is None:
@@ -59,12 +58,10 @@ class Web:
             self._later(PATIENCE, lambda: self._give_up(browser))
 
     def more(self, browser: Browser) -> None:
-        """More has come of one that waits."""
         if len(browser.sent) > LONGEST:
             self._give_up(browser)
 
     def leave(self, browser: Browser) -> None:
-        """It is gone."""
         if browser in self._waiting:
             self._waiting.remove(browser)
 
@@ -93,7 +90,6 @@ class Web:
 
 
 def answer(status: str, words: str) -> bytes:
-    """A whole HTTP/1.1 answer."""
     body = words.encode()
     head = (
         f"HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {len(body)}\r\n"

@@ -139,7 +139,6 @@ class CommandProcessor:
             self.runner.begun.begin(ending.operation, self._wanted.value.stops)
 
     def _tell_dropped(self) -> None:
-        """For the log: bytes that are of no use, and why."""
         for why, data in self.framer.dropped.items():
             self.log.put("x", bytes(data), why)
 

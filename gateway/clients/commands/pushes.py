@@ -53,6 +53,5 @@ class Pushes:
         return data
 
     def close(self) -> None:
-        """The connection is gone."""
         for task in self._tasks:
             task.cancel()

@@ -127,7 +127,6 @@ class ReplyCache:
         self._replies.clear()
 
     def told(self, operation: Operation, value: object, now: float, version: int) -> None:
-        """The client was told this reading."""
         self._told[type(operation)] = _Told(value, now, version)
 
     def again(self, operation: Operation, now: float) -> tuple[object, int] | None:

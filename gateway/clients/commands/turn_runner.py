@@ -11,7 +11,7 @@ import asyncio
 
 from gateway.clients.access import Rights
 from gateway.clients.commands.turn import NO_IN_TIME, WAIT_FOR_MOUNT, ReplyCache, Turn
-from gateway.clients.profiles import Equinox
+from gateway.clients.profiles import J2000
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
@@ -74,7 +74,7 @@ class TurnRunner:
         self._controller, self._surface, self._session = controller, surface, session
         self._life, self._log, self._cache = life, log, cache
         self.rights = Rights()
-        self.equinox: Equinox | None = None
+        self.equinox: J2000 | None = None
         self.begun = Begun(controller, log, life)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
 
@@ -174,7 +174,6 @@ class TurnRunner:
         return value
 
     def _tell(self, operation: Operation, value: object) -> object:
-        """An answer as the client is told it."""
         if self.equinox is not None:
             value = self.equinox.outward(operation, value)
         if type(operation) in FRESH:

@@ -17,7 +17,6 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, POSITION, STOP
 from gateway.mount.link.verification import ReplyVerifier
-from gateway.mount.motion.wanted import WantedState
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Steps, Wait
 
 #: Seconds from one position that is tried to the next: no longer than where nobody asks a mount that is awake.
@@ -29,11 +28,11 @@ class HibernationGate:
 
     Stops are sent all the same, and the position is asked for now and then: somebody may have woken it at its keys, and
     the first answer that no sleeper gives ends this. What a sleeper does not hear costs the line seconds, each time.
-    Where ``wanted`` says that it is being woken, what is asked for after that is asked of a mount that is awake.
+    Where it is being woken, what is asked for after that is asked of a mount that is awake.
     """
 
-    def __init__(self, context: Context, wanted: WantedState) -> None:
-        self._driver, self._now, self._wanted = context.driver, context.now, wanted
+    def __init__(self, context: Context) -> None:
+        self._driver, self._now, self._wanted = context.driver, context.now, context.wanted
         self._next = 0.0
 
     def begun(self) -> None:
@@ -58,7 +57,6 @@ class HibernationGate:
         self._next = self._now() + TRY_AGAIN
 
     def _heard(self, ask: Send) -> bool:
-        """Whether the mount hears this in its sleep."""
         return bool(self._driver.protocol.commands[ask.command].while_asleep)
 
     def answered(self, ask: Send) -> None:

@@ -58,7 +58,6 @@ class MountLink:
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Begin to open the wire and to serve exchanges."""
         self._task = asyncio.get_running_loop().create_task(self._run())
 
     @property
@@ -82,7 +81,6 @@ class MountLink:
 
     @property
     def usable(self) -> bool:
-        """Whether it is up, and somebody works on it."""
         return self.state == "up" and self.served
 
     @property
@@ -108,7 +106,6 @@ class MountLink:
 
     @property
     def answers(self) -> int:
-        """How many the mount has given."""
         return self.talk.times.answers
 
     async def close(self) -> None:
@@ -185,7 +182,6 @@ class MountLink:
         await self._recover()
 
     async def _serve(self) -> None:
-        """Serve requests until the wire is lost."""
         answered = False
         while not self.talk.lost:
             if self._spoken_on:

@@ -52,7 +52,6 @@ class Request:
         self.chosen = False
 
     def fail(self, fault: Fault) -> None:
-        """It gets no answer."""
         if not self.future.done():
             self.future.set_exception(fault)
 
@@ -88,7 +87,6 @@ class RequestQueue:
 
     @property
     def stop_waits(self) -> bool:
-        """Whether a stop is in it that is still wanted."""
         for request in self._waiting:  # noqa: SIM110  # asked in every turn: a generator costs more than the rest
             if request.rank == STOP and not request.future.done():
                 return True
@@ -135,11 +133,9 @@ class RequestQueue:
         return first
 
     def in_turn(self) -> list[Request]:
-        """Whatever waits, in the order in which its turn comes."""
         return in_turn(self._waiting, self._loop.time(), self._motions, self._passed_over)
 
     def take(self, first: Request) -> None:
-        """Its turn has come."""
         self._waiting.remove(first)
         self._motions = self._motions + 1 if first.rank == MOTION else 0
         self._passed_over = 0 if first.rank == SETTING else self._passed_over + 1

@@ -90,7 +90,6 @@ class Transaction:
         return on_data, on_lost
 
     def _hear(self, data: bytes) -> None:
-        """Bytes have come."""
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self.heard_ever = True
@@ -233,7 +232,6 @@ class Transaction:
         return None
 
     def _unanswered(self, ask: Send, expected: Expected, began: float) -> Fault:
-        """What it means that no reply came."""
         self.times.unanswered(self._now() - began)
         if self.lost:
             self.half = True
@@ -266,12 +264,10 @@ class Transaction:
             return Garbled(), len(self._buffer)
 
     def _cut(self, length: int, note: str = "") -> None:
-        """The bytes of an answer leave the buffer."""
         self.wire_log.put("mount", "<", self._buffer[:length], note)
         self._buffer = self._buffer[length:]
 
     def drop(self, why: str) -> None:
-        """Forget bytes that answer nothing."""
         if self._buffer:
             self._stray = self._now()
             self._cut(len(self._buffer), f"dropped: {why}")

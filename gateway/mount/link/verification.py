@@ -166,7 +166,6 @@ class ReplyVerifier:
         return max(2, least) if gone <= self._reach(known, heard) else max(3, least)
 
     def _agree(self, kind: str, before: Heard, after: Heard) -> bool:
-        """Whether both can be true."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
         if kind == "position":
@@ -205,7 +204,6 @@ class ReplyVerifier:
 
 
 def _seconds(values: Mapping[str, Any]) -> float:
-    """The time of day in an answer."""
     if "time" in values:
         return float(values["time"])
     return float(values["hour"] * 3600 + values["minute"] * 60 + values["second"])

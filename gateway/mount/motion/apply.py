@@ -159,7 +159,6 @@ def _asked(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """An arrow is pressed."""
     axis = axis_moved(order.operation)
     if order.by is not None and axis is not None:
         others = tuple(press for press in wanted.pressed if (press.who, press.axis) != (order.by.who, axis))
@@ -224,7 +223,6 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def axis_ended(operation: op.Operation) -> int | None:
-    """The axis whose motion an operation ends."""
     return operation.axis if isinstance(operation, op.StopAxis) else None
 
 

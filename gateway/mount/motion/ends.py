@@ -49,7 +49,6 @@ class Ending(Struct, frozen=True):
     sent: tuple[float, ...]
 
     def again(self, now: float) -> Ending:
-        """The same, sent once more."""
         return Ending(self.axes, self.speed, (*self.sent, now))
 
 
@@ -82,7 +81,6 @@ def speed(ending: Ending, samples: Sequence[Sample]) -> float | None:
 
 
 def next_step(ending: Ending, samples: Sequence[Sample], now: float) -> Step:
-    """What is to be done now."""
     if not visible(ending):
         return Step.DONE
     seen = speed(ending, samples)
@@ -128,7 +126,6 @@ class EndWatch:
             self.ending = Ending(left, self.ending.speed, self.ending.sent) if left else None
 
     def look(self, sample: Sample) -> None:
-        """A position has come."""
         self._samples = [*self._samples[1 - REMEMBERED :], sample]
         ending = self.ending
         if ending is None:

@@ -19,13 +19,10 @@ from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import MOTION, SETTING, STOP
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done
-from gateway.mount.motion.wanted import IN_ORDER, Movement, Order, WantedState
-from gateway.mount.readings.cache import ReadingsCache
+from gateway.mount.motion.wanted import IN_ORDER, Order
 from gateway.mount.readings.told_position import ToldPosition
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.safety.watch import LimitWatch
-from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.protocols.base.driver import FollowUps
 
 
@@ -40,11 +37,9 @@ class OrderRunner:
     on disk or a watchdog must know. The application may set it.
     """
 
-    def __init__(
-        self, context: Context, follow_ups: FollowUps, runner: DriverRunner, movement: Movement, admission: Admission
-    ) -> None:
-        self._context, self._driver, self._follow_ups, self._runner = context, context.driver, follow_ups, runner
-        self._movement, self._admission = movement, admission
+    def __init__(self, context: Context, follow_ups: FollowUps, runner: DriverRunner, admission: Admission) -> None:
+        self._context, self._driver, self._movement = context, context.driver, context.movement
+        self._follow_ups, self._runner, self._admission = follow_ups, runner, admission
         self.announce: Callable[[], Awaitable[None]] = _nobody
         self.admitted = 0
 
@@ -87,27 +82,15 @@ class Consequences:
     """What is known without asking once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
-        self,
-        context: Context,
-        gate: HibernationGate,
-        cache: ReadingsCache,
-        told: ToldPosition,
-        wanted: WantedState,
-        astrometry: SiteAstrometry,
-        watch: LimitWatch,
-        ends: EndWatch,
-        synced: SyncTotal,
+        self, context: Context, gate: HibernationGate, told: ToldPosition, watch: LimitWatch, ends: EndWatch
     ) -> None:
-        self._driver, self._now, self._gate = context.driver, context.now, gate
-        self._cache, self._told, self._wanted, self._astrometry = cache, told, wanted, astrometry
-        self._watch, self._ends, self._synced = watch, ends, synced
+        self._context, self._now, self._cache = context, context.now, context.cache
+        self._gate, self._told, self._watch, self._ends = gate, told, watch, ends
 
     def stop_sent(self, _: None) -> None:
-        """The commands of a stop went out."""
         self._ends.sent((1, 2), self._watch.fastest)
 
     def at_rest(self, _: None) -> None:
-        """A stop was acknowledged."""
         self._told.ordered(op.AbortMotion(), self._watch.restless)
         self._watch.ended()
         self._cache.put(op.Slewing, False, self._now())
@@ -141,18 +124,17 @@ class Consequences:
                 self._gate.begun()
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
-        """One axis was ended."""
         if moved is not None:
-            self._ends.sent((axis,), self._driver.speed(moved.rate))
+            self._ends.sent((axis,), self._context.speed(moved))
         self._watch.halted()
-        if not self._wanted.by_hand:
+        if not self._context.wanted.by_hand:
             self._watch.ended()
 
     def _has_synced(self, operation: op.Sync) -> None:
         """Where the mount believes to point is another place now; all syncs add up."""
         status, here = self._cache.value(op.GetStatus), self._cache.value(op.Position)
         if status is not None and status.aligned and here is not None:
-            there = self._astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
-            self._synced.add(here, there, status.equatorial)
+            there = self._context.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
+            self._context.synced.add(here, there, status.equatorial)
         aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
         self._cache.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)

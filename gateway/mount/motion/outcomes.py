@@ -105,7 +105,6 @@ def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, spe
 
 
 def at_rest(wanted: Wanted) -> Wanted:
-    """A stop was carried out."""
     return replace(wanted, motion=Theirs(), owed=False)
 
 
@@ -168,6 +167,5 @@ def forsaken(order: Order) -> bool:
 
 
 def postponed(wanted: Wanted, order: Order, now: float) -> Wanted:
-    """It is due a little later."""
     pending = tuple(replace(one, at=now + LOOK) if one.number == order.number else one for one in wanted.pending)
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)

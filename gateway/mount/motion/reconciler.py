@@ -22,13 +22,12 @@ from gateway.core.signals import Signal
 from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
 from gateway.mount.motion.order_runner import OrderRunner
 from gateway.mount.motion.outcomes import Done, forsaken, may_have_begun, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
-from gateway.mount.motion.wanted import RESUMED, Movement, Order, Theirs, Wanted, WantedState
+from gateway.mount.motion.wanted import RESUMED, Order, Theirs, Wanted
 from gateway.protocols.base.driver import Schedule
 
 #: Seconds until the focuser is told to stop once more, while its mount does not answer to that.
@@ -43,17 +42,9 @@ class Reconciler:
     acknowledged; ``lasting`` when something may have changed that outlives the gateway.
     """
 
-    def __init__(
-        self,
-        context: Context,
-        link: MountLink,
-        runner: DriverRunner,
-        wanted: WantedState,
-        movement: Movement,
-        orders: OrderRunner,
-    ) -> None:
-        self._context, self._driver = context, context.driver
-        self._link, self._state, self._movement, self._orders = link, wanted, movement, orders
+    def __init__(self, context: Context, runner: DriverRunner, orders: OrderRunner) -> None:
+        self._context, self._driver, self._link, self._orders = context, context.driver, context.link, orders
+        self._state, self._movement = context.wanted, context.movement
         self.begins: Signal[op.Operation] = Signal()
         self.done: Signal[Done] = Signal()
         self.lasting: Signal[None] = Signal()
@@ -65,7 +56,7 @@ class Reconciler:
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         #: The number of the order that is being carried out.
         self._active = 0
-        self._stopping = Stopping(context, link, runner, wanted)
+        self._stopping = Stopping(context, runner)
         self.stop_sent, self.at_rest = self._stopping.sent, self._stopping.at_rest
         self.at_rest.connect(lambda _: self._want(outcomes.at_rest(self.wanted)))
         self._stopping.over.connect(lambda _: self._go_on())
@@ -76,7 +67,6 @@ class Reconciler:
 
     @property
     def wanted(self) -> Wanted:
-        """What is wanted now."""
         return self._state.value
 
     @property
@@ -99,12 +89,10 @@ class Reconciler:
         return outcome if outcome is not None else waiting.done()
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
-        """What whoever asked for such operations waits for."""
         numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))
         return [outcome for number in numbers if (outcome := self._outcomes.get(number)) is not None]
 
     def want(self, wanted: Wanted) -> None:
-        """This is wanted from now on."""
         self._want(wanted)
         self._go_on()
 
@@ -199,7 +187,6 @@ class Reconciler:
         self._want(outcomes.refused(self.wanted, order))
 
     def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
-        """An operation was carried out, failed, or was given up."""
         self._work, self._active = None, 0
         order = next((one for one in self.wanted.pending if one.number == order.number), replace(order, rank=-1))
         outcome = self._outcomes.pop(order.number, None)
@@ -266,7 +253,6 @@ class Reconciler:
             self.plan(Schedule(FOCUS_AGAIN, order.operation))
 
     def _has_been_taken(self, order: Order, operation: op.Operation, value: Any) -> None:
-        """The mount has acknowledged it."""
         now = self._loop.time()
         self._want(outcomes.done(self.wanted, order, now))
         if isinstance(value, op.Pulsed):

@@ -18,9 +18,7 @@ from gateway.core.signals import Signal
 from gateway.core.waiting import heed
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import STOP
-from gateway.mount.motion.wanted import WantedState
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 TRIES = 3
@@ -33,9 +31,8 @@ class Stopping:
     ``over`` when a stop has come to its end, however it did.
     """
 
-    def __init__(self, context: Context, link: MountLink, runner: DriverRunner, wanted: WantedState) -> None:
-        self._context, self._driver = context, context.driver
-        self._link, self._runner, self._wanted = link, runner, wanted
+    def __init__(self, context: Context, runner: DriverRunner) -> None:
+        self._context, self._driver, self._link, self._runner = context, context.driver, context.link, runner
         self.sent: Signal[None] = Signal()
         self.at_rest: Signal[None] = Signal()
         self.over: Signal[None] = Signal()
@@ -72,7 +69,6 @@ class Stopping:
         self.at_rest.emit(None)
 
     async def halt_again(self, axis: int) -> None:
-        """Send the end of one axis once more."""
         with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
             await self._runner.perform(StopAxis(axis), STOP)
 
@@ -95,7 +91,7 @@ class Stopping:
 
     def _to_be_ended(self) -> object:
         """The motion that a stop is owed for; None where none is, or something else is about to be set moving."""
-        wanted = self._wanted.value
+        wanted = self._context.wanted.value
         coming = any(isinstance(order.operation, MOVING) for order in wanted.pending)
         return None if self._closed or coming or not wanted.owed else wanted.motion
 
@@ -108,7 +104,6 @@ class Stopping:
             self._times = 0
 
     def close(self) -> None:
-        """Nothing is sent again."""
         self._closed = True
         self._cancel()
 

@@ -72,7 +72,6 @@ class ByHand(Struct, frozen=True):
     second: AxisMotion | None = None
 
     def __iter__(self) -> Iterator[tuple[int, AxisMotion]]:
-        """The axes that move, each with its motion."""
         return ((axis, motion) for axis, motion in ((1, self.first), (2, self.second)) if motion is not None)
 
 
@@ -175,7 +174,6 @@ class WantedState:
 
     @property
     def axes(self) -> set[int]:
-        """The axes that move by hand."""
         return set(self.value.by_hand)
 
     @property
@@ -225,7 +223,6 @@ class Movement:
 
     @property
     def slewing(self) -> bool:
-        """Whether the mount is seen to carry out a goto."""
         return bool(self._cache.value(op.Slewing))
 
     @property
@@ -234,5 +231,4 @@ class Movement:
         return bool(self._wanted.value.by_hand) or self.slewing
 
     def now(self) -> Moving:
-        """All of it as a value."""
         return Moving(self.slewing, self._wanted.value.by_hand, self._wanted.ending)

@@ -71,7 +71,6 @@ class ReadingsCache:
         return kind in self._seen
 
     def touch(self, kinds: Iterable[Kind], now: float) -> None:
-        """Somebody asks for these."""
         for kind in kinds:
             self._asked[kind] = now
 
@@ -103,5 +102,4 @@ class ReadingsCache:
         return 1e9 if seen is None else now - seen.at
 
     def polled(self, kind: Kind, now: float) -> bool:
-        """Whether somebody has asked for it lately."""
         return now - self._asked.get(kind, -1e9) <= POLLING

@@ -18,7 +18,6 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
 from gateway.mount.readings.cache import MISSING
-from gateway.mount.site.site_clock import SiteClock
 
 #: Seconds that an answer serves everybody.
 LASTS = {"fixed": math.inf, "state": 1.0, "site": 1.0}
@@ -36,8 +35,8 @@ class _Heard(Struct, frozen=True):
 class OwnAnswers:
     """``tell`` gives what is at hand, ``read`` asks the mount; ``forget`` when it may be another mount."""
 
-    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, site_clock: SiteClock) -> None:
-        self._context, self._runner, self._fair, self._site_clock = context, runner, fair, site_clock
+    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
+        self._context, self._runner, self._fair = context, runner, fair
         self._heard: dict[op.Own, _Heard] = {}
         self._asking: dict[op.Own, asyncio.Task[bytes]] = {}
 
@@ -105,7 +104,7 @@ class OwnAnswers:
 
     def _stands_against(self, operation: op.Own) -> bool:
         """Whether programs are told another site or clock here than the mount has."""
-        site_clock = self._site_clock
+        site_clock = self._context.site_clock
         if operation.keep == "clock":
             return site_clock.kept_clock is not None
         return operation.keep == "site" and site_clock.set_site() is not None

@@ -13,14 +13,11 @@ from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import HibernationGate
-from gateway.mount.link.line import MountLink
 from gateway.mount.motion.ends import EndWatch
-from gateway.mount.motion.wanted import Movement
-from gateway.mount.readings.cache import RENEW, Kind, ReadingsCache
+from gateway.mount.readings.cache import RENEW, Kind
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.settings import SiteAndClock
-from gateway.mount.site.site_clock import SiteClock
 
 HEARTBEAT = 5.0
 #: How old the mount's own clock and site may grow, each in its turn: a person may change them at its keys.
@@ -45,22 +42,17 @@ class Poller:
     def __init__(
         self,
         context: Context,
-        link: MountLink,
         gate: HibernationGate,
-        cache: ReadingsCache,
         reader: Reader,
-        site_clock: SiteClock,
         settings: SiteAndClock,
-        movement: Movement,
         watch: LimitWatch,
         ends: EndWatch,
     ) -> None:
-        self._context, self._link, self._gate, self._cache, self._reader = context, link, gate, cache, reader
-        self._site_clock, self._settings = site_clock, settings
-        self._movement, self._watch, self._ends = movement, watch, ends
+        self._context, self._link, self._cache = context, context.link, context.cache
+        self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
         self._axes_refused = -1e9
         self._news = {kind: TimedEvent() for kind in RENEW}
-        cache.changed.connect(self._changed)
+        self._cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
         self._own: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
@@ -105,7 +97,6 @@ class Poller:
             await self._rest(kind, max(0.005, pause))
 
     async def _rest(self, kind: Kind, seconds: float) -> None:
-        """Wait until it is time, or until something has changed."""
         self._news[kind].clear()
         await self._news[kind].within(seconds)
 
@@ -113,13 +104,13 @@ class Poller:
         """The heartbeat; the mount's own clock and site while nothing moves, whoever asks: limits go by them, too."""
         if self._cache.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
-        clock = self._site_clock.mount_clock
+        clock = self._context.site_clock.mount_clock
         asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
         if now - asked <= (OWN_AGE if self._wanted(op.Position, now) else OWN_AGE_ALONE) or self._watched:
             return
         if self._reading_own is None or self._reading_own.done():  # not here: the position must not wait for it
             self._asked_own, self._own = now, self._own[::-1]
-            told = self._site_clock
+            told = self._context.site_clock
             known = told.mount_clock if self._own[0] is op.GetClock else told.mount_site
             if known is not None:
                 self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
@@ -130,12 +121,12 @@ class Poller:
             return True
         if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._watch.axes_every is not None:
             return True
-        return (kind is op.Slewing and self._movement.slewing) or self._cache.polled(kind, now)
+        return (kind is op.Slewing and self._context.movement.slewing) or self._cache.polled(kind, now)
 
     @property
     def _watched(self) -> bool:
         """Whether the mount moves, by whomever: the line has better to do than to tell the time."""
-        return self._movement.anything or self._watch.restless or self._ends.pending
+        return self._context.movement.anything or self._watch.restless or self._ends.pending
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""

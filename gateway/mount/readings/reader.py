@@ -16,12 +16,10 @@ from gateway.core.signals import Signal
 from gateway.core.waiting import FairScheduler, heed, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import POSITION, READ
-from gateway.mount.motion.wanted import Movement, Slew, WantedState
-from gateway.mount.readings.cache import MISSING, Kind, ReadingsCache
-from gateway.mount.readings.told_position import PLACES, AtHand, ToldPosition
-from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.motion.wanted import Slew
+from gateway.mount.readings.cache import MISSING, Kind
+from gateway.mount.readings.told_position import PLACES, ToldPosition, at_hand
 
 _T = TypeVar("_T")
 #: How soon it is noticed that the mount has begun to move, seconds.
@@ -43,24 +41,11 @@ class Reader:
     is; ``goto_over`` when it has told that a goto is over.
     """
 
-    def __init__(
-        self,
-        context: Context,
-        link: MountLink,
-        runner: DriverRunner,
-        fair: FairScheduler,
-        cache: ReadingsCache,
-        at_hand: AtHand,
-        told: ToldPosition,
-        wanted: WantedState,
-        movement: Movement,
-        astrometry: SiteAstrometry,
-    ) -> None:
+    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, told: ToldPosition) -> None:
         self._context, self._milestones = context, context.milestones
-        self._driver, self._now = context.driver, context.now
-        self._link, self._runner, self._fair = link, runner, fair
-        self._cache, self._at_hand, self._told = cache, at_hand, told
-        self._wanted, self._movement, self._astrometry = wanted, movement, astrometry
+        self._driver, self._now, self._link, self._cache = context.driver, context.now, context.link, context.cache
+        self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
+        self._runner, self._fair, self._told = runner, fair, told
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
         self._exchanges: dict[Kind, int] = {}
         self.position: Signal[op.Equatorial] = Signal()
@@ -70,7 +55,6 @@ class Reader:
         self.goto_over: Signal[None] = Signal()
 
     def close(self) -> None:
-        """Nobody waits any more."""
         for task in self._sharing.values():
             task.cancel()
 
@@ -128,7 +112,7 @@ class Reader:
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
-        value = self._at_hand.tell(operation)
+        value = at_hand(self._context, type(operation))
         return cast(_T, await self.asked(operation) if value is MISSING else value)
 
     async def asked(self, operation: op.Operation) -> Any:
@@ -166,7 +150,7 @@ class Reader:
     async def _ask(self, operation: op.Operation) -> Any:
         if not self._there(operation).is_set():
             await self._there(operation).wait()
-            if (met := self._at_hand.tell(operation)) is not MISSING:
+            if (met := at_hand(self._context, type(operation))) is not MISSING:
                 return met  # it was told where the mount was met
         kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None

@@ -16,11 +16,9 @@ from msgspec import Struct
 from gateway.astro.spherical import separation, wrap180, wrap360
 from gateway.core import operations as op
 from gateway.mount.context import Context
-from gateway.mount.motion.wanted import Movement, Slew, WantedState
+from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits
-from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.allow import can_be_told, past_meridian
-from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
 
 Pair = tuple[float, float]
 Inside = Callable[[float, float], bool]
@@ -163,22 +161,13 @@ class TargetLimits:
     decided elsewhere, by what the mount tells.
     """
 
-    def __init__(
-        self,
-        context: Context,
-        cache: ReadingsCache,
-        wanted: WantedState,
-        movement: Movement,
-        astrometry: SiteAstrometry,
-        suns: SunAvoidance,
-    ) -> None:
-        self._context, self._cache, self._wanted, self._movement = context, cache, wanted, movement
-        self._astrometry, self._suns = astrometry, suns
+    def __init__(self, context: Context) -> None:
+        self._context = context
 
     def _limits(self) -> Limits:
         """The operator's limits, narrowed by the programs whose motion is under way."""
-        limits, motion = self._context.policy.limits, self._wanted.value.motion
-        for moving in [motion.operation] if isinstance(motion, Slew) else self._wanted.by_hand.values():
+        limits, motion = self._context.policy.limits, self._context.wanted.value.motion
+        for moving in [motion.operation] if isinstance(motion, Slew) else self._context.wanted.by_hand.values():
             if isinstance(moving, op.Move | op.Goto):
                 limits = limits.narrowed(moving.lowest, moving.highest)
         return limits
@@ -193,7 +182,7 @@ class TargetLimits:
 
         While the site is unknown the Sun alone counts.
         """
-        limits, astrometry, suns = self._limits(), self._astrometry, self._suns
+        limits, astrometry, suns = self._limits(), self._context.astrometry, self._context.suns
         meridian = self._meridian(limits)
 
         def inside(ra: float, dec: float) -> bool:
@@ -208,11 +197,12 @@ class TargetLimits:
 
     def _meridian(self, limits: Limits) -> Inside:
         """A goto crosses the meridian on its way: the limit is that of a motion by hand."""
-        driver, cache, limit = self._context.driver, self._cache, limits.hour_angle
+        context, limit = self._context, limits.hour_angle
+        driver, cache = context.driver, context.cache
         status = cache.value(op.GetStatus)
         side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
         known = status is not None and status.equatorial and can_be_told(driver.german, side)
-        if limit is None or not known or self._movement.slewing or self._astrometry.site_clock.site() is None:
+        if limit is None or not known or context.movement.slewing or context.sources.site() is None:
             return lambda ra, dec: True
-        sidereal = self._astrometry.sidereal_time()
+        sidereal = context.astrometry.sidereal_time()
         return lambda ra, _: past_meridian(sidereal - ra, side) <= limit

@@ -16,7 +16,6 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, NoAnswer
 from gateway.mount.context import Context
-from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
@@ -41,7 +40,7 @@ class Look(NamedTuple):
     turns: float
 
 
-async def come_to_rest(context: Context, reader: Reader, movement: Movement, seconds: float) -> None:
+async def come_to_rest(context: Context, reader: Reader, seconds: float) -> None:
     """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be.
 
     One that hibernates said so itself, and is not asked.
@@ -65,12 +64,12 @@ async def come_to_rest(context: Context, reader: Reader, movement: Movement, sec
                     looks.popleft()
                 if len(looks) > 1 and looks[-1].at - looks[0].at >= apart:
                     rate = _unexplained(looks[0], looks[-1], 1.25 * context.driver.resolution)
-                    if rate == 0.0 and not movement.anything:
+                    if rate == 0.0 and not context.movement.anything:
                         return
                 await asyncio.sleep(BREATH)
     except TimeoutError:
         pass
-    if movement.anything:
+    if context.movement.anything:
         raise Fault("it was stopped, and a program has set it moving again; mount-gateway stop --hold keeps it at rest")
     if rate is None:
         raise Fault(f"the stop was sent, and nobody can see whether it rests: {trouble}")

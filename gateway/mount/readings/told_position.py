@@ -7,7 +7,6 @@ all a stop, is not told after it: the mount is asked again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from msgspec import Struct
@@ -17,10 +16,9 @@ from gateway.core.errors import Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import FASTEST
-from gateway.mount.motion.wanted import Movement, Slew, WantedState
-from gateway.mount.readings.cache import FRESH, LAST_POSITION, MISSING, Kind, ReadingsCache
+from gateway.mount.motion.wanted import Slew
+from gateway.mount.readings.cache import FRESH, LAST_POSITION, MISSING, Kind
 from gateway.mount.readings.reckoning import (
     EARLIER,
     SOONEST,
@@ -32,8 +30,6 @@ from gateway.mount.readings.reckoning import (
     course,
     place,
 )
-from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.site_clock import SiteClock
 
 #: The reads that tell where the mount points.
 PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
@@ -53,32 +49,18 @@ class Taken(Struct, frozen=True):
     asked: float
 
 
-class AtHand:
-    """``tell`` gives an answer, or MISSING; that somebody has asked is noted in the cache."""
-
-    def __init__(
-        self,
-        now: Callable[[], float],
-        link: MountLink,
-        cache: ReadingsCache,
-        wanted: WantedState,
-        site_clock: SiteClock,
-    ) -> None:
-        self._now, self._link, self._cache, self._wanted, self._site_clock = now, link, cache, wanted, site_clock
-
-    def tell(self, operation: op.Operation) -> Any:
-        """What the mount said last, when it is fresh enough; MISSING when it must be asked."""
-        kind = type(operation)
-        if kind not in FRESH:
-            known = self._site_clock.known(kind)
-            return MISSING if known is None else known
-        if kind is op.Slewing and self._wanted.goto_waits:
-            return True
-        now = self._now()
-        value = self._cache.asked(kind, now)
-        if value is not MISSING:
-            return value
-        return self._cache.fresh(kind, now, EXCHANGES * self._link.typical, self._link.state != "up")
+def at_hand(context: Context, kind: Kind) -> Any:
+    """What the mount said last, when it is fresh enough; MISSING when it must be asked. The cache notes who asks."""
+    if kind not in FRESH:
+        known = context.site_clock.known(kind)
+        return MISSING if known is None else known
+    if kind is op.Slewing and context.wanted.goto_waits:
+        return True
+    now, link = context.now(), context.link
+    value = context.cache.asked(kind, now)
+    if value is not MISSING:
+        return value
+    return context.cache.fresh(kind, now, EXCHANGES * link.typical, link.state != "up")
 
 
 class ToldPosition:
@@ -87,19 +69,10 @@ class ToldPosition:
     ``changed`` is emitted when what was told before is out of date.
     """
 
-    def __init__(
-        self,
-        context: Context,
-        at_hand: AtHand,
-        cache: ReadingsCache,
-        wanted: WantedState,
-        movement: Movement,
-        astrometry: SiteAstrometry,
-        limits: TargetLimits,
-    ) -> None:
+    def __init__(self, context: Context) -> None:
         self._context, self._driver, self._now = context, context.driver, context.now
-        self._at_hand, self._cache, self._wanted, self._movement = at_hand, cache, wanted, movement
-        self._astrometry, self._limits = astrometry, limits
+        self._cache, self._wanted, self._movement = context.cache, context.wanted, context.movement
+        self._astrometry, self._limits = context.astrometry, TargetLimits(context)
         self.changed: Signal[None] = Signal()
         self._taken: dict[Kind, tuple[Taken | None, Taken]] = {}
         self._courses: dict[Kind, Course] = {}
@@ -157,7 +130,7 @@ class ToldPosition:
     def tell(self, operation: op.Operation) -> Any:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
         kind = type(operation)
-        value = self._at_hand.tell(operation)
+        value = at_hand(self._context, kind)
         if kind not in PLACES:
             return value
         source = self.source(kind)
@@ -193,7 +166,6 @@ class ToldPosition:
         return type(last.value)(*place(self._course(kind), self._now())) if self._movement.anything else last.value
 
     def answered(self, kind: Kind) -> None:
-        """The mount has answered in time."""
         self.told_old = self.told_old and kind not in PLACES
 
     def fresh_until(self, kinds: list[Kind]) -> float:

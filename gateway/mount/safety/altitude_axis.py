@@ -9,9 +9,9 @@ from __future__ import annotations
 from math import asin, degrees, radians, sin
 
 from gateway.core import operations as op
+from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.view import MountInputs
 
 #: Degrees by which an alignment, cone error and refraction may let an axis differ from the altitude that is reckoned.
 MATTERS = 1.0
@@ -47,7 +47,7 @@ class AltitudeAxis:
     ``synced`` is whether a sync has come since.
     """
 
-    def __init__(self, mount: MountInputs) -> None:
+    def __init__(self, mount: Context) -> None:
         self._mount = mount
         self.tilt: float | None = None
         self.synced = False
@@ -60,7 +60,7 @@ class AltitudeAxis:
         Tracking that was switched has its status asked anew; until that comes the last one counts.
         """
         driver = self._mount.driver
-        status = self._status = self._mount.readings.value(op.GetStatus) or self._status
+        status = self._status = self._mount.cache.value(op.GetStatus) or self._status
         if status is None or status.equatorial or not status.aligned or driver.german:
             return False
         return self._mount.astrometry.site_clock.site() is not None and driver.way(op.AxisPosition) is not None
@@ -77,7 +77,7 @@ class AltitudeAxis:
 
     async def asked(self, ask: Reader) -> float:
         """The tilt, degrees; after a sync what it follows from is asked of the mount before. Raises Fault."""
-        if self.synced and not self._mount.moving().anything:
+        if self.synced and not self._mount.movement.anything:
             await ask.anew(op.GetStatus())
             await ask.read(op.Position())
             await ask.anew(op.AxisPosition())
@@ -97,14 +97,13 @@ class AltitudeAxis:
             reckoned = (self._mount.astrometry.altitude(last.place.ra, last.place.dec) or 0.0) + before
         speed, hurry = (seen.across, self._mount.driver.hurry) if moves else (0.0, 1.0)
         tilt = corrected(self.tilt, told(axes.alt) - reckoned, speed, hurry)
-        if tilt != before and self._mount.readings.age(op.GetStatus, now) > STATUS_AGE:
+        if tilt != before and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
             return None
         self.tilt, self.synced = tilt, False
         return tilt - before
 
 
 def _climb(seen: Seen) -> float:
-    """How fast the altitude was seen to change, degrees a second."""
     before, last = seen.before, seen.last
     if before is None or last is None or before.altitude is None or last.altitude is None:
         return 0.0

@@ -6,17 +6,17 @@ told of. What only seems to move because site or clock were set is no motion.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from msgspec import Struct
 
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.signals import Signal
+from gateway.mount.context import Context
 from gateway.mount.motion.ends import Sample
 from gateway.mount.motion.seen import NEVER
 from gateway.mount.motion.wanted import Moving
-from gateway.mount.safety.view import MountInputs
 
 #: How old the last position may be when the next one is not told, seconds; and from one stop for that to the next.
 BLIND = 1.0
@@ -90,12 +90,12 @@ class StallWatch:
 class MeantSky:
     """Of which sky the positions are: when site or clock were set, those before and after mean other altitudes.
 
-    The mount hears of them bit by bit: while nobody moves it, what changes meanwhile is no motion. ``changed`` is
-    emitted when another one is meant from now on and the mount rests.
+    The mount hears of them bit by bit (``being_set``: it has still to): while nobody moves it, what changes meanwhile
+    is no motion. ``changed`` is emitted when another one is meant from now on and the mount rests.
     """
 
-    def __init__(self, mount: MountInputs) -> None:
-        self._mount = mount
+    def __init__(self, mount: Context, being_set: Callable[[], bool]) -> None:
+        self._mount, self._being_set = mount, being_set
         self._frame: tuple[op.Place | None, float] = None, 0.0
         self._settles_until = NEVER
         self.changed: Signal[None] = Signal()
@@ -106,9 +106,9 @@ class MeantSky:
         known = mount.astrometry.site_clock
         self._frame = known.site(), known.unix() - now
         changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
-        if changed or mount.being_set():
+        if changed or self._being_set():
             self._settles_until = now + SETTLES
-        moves = mount.moving().anything
+        moves = mount.movement.anything
         if changed and not moves:
             self.changed.emit(None)
         return changed or (now < self._settles_until and not moves and not restless)

@@ -42,7 +42,6 @@ class SyncTotal:
         self.value = SyncSum()
 
     def add(self, present: Equatorial, wanted: Equatorial, equatorial: bool) -> None:
-        """The mount has taken a sync."""
         self.value = self.value.added(present, wanted, equatorial)
 
     def forget(self) -> None:

@@ -17,9 +17,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
-from gateway.mount.motion.wanted import ByHand, Wanted, WantedState
+from gateway.mount.motion.wanted import ByHand, Wanted
 from gateway.mount.presence import HostActivity, Presence
-from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
 
@@ -48,13 +47,9 @@ class Supervisor:
     """``perform`` carries out the operation that ends a motion."""
 
     def __init__(
-        self,
-        context: Context,
-        wanted: WantedState,
-        presence: Presence,
-        perform: Callable[[op.Operation], Awaitable[object]],
+        self, context: Context, presence: Presence, perform: Callable[[op.Operation], Awaitable[object]]
     ) -> None:
-        self._context, self._state, self._presence, self._perform = context, wanted, presence, perform
+        self._context, self._state, self._presence, self._perform = context, context.wanted, presence, perform
         self._loop = asyncio.get_running_loop()
         self._watching: asyncio.TimerHandle | None = None
         self._ended: set[Supervised] = set()
@@ -65,7 +60,6 @@ class Supervisor:
             self._watching = self._loop.call_later(EVERY, self._look)
 
     def close(self) -> None:
-        """Nothing is looked after any more."""
         if self._watching is not None:
             self._watching.cancel()
 
@@ -130,14 +124,9 @@ class TrackingAtLimit:
     """
 
     def __init__(
-        self,
-        context: Context,
-        cache: ReadingsCache,
-        reader: Reader,
-        watch: LimitWatch,
-        perform: Callable[[op.Operation], Awaitable[object]],
+        self, context: Context, reader: Reader, watch: LimitWatch, perform: Callable[[op.Operation], Awaitable[object]]
     ) -> None:
-        self._context, self._cache, self._reader, self._perform = context, cache, reader, perform
+        self._context, self._reader, self._perform = context, reader, perform
         self._switching = self._helpless = self._resting = self._set_there = False
         self.must_stop: Signal[None] = Signal()
         watch.motion_began.connect(self.began)
@@ -159,8 +148,7 @@ class TrackingAtLimit:
             self._resting = False
 
     def switch_off(self, reason: str) -> None:
-        """It has come to this limit."""
-        age = self._cache.age(op.GetStatus, self._context.now())
+        age = self._context.cache.age(op.GetStatus, self._context.now())
         if self._resting and age > STATUS_AGE:
             self._reader.shared(op.GetStatus())
         elif not (self._switching or self._helpless or self._resting):

@@ -1,62 +1,20 @@
 """What the rules may know of a mount, and nothing more, and what they say. Nothing here acts.
 
-Who admits a motion or watches one is given values, and functions that tell one (``MountInputs``). A rule is a pure
-function of a ``View``: what was seen, what is wanted and the limits in force -> a ``Verdict``.
+A rule is a pure function of a ``View``: what was seen, what is wanted and the limits in force -> a ``Verdict``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 from msgspec import Struct
 
 from gateway.core import operations as op
-from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
-from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming, ahead
-from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
-from gateway.protocols.base.driver import Driver
 
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1
-
-
-class MountInputs(NamedTuple):
-    """``readings`` is what the mount told last, ``exchange`` tells what an exchange takes, ``being_set`` whether the
-    mount has still to hear of a site or a time that was set.
-    """
-
-    driver: Driver
-    now: Callable[[], float]
-    readings: ReadingsCache
-    astrometry: SiteAstrometry
-    suns: SunAvoidance
-    moving: Callable[[], Moving]
-    context: Context
-    exchange: Callable[[], float]
-    being_set: Callable[[], bool]
-
-    @property
-    def timing(self) -> StopTiming:
-        """As things are on the line now."""
-        return StopTiming(self.exchange(), self.driver.position_reads, RENEW[op.Position])
-
-    @property
-    def site_known(self) -> bool:
-        return self.astrometry.site_clock.site() is not None
-
-    @property
-    def fastest(self) -> float:
-        """Degrees a second of the mount's fastest motion."""
-        return self.driver.speed(op.Rate(name="max"))
-
-    def speed(self, moving: op.Move | op.MoveAxis) -> float:
-        """Degrees a second of a motion by hand."""
-        return self.driver.speed(moving.rate)
 
 
 class Verdict(Struct, frozen=True):

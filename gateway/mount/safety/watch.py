@@ -8,11 +8,13 @@ can come in time is stopped now. Motion is stopped; tracking that carries the tu
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.signals import Signal
+from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
@@ -21,8 +23,7 @@ from gateway.mount.safety.allow import allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import AltitudeAxis
 from gateway.mount.safety.positions import MeantSky, StallWatch, blind
 from gateway.mount.safety.stop_timing import SHORTEST, StopDeadline
-from gateway.mount.safety.sync_sum import SyncTotal
-from gateway.mount.safety.view import RESTLESS, MountInputs, Verdict, View
+from gateway.mount.safety.view import RESTLESS, Verdict, View
 
 #: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
 ANEW = 3.0
@@ -44,20 +45,20 @@ class LimitWatch:
     the mount was looked at and had said this of itself.
     """
 
-    def __init__(self, mount: MountInputs, reader: Reader, ends: EndWatch, synced: SyncTotal) -> None:
-        self._mount, self._reader, self._ends, self._synced = mount, reader, ends, synced
+    def __init__(self, mount: Context, reader: Reader, ends: EndWatch, being_set: Callable[[], bool]) -> None:
+        self._mount, self._reader, self._ends = mount, reader, ends
         self.must_stop: Signal[None] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self.motion_began: Signal[None] = Signal()
         self.looked: Signal[op.Status | None] = Signal()
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._late), StallWatch()
         self.seen = Seen()
-        self._limits = mount.context.policy.limits
+        self._limits = mount.policy.limits
         self._restless_until = self._coasts_until = self._stopped_at = NEVER
         #: Whether it was sent to a place at any altitude, and was seen to rest there.
         self._own_place = self._parked = False
         self._astray = False
-        self._sky = MeantSky(mount)
+        self._sky = MeantSky(mount, being_set)
         self.sky_changed = self._sky.changed
         self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion was ended.
@@ -78,12 +79,12 @@ class LimitWatch:
     @property
     def axes_every(self) -> float | None:
         """How often the axes are to be read for the altitude that they tell, seconds; None where that is not needed."""
-        return self.altitude_axis.every(self._mount.moving().anything or self.restless)
+        return self.altitude_axis.every(self._mount.movement.anything or self.restless)
 
     @property
     def fastest(self) -> float:
         """How fast the mount may be moving now because it was told to, degrees a second; 0 where nothing moves."""
-        moving = self._mount.moving()
+        moving = self._mount.movement.now()
         if moving.slewing:
             return self.seen.across or self._mount.fastest
         return max((self._mount.speed(one) for one in moving.by_hand.values()), default=0.0)
@@ -92,14 +93,12 @@ class LimitWatch:
 
     def began(self, operation: op.Operation) -> None:
         """A motion has begun; what was seen last is where it began, unless the mount moved already."""
-        mount, moving = self._mount, self._mount.moving()
-        limits = mount.context.policy.limits
+        mount, moving = self._mount, self._mount.movement.now()
+        limits = mount.policy.limits
         self._own_place = False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
-        elif isinstance(operation, op.Park) and (
-            mount.context.policy.own_park or mount.driver.destination(operation) is None
-        ):
+        elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
             limits, self._own_place = limits.at_any_altitude(), True
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.dips
         self._parked = False
@@ -117,7 +116,7 @@ class LimitWatch:
 
     def arrived(self, _: None = None) -> None:
         """A goto is over. One that was stopped on its way has not brought the tube upright."""
-        moving = self._mount.moving()
+        moving = self._mount.movement.now()
         if not (moving.ending or moving.by_hand):
             self.seen = replace(self.seen, upright=True)
 
@@ -134,7 +133,7 @@ class LimitWatch:
     def unseen(self, _: None = None) -> None:
         """The mount did not tell where it is."""
         mount, now = self._mount, self._mount.now()
-        reason = blind(mount.moving(), mount.readings.age(op.Position, now), now - self._stopped_at)
+        reason = blind(mount.movement.now(), mount.cache.age(op.Position, now), now - self._stopped_at)
         if reason:
             self._stopped_at = now
             self._stop(f"stopped: {reason}")
@@ -160,7 +159,7 @@ class LimitWatch:
         if last is None or now < self._coasts_until or len(last.suns) != len(sample.suns):
             self.seen = fold.first(self.seen, sample)
             return
-        status = self._mount.readings.value(op.GetStatus)
+        status = self._mount.cache.value(op.GetStatus)
         if status is not None and not status.aligned:
             self.seen = replace(self.seen, before=None, last=sample)
             self._not_aligned()
@@ -177,12 +176,12 @@ class LimitWatch:
         now, last = self._mount.now(), self.seen.last
         if last is None or last.altitude is None or now < self._coasts_until:
             return
-        change = self.altitude_axis.read(axes, self.seen, now, self._mount.moving().anything or self.restless)
+        change = self.altitude_axis.read(axes, self.seen, now, self._mount.movement.anything or self.restless)
         if change is None:
             self._reader.shared(op.GetStatus())
         elif change:
             tilt = self.altitude_axis.tilt
-            self._mount.context.note(
+            self._mount.note(
                 f"the altitude axis stands {tilt:+.1f} degrees from what position, "
                 "site and clock tell; the altitude limits go by the axis"
             )
@@ -191,29 +190,29 @@ class LimitWatch:
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         mount = self._mount
         sample = fold.measured(
-            mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag, mount.moving().by_hand.get(2)
+            mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag, mount.wanted.by_hand.get(2)
         )
         tilt = self.altitude_axis.tilt
         return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
 
     def _not_aligned(self) -> None:
-        self._mount.context.note_once(UNWATCHED)
+        self._mount.note_once(UNWATCHED)
         if self._status_age > STATUS_AGE:
             self._reader.shared(op.GetStatus())
 
     def _notice(self, now: float, status: op.Status | None) -> None:
         """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""
-        mount, moving, last = self._mount, self._mount.moving(), self.seen.last
+        mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
         self.looked.emit(status)
         if self.seen.across > RESTLESS and not moving.anything:
             self._restless_until = now + CLOSELY
         if self.seen.across > ANEW * mount.fastest:
-            self._synced.forget()
+            mount.synced.forget()
             self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
         if not moving.anything and (not self._own_place or self._left_park(status)):
-            self._limits, self._own_place = mount.context.policy.limits, False
+            self._limits, self._own_place = mount.policy.limits, False
 
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether it tracks again where the owner has parked it: from then on the limits hold there, too."""
@@ -226,11 +225,11 @@ class LimitWatch:
 
     @property
     def _status_age(self) -> float:
-        return self._mount.readings.age(op.GetStatus, self._mount.now())
+        return self._mount.cache.age(op.GetStatus, self._mount.now())
 
     def _view(self) -> View:
-        mount, moving = self._mount, self._mount.moving()
-        status = mount.readings.value(op.GetStatus)
+        mount, moving = self._mount, self._mount.movement.now()
+        status = mount.cache.value(op.GetStatus)
         watches = self._limits.hour_angle is not None and status is not None and status.equatorial
         side = self._side() if watches and mount.driver.german and not moving.slewing else None
         german, limit = mount.driver.german, mount.suns.limit
@@ -239,22 +238,22 @@ class LimitWatch:
     def _side(self) -> str | None:
         """The side of the pier by the last word on it, which is asked for anew when it grows old."""
         mount = self._mount
-        if mount.readings.age(op.PierSide, mount.now()) > SIDE_AGE:
-            mount.context.tasks.spawn(self._reader.tube_side())
-        return mount.driver.tube_side(mount.readings.value(op.PierSide) or "")
+        if mount.cache.age(op.PierSide, mount.now()) > SIDE_AGE:
+            mount.tasks.spawn(self._reader.tube_side())
+        return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
 
     def _look_at_axes(self, now: float, place: op.Equatorial) -> None:
         """Whether what was ended rests, and whether what was begun by hand moves."""
-        mount, by_hand = self._mount, self._mount.moving().by_hand
+        mount, by_hand = self._mount, self._mount.wanted.by_hand
         if not (self._ends.pending or by_hand):
             self._stalls.clear()
             return
-        status = mount.readings.value(op.GetStatus)
+        status = mount.cache.value(op.GetStatus)
         here = fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, place)
         self._ends.look(here)
         judged = status is not None and status.aligned and not mount.driver.stepping
         ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
-        stalled = self._stalls.look(here, ordered, mount.timing.exchange * mount.timing.reads)
+        stalled = self._stalls.look(here, ordered, mount.link.typical * mount.timing.reads)
         if stalled is not None:
             self._stop(
                 f"stopped: axis {stalled} was told to move, but its position does not change; check the "
@@ -271,16 +270,16 @@ class LimitWatch:
 
     def _late(self, limit: str) -> None:
         """By its last known speed the mount is about to reach a limit, and it has not been seen since."""
-        if self._mount.moving().anything or self.restless:
+        if self._mount.movement.anything or self.restless:
             self._act(f"{limit}, estimated from its speed")
 
     def _act(self, reason: str) -> None:
         """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
-        if self._mount.moving().anything or self.restless:
+        if self._mount.movement.anything or self.restless:
             self._stop(f"stopped at {reason}")
         else:
             self.carried_to_limit.emit(reason)
 
     def _stop(self, words: str) -> None:
-        self._mount.context.note(words)
+        self._mount.note(words)
         self.must_stop.emit(None)

@@ -5,6 +5,7 @@ Without a site what needs one is refused in words, and the Sun counts as up.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +16,6 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Unsupported
-from gateway.mount.context import Context
 from gateway.mount.site.site_clock import COMPUTER, BestSources, SiteClock
 
 DAY = 86400.0
@@ -98,9 +98,10 @@ class SunAvoidance:
     count; while nobody has told a date, this computer's does, and the log says so, loudly.
     """
 
-    def __init__(self, context: Context, sky: Sky, sources: BestSources) -> None:
-        self._context, self._sky, self._sources = context, sky, sources
-        self.limit = context.policy.limits.sun
+    def __init__(
+        self, limit: float, sky: Sky, sources: BestSources, settled: asyncio.Event, note_once: Callable[[str], None]
+    ) -> None:
+        self.limit, self._sky, self._sources, self._settled, self._note_once = limit, sky, sources, settled, note_once
         self._key: tuple[object, ...] = ()
         self._up: list[op.Equatorial] = []
 
@@ -109,17 +110,15 @@ class SunAvoidance:
         if not self.limit:
             return []
         best, host, site = self._sources.best_time(), self._sources.host(), self._sources.site()
-        if best.source == COMPUTER and self._context.milestones.settled.is_set():  # else the mount may tell one yet
-            self._context.note_once(
-                "WARNING: nobody has told a date: the Sun is avoided by this computer's date and time"
-            )
+        if best.source == COMPUTER and self._settled.is_set():  # else the mount may tell one yet
+            self._note_once("WARNING: nobody has told a date: the Sun is avoided by this computer's date and time")
         key = best.unix // KEPT, host // KEPT, site
         if key != self._key:
             self._key = key
             moments = [best.unix]
             if abs(best.unix - host) > DAY:
                 moments.append(host)
-                self._context.note_once("WARNING: the mount's date is not this computer's: the Sun is avoided by both")
+                self._note_once("WARNING: the mount's date is not this computer's: the Sun is avoided by both")
             self._up = [place for place in (self._place(unix, site) for unix in moments) if place is not None]
         return self._up
 

@@ -16,12 +16,9 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.readings.reader import FIRST_ANSWER
-from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import SiteClock
 
 #: How long a half of a site waits for the other one.
 HALF_SITE = 2.0
@@ -30,17 +27,9 @@ HALF_SITE = 2.0
 class SiteAndClock:
     """Performs the operations that read and set site and clock."""
 
-    def __init__(
-        self,
-        context: Context,
-        link: MountLink,
-        runner: DriverRunner,
-        site_clock: SiteClock,
-        told: SiteAstrometry,
-        sync: SyncSettings,
-    ) -> None:
-        self._context, self._link, self._runner, self._site_clock = context, link, runner, site_clock
-        self._told, self.sync = told, sync
+    def __init__(self, context: Context, runner: DriverRunner, sync: SyncSettings) -> None:
+        self._context, self._runner, self.sync = context, runner, sync
+        self._site_clock, self._told = context.site_clock, context.told_astrometry
         self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
@@ -108,7 +97,7 @@ class SiteAndClock:
         """Whether the mount still has the site of before programs selected others, or nobody knows that one."""
         if own.latitude is None or own.longitude is None:
             return True
-        if self._link.state == "up" and not self._context.driver.asleep:
+        if self._context.link.state == "up" and not self._context.driver.asleep:
             await self.renew(op.GetSite)
         if self._site_clock.mount_site is None or self.sync.owes(own):
             return False

@@ -14,28 +14,10 @@ from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import READ, SETTING
-from gateway.mount.motion.wanted import Movement
-from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reader import Reader
-from gateway.mount.site.owed import (
-    BUSY,
-    LOOK,
-    TRIES,
-    Kind,
-    Owed,
-    Setting,
-    clock_is_ours,
-    in_vain,
-    kind_of,
-    later,
-    next_setting,
-    owing,
-    site_is_ours,
-    without,
-)
-from gateway.mount.site.site_clock import SiteClock
+from gateway.mount.site import owed as debts
+from gateway.mount.site.owed import BUSY, LOOK, TRIES, Kind, Owed, Setting, kind_of
 
 #: In words, for the log.
 _NAMES: dict[type[op.Operation], str] = {
@@ -54,19 +36,9 @@ REMEMBERED = 8
 class SyncSettings:
     """``owe`` takes what is to be told; ``doubt`` when the line comes up, ``resume`` when the mount is known again."""
 
-    def __init__(
-        self,
-        context: Context,
-        link: MountLink,
-        runner: DriverRunner,
-        cache: ReadingsCache,
-        reader: Reader,
-        movement: Movement,
-        site_clock: SiteClock,
-    ) -> None:
-        self._context, self._driver, self._now = context, context.driver, context.now
-        self._link, self._runner, self._cache, self._reader = link, runner, cache, reader
-        self._movement, self._site_clock = movement, site_clock
+    def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
+        self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
+        self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
         self._owed: Owed = {}
         #: What was sent since the mount told last what it has, by kind; and what is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
@@ -78,7 +50,6 @@ class SyncSettings:
 
     @property
     def owed(self) -> Owed:
-        """What the mount has not been told yet."""
         return self._owed
 
     def owes(self, operation: op.Operation) -> bool:
@@ -94,7 +65,7 @@ class SyncSettings:
 
     def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
         """Have the mount told, the newest of a kind only."""
-        self._owed = owing(self._owed, Setting(operation, self._now(), left, due))
+        self._owed = debts.owing(self._owed, Setting(operation, self._now(), left, due))
         if self._link.state in ("down", "opening"):
             self._note(operation, "the mount cannot listen now and is told when it can")
         self._begin()
@@ -116,7 +87,7 @@ class SyncSettings:
 
     def resume(self) -> None:
         """The mount has said who it is, and where and when."""
-        identity: op.Identity | None = self._cache.value(op.GetIdentity)
+        identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount is not None and now is not None and now != self._mount:
             for setting in self._owed.values():
@@ -131,16 +102,16 @@ class SyncSettings:
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         owed, sent = self._owed.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
-            ours = clock_is_ours(sent, told.running(told.mount_clock), value, self._now())
+            ours = debts.clock_is_ours(sent, told.running(told.mount_clock), value, self._now())
             changed = told.mount_says_clock(value, ours)
         else:
-            changed = told.mount_says_site(value, site_is_ours(sent, told.mount_site, value))
+            changed = told.mount_says_site(value, debts.site_is_ours(sent, told.mount_site, value))
         if kind != self._telling:
             self._sent.pop(kind, None)
         if changed:
             self._context.note(f"the {'clock' if clock else 'site'} was changed at the mount; it is in force here, too")
             if owed is not None:
-                self._owed = without(self._owed, owed)
+                self._owed = debts.without(self._owed, owed)
         return changed
 
     # --- telling ----------------------------------------------------------------------------------------------------
@@ -155,14 +126,14 @@ class SyncSettings:
 
     def _disturbs(self, setting: Setting, now: float) -> bool:
         """A date that nobody waits for any more is not told while something moves: a classic is blind afterwards."""
-        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._movement.anything
+        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._context.movement.anything
 
     async def _run(self) -> None:
         """Tell what is owed until nothing is, or the line is down: then ``resume`` begins anew."""
         while self._ready and self._link.state not in ("down", "opening"):
             self._news.clear()
             now = self._now()
-            step = next_setting(self._owed, now)
+            step = debts.next_setting(self._owed, now)
             if step is None:
                 return
             if isinstance(step, Setting) and self._hears() and not self._disturbs(step, now):
@@ -174,13 +145,12 @@ class SyncSettings:
                     await self._news.wait()
 
     async def _tell(self, setting: Setting) -> None:
-        """Send one, and see what became of it."""
         value = setting.value
         place = isinstance(value, op.SetSite | op.SetClock)
         tried = False
         try:
             if place and not await self._to_be_told(setting):
-                self._owed = without(self._owed, setting)
+                self._owed = debts.without(self._owed, setting)
                 return
             if place and setting.late and await self._is_there(setting):
                 return
@@ -191,12 +161,12 @@ class SyncSettings:
             self._sent[self._telling] = (*self._sent.get(self._telling, ())[-REMEMBERED:], setting)
             await self._runner.perform(setting.running(self._now()), SETTING)
         except Busy:
-            self._owed = later(self._owed, setting, self._now() + BUSY)
+            self._owed = debts.later(self._owed, setting, self._now() + BUSY)
         except NoAnswer as fault:
             if not tried:
-                self._owed = later(self._owed, setting, self._now() + BUSY)
+                self._owed = debts.later(self._owed, setting, self._now() + BUSY)
             elif setting.left > 1:
-                self._owed = in_vain(self._owed, setting, self._now())
+                self._owed = debts.in_vain(self._owed, setting, self._now())
             else:
                 self._give_up(setting, str(fault))
         except Unsupported as fault:
@@ -267,14 +237,14 @@ class SyncSettings:
     def _over(self, setting: Setting) -> None:
         """The mount has it: what was kept for programs meanwhile is no longer needed, unless it is newer."""
         newest = self._owed.get(kind_of(setting.value)) is setting
-        self._owed = without(self._owed, setting)
+        self._owed = debts.without(self._owed, setting)
         self._sent.pop(kind_of(setting.value), None)
         if newest:
             self._site_clock.forget(setting.value)
 
     def _keep(self, setting: Setting, fault: Fault) -> None:
         """This mount has no place for it: the gateway has."""
-        self._owed = without(self._owed, setting)
+        self._owed = debts.without(self._owed, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
             self._context.note(f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
         else:
@@ -283,7 +253,7 @@ class SyncSettings:
     def _give_up(self, setting: Setting, why: str) -> None:
         """It is told no more: from now on reads tell what the mount has."""
         newest = self._owed.get(kind_of(setting.value)) is setting
-        self._owed = without(self._owed, setting)
+        self._owed = debts.without(self._owed, setting)
         if newest and self._site_clock.has_own(setting.value):
             self._site_clock.forget(setting.value)
             self._note(setting.value, f"it is not in force: {why} The mount's own is told again")

@@ -170,7 +170,6 @@ class SiteClock:
         self.changed.emit(None)
 
     def keep_clock(self, operation: SetClock) -> None:
-        """Serve this clock from now on."""
         self.kept_clock = (Moment(operation.unix, operation.offset, operation.dst), self._now())
         self.changed.emit(None)
 

@@ -52,7 +52,7 @@ async def own(mount: str, surface: str) -> set[bytes]:
         return set(bridge.sent())
 
 
-@pytest.mark.sampled
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("way", ["whole", "byte by byte"])
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])

@@ -16,6 +16,7 @@ from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.diagnostics.replay.replaying import replay
 from tests.support.busy_computer import Recorded, run_busy
+from tests.support.sampling import as_a_rule
 
 #: What pages ask for; each time one of these.
 ASKED: tuple[dict[str, Any], ...] = (
@@ -38,7 +39,7 @@ ASKED: tuple[dict[str, Any], ...] = (
     {"do": "unpark"},
     {"do": "beat"},
 )
-SECONDS = 25.0
+SECONDS = as_a_rule(15.0, whole=25.0)
 
 
 class _Browser:

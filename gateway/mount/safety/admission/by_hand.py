@@ -17,11 +17,11 @@ from msgspec.structs import replace
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NearSun, PastMeridian
+from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import can_be_told, leaving, past_meridian
 from gateway.mount.safety.stop_timing import SHORTEST
-from gateway.mount.safety.view import MountInputs
 from gateway.mount.safety.watch import LimitWatch
 
 #: Degrees of an axis between the places of a way that are looked at.
@@ -44,9 +44,9 @@ class Start(NamedTuple):
     side: str | None = None
 
 
-def turn(mount: MountInputs, operation: op.Move | op.MoveAxis) -> float:
+def turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
     """How far an axis turns from the last position until the next was seen and has stopped it, degrees."""
-    age = mount.readings.age(op.Position, mount.now()) if mount.moving().by_hand else 0.0
+    age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
     return operation.sense * mount.speed(operation) * (mount.timing.reaction + SHORTEST + age)
 
 
@@ -58,13 +58,13 @@ def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, fl
     return op.MoveAxis(pulse.axis, pulse.sense, guide), pulse.sense * degrees * (pulse.rate or 1.0)
 
 
-def check_either_way(mount: MountInputs, limits: Limits, start: Start, turns: dict[int, float]) -> None:
+def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
     """The turns of the axes, degrees, each of them either way. Raises BelowHorizon, TooHigh, NearSun, PastMeridian."""
     for way in product(*({degrees, -degrees} for degrees in turns.values())):
         check_turns(mount, limits, start, dict(zip(turns, way, strict=True)))
 
 
-def check_turns(mount: MountInputs, limits: Limits, start: Start, turns: dict[int, float]) -> None:
+def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
     """The whole way of so many degrees of the axes. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
     steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STRIDE))
     here = start.seen
@@ -74,7 +74,7 @@ def check_turns(mount: MountInputs, limits: Limits, start: Start, turns: dict[in
         here = soon
 
 
-def _check_step(mount: MountInputs, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial) -> None:
+def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial) -> None:
     before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
     if leaving(limits, before, after):
         limits.check_altitude(after)
@@ -88,7 +88,7 @@ def _check_step(mount: MountInputs, limits: Limits, start: Start, seen: op.Equat
             raise PastMeridian
 
 
-def _soon(mount: MountInputs, start: Start, turns: dict[int, float]) -> op.Equatorial:
+def _soon(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
     """Where so many degrees of the axes lead."""
     first, second = turns.get(1, 0.0), turns.get(2, 0.0)
     if start.status.equatorial or mount.driver.stepping:
@@ -100,7 +100,7 @@ def _soon(mount: MountInputs, start: Start, turns: dict[int, float]) -> op.Equat
 class HandAdmission:
     """Asked for every motion by hand, every guide pulse, and when tracking is to go on."""
 
-    def __init__(self, mount: MountInputs, ask: Reader, watch: LimitWatch) -> None:
+    def __init__(self, mount: Context, ask: Reader, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
 
     async def check(self, operation: op.Move | op.MoveAxis) -> None:
@@ -109,10 +109,10 @@ class HandAdmission:
         start = await self._start()
         if start is None:
             return
-        limits = mount.context.policy.limits
+        limits = mount.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
-        by_hand = {**mount.moving().by_hand, operation.axis: operation}
+        by_hand = {**mount.wanted.by_hand, operation.axis: operation}
         turns = {axis: turn(mount, moving) for axis, moving in by_hand.items()}
         await self._check(limits, start, by_hand, turns)
 
@@ -121,13 +121,13 @@ class HandAdmission:
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
-            await self._check(self._mount.context.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
+            await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
         """Tracking that is off and would lead farther beyond a limit. Raises BelowHorizon, TooHigh or PastMeridian."""
-        mount, limits = self._mount, self._mount.context.policy.limits
+        mount, limits = self._mount, self._mount.policy.limits
         start = await self._start()
-        if start is None or start.status.tracking is not op.Tracking.OFF or mount.moving().anything:
+        if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
             return
         astrometry, seen = mount.astrometry, start.seen
         soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * A_WHILE)  # where it stands over the ground in a while
@@ -159,8 +159,8 @@ class HandAdmission:
 
     async def _start(self) -> Start | None:
         """Where the mount stands; None where no limit can be reckoned."""
-        mount, readings = self._mount, self._mount.readings
-        if not mount.site_known:
+        mount, readings = self._mount, self._mount.cache
+        if mount.sources.site() is None:
             return None
         # Programs switch tracking off before a slew, and nothing is known of it after that.
         status: op.Status = readings.value(op.GetStatus) or await self._ask.read(op.GetStatus())
@@ -169,9 +169,9 @@ class HandAdmission:
         seen, age = readings.value(op.Position), readings.age(op.Position, mount.now())
         if seen is None or age > OLD_POSITION:
             seen = await self._ask.read(op.Position())
-        elif mount.now() - age < self._watch.rests_since and not mount.moving().by_hand:  # it was seen on its way
+        elif mount.now() - age < self._watch.rests_since and not mount.wanted.by_hand:  # it was seen on its way
             seen = await self._ask.anew(op.Position())
-        watched = mount.context.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
+        watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
         axis = self._watch.altitude_axis
         return Start(seen, status, await axis.asked(self._ask) if axis.tells else 0.0, side)
@@ -190,7 +190,7 @@ class HandAdmission:
         return (1 if told_directions else pole) * (-1 if await over(mount, self._ask, self._watch) else 1)
 
 
-async def over(mount: MountInputs, ask: Reader, watch: LimitWatch) -> bool:
+async def over(mount: Context, ask: Reader, watch: LimitWatch) -> bool:
     """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way."""
     if not mount.driver.way(op.AxisPosition):
         return not watch.upright

@@ -14,8 +14,8 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core.errors import Fault, NearSun, Unsupported
 from gateway.core.operations import Equatorial, GetStatus, GotoAxes, Park, Place
+from gateway.mount.context import Context
 from gateway.mount.policy import Limits, check_own_park
-from gateway.mount.safety.view import MountInputs
 from gateway.mount.site.astrometry import SUN_IS_UP
 from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site, Time
 
@@ -130,9 +130,9 @@ def time_unknown(best: Time) -> bool:
     return best.source == COMPUTER and best.unix < EARLIEST
 
 
-def doubts(mount: MountInputs, sources: BestSources) -> str:
+def doubts(mount: Context) -> str:
     """One line, or nothing."""
-    found = [*_contradictions(sources), *_park(mount)]
+    found = [*_contradictions(mount.sources), *_park(mount)]
     return f"WARNING: {'; '.join(found)}" if found else ""
 
 
@@ -142,28 +142,28 @@ def _contradictions(sources: BestSources) -> Iterator[str]:
             yield f"{words} (gotos that either of them would forbid are refused)"
 
 
-def _park(mount: MountInputs) -> Iterator[str]:
+def _park(mount: Context) -> Iterator[str]:
     """Only where the mount can be parked at all."""
-    limits, status = mount.context.policy.limits, mount.readings.value(GetStatus)
+    limits, status = mount.policy.limits, mount.cache.value(GetStatus)
     if not mount.driver.way(Park) or status is None:
         return
     there = mount.driver.destination(Park())
     try:
         if there is not None:
             limits.check_altitude(_altitude(mount, there, status.equatorial))
-        elif not mount.context.policy.own_park:
+        elif not mount.policy.own_park:
             check_own_park(Park(), limits)
     except Unsupported:
         return  # without a site nobody knows
     except Fault:
         yield (
             "its park position lies beyond lowest or highest, where it is parked all the same"
-            if mount.context.policy.own_park
+            if mount.policy.own_park
             else "parking is refused, because its park position may lie beyond lowest or highest: see the key park"
         )
 
 
-def _altitude(mount: MountInputs, there: GotoAxes, equatorial: bool) -> float:
+def _altitude(mount: Context, there: GotoAxes, equatorial: bool) -> float:
     """Raises Unsupported where the site is not known."""
     if not equatorial:
         return there.alt

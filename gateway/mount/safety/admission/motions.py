@@ -15,17 +15,16 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.core.motion_kinds import GOTOS
-from gateway.mount.policy import CHOOSE, Hold, Limits, check_own_park
+from gateway.mount.context import Context
+from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, over
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.allow import check_hour_angle, check_shaft
-from gateway.mount.safety.sync_sum import SyncTotal, check_sum, check_sync
-from gateway.mount.safety.view import MountInputs
+from gateway.mount.safety.sync_sum import check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
-from gateway.mount.site.site_clock import BestSources
 
 #: Seconds that a sync waits for the end of a goto, and between two looks at it.
 NEARLY, PAUSE = 2.5, 0.2
@@ -34,13 +33,10 @@ TELLS_ITS_SITE = 4.0
 
 
 class Admission:
-    """``admit`` is asked for every motion, in its turn; ``synced`` tells how far syncs have moved the sky so far."""
+    """``admit`` is asked for every motion, in its turn."""
 
-    def __init__(
-        self, mount: MountInputs, ask: Reader, watch: LimitWatch, sources: BestSources, synced: SyncTotal, hold: Hold
-    ) -> None:
+    def __init__(self, mount: Context, ask: Reader, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
-        self._sources, self._synced, self._hold = sources, synced, hold
         self._by_hand = HandAdmission(mount, ask, watch)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
@@ -48,11 +44,11 @@ class Admission:
         if isinstance(operation, GOTOS):
             with contextlib.suppress(TimeoutError):  # where and when the mount is, it tells right after who it is
                 async with asyncio.timeout(TELLS_ITS_SITE):
-                    await self._mount.context.milestones.settled.wait()
+                    await self._mount.milestones.settled.wait()
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:
-        self._hold.admit(operation)
+        self._mount.hold.admit(operation)
         self._watch.dips = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
@@ -73,7 +69,7 @@ class Admission:
             if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
                 goal = self._mount.astrometry.from_axes(operation, wedge=not self._mount.driver.german)
                 return await self._admit(op.Goto(goal.ra, goal.dec))
-            await self._check_axes(operation, self._mount.context.policy.limits)
+            await self._check_axes(operation, self._mount.policy.limits)
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
         elif isinstance(operation, op.Sync):
@@ -84,7 +80,7 @@ class Admission:
 
     async def still_allowed(self) -> None:
         """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""
-        moving = next(iter(self._mount.moving().by_hand.values()), None)
+        moving = next(iter(self._mount.wanted.by_hand.values()), None)
         if moving is not None:  # the other axis is looked at with it
             await self._by_hand.check(moving)
 
@@ -93,7 +89,7 @@ class Admission:
 
     async def _check_aligned(self, operation: op.Operation) -> None:
         """Raises NotAligned."""
-        if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.context.policy.unaligned):
+        if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.policy.unaligned):
             return
         if not (await self._status()).aligned:
             anew: op.Status = await self._ask.anew(op.GetStatus())  # it may be so since a moment ago
@@ -103,16 +99,16 @@ class Admission:
     # --- syncs ------------------------------------------------------------------------------------------------------
 
     async def _admit_sync(self, operation: op.Sync) -> op.Operation:
-        mount, limits = self._mount, self._mount.context.policy.limits
+        mount, limits = self._mount, self._mount.policy.limits
         await self._goto_ends()
-        if mount.moving().anything:
+        if mount.movement.anything:
             raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
         status = await self._status()
         if status.aligned:
             here: op.Equatorial = await self._ask.read(op.Position())
             wanted = op.Equatorial(operation.ra, operation.dec)
             check_sync(limits, here, wanted)
-            check_sum(limits.sync, self._synced.value, here, wanted, status.equatorial)
+            check_sum(limits.sync, mount.synced.value, here, wanted, status.equatorial)
         return mount.astrometry.to_mount(operation)
 
     async def _goto_ends(self) -> None:
@@ -120,7 +116,7 @@ class Admission:
         mount = self._mount
         until = mount.now() + NEARLY
         while True:
-            moving = mount.moving()
+            moving = mount.movement.now()
             if not moving.slewing or moving.by_hand or mount.now() >= until:
                 return
             if not await self._ask.anew(op.Slewing()):
@@ -131,17 +127,17 @@ class Admission:
 
     async def _admit_goto(self, operation: op.Goto) -> op.Operation:
         mount, axis = self._mount, self._watch.altitude_axis
-        limits = mount.context.policy.limits.narrowed(operation.lowest, operation.highest)
+        limits = mount.policy.limits.narrowed(operation.lowest, operation.highest)
         told = axis.tells
         goal = op.Equatorial(operation.ra, operation.dec)
         await self._check_target(limits, goal, told)
         await self._check_way(limits, goal)
-        check_contradictions(self._sources, mount.astrometry.sky, limits, goal, not (told or axis.tells))
+        check_contradictions(mount.sources, mount.astrometry.sky, limits, goal, not (told or axis.tells))
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
         mount = self._mount
-        mount.context.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
+        mount.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         fork = not (await self._status()).equatorial
         if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
@@ -150,10 +146,10 @@ class Admission:
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
         """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
-        mount, limits = self._mount, self._mount.context.policy.limits
+        mount, limits = self._mount, self._mount.policy.limits
         if isinstance(operation, op.Park):
             await self._status()  # how the mount stands decides where it is parked
-            if mount.context.policy.own_park:
+            if mount.policy.own_park:
                 limits = limits.at_any_altitude()
         there = mount.driver.destination(operation)
         if there is None:
@@ -169,10 +165,10 @@ class Admission:
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
-            mount.context.note_once("site unknown: gotos are not checked against the horizon")
+            mount.note_once("site unknown: gotos are not checked against the horizon")
             return
         limits.check_altitude(altitude + (await self._watch.altitude_axis.asked(self._ask) if told else 0.0))
-        status = mount.readings.value(op.GetStatus) if limits.hour_angle is not None else None
+        status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
 
@@ -181,13 +177,13 @@ class Admission:
         mount = self._mount
         if not (await self._status()).equatorial:
             limits.check_altitude(wanted.alt)
-            if mount.site_known:
+            if mount.sources.site() is not None:
                 await self._check_way(limits, mount.astrometry.equatorial(wanted), (wanted.az, wanted.alt))
             return
         try:
             goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
         except Unsupported:
-            mount.context.note_once("site unknown: axis gotos are not checked")
+            mount.note_once("site unknown: axis gotos are not checked")
             return
         limits.check_altitude(mount.astrometry.horizon(goal).alt)
         if mount.driver.german:
@@ -239,7 +235,7 @@ class Admission:
         if not mount.driver.german or site is None:
             return {False, not mount.driver.german and await over(self._mount, self._ask, self._watch)}
         # under way it tells the side of its goal
-        under_way = mount.moving().slewing and await self._ask.anew(op.Slewing())
+        under_way = mount.movement.slewing and await self._ask.anew(op.Slewing())
         side = None if under_way else await self._ask.tube_side()
         return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import runpy
 import signal
 import socket
 import subprocess
@@ -288,3 +289,10 @@ def test_a_simulated_mount_of_the_gateway_itself_needs_none() -> None:
     gateway = Gateway(MountConfig(at="nexstar@sim"), [])
     gateway._watch()
     assert gateway.watched is None
+
+
+def test_windows_has_few_signals_and_loads_it_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("SIGHUP", "SIGQUIT", "SIGTSTP"):
+        monkeypatch.delattr(signal, name)
+    loaded = runpy.run_path(str(PROGRAM.with_name("client.py")))
+    assert loaded["HELD_BACK"] == [signal.SIGINT, signal.SIGTERM]
