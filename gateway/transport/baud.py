@@ -74,12 +74,12 @@ class BaudTrial:
         """Go on at this rate. A trial under way falls back to what was before it."""
         former = self._change(baud)
         self._former = former if self._former is None else self._former
-        self._stop_timer()
+        self.end()
         self._timer = asyncio.get_running_loop().call_later(TRIAL, self._back)
 
     def understood(self) -> None:
         """A command has arrived whole: the rate stays."""
-        self._stop_timer()
+        self.end()
         self._former = None
 
     def _back(self) -> None:
@@ -87,14 +87,11 @@ class BaudTrial:
         if former is not None:
             self._change(former)
 
-    def _stop_timer(self) -> None:
+    def end(self) -> None:
+        """Nothing falls back any more; so it is, too, when the connection is gone."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-
-    def end(self) -> None:
-        """The connection is gone."""
-        self._stop_timer()
 
 
 def misread(data: bytes, sent: int, read: int) -> bytes:

@@ -14,8 +14,7 @@ from __future__ import annotations
 import math
 import re
 from bisect import bisect_left
-from collections.abc import Sequence
-from typing import BinaryIO, overload
+from typing import BinaryIO
 
 from msgspec.structs import replace
 
@@ -29,7 +28,7 @@ CROSS_PACKAGE = "fchart3"
 COLUMNS = {"SAO": 0, "HD": 1, "HR": 2}
 
 
-class _Numbers(Sequence[int]):
+class _Numbers:
     """The first column of a file of equal lines, read where it is looked at."""
 
     def __init__(self, file: BinaryIO) -> None:
@@ -39,12 +38,7 @@ class _Numbers(Sequence[int]):
     def __len__(self) -> int:
         return self._lines
 
-    @overload
-    def __getitem__(self, index: int) -> int: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[int]: ...
-    def __getitem__(self, index: int | slice) -> int | Sequence[int]:
-        assert isinstance(index, int)
+    def __getitem__(self, index: int) -> int:
         return int(self.line(index)[:6])
 
     def line(self, index: int) -> bytes:

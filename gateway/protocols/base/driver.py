@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 from msgspec import Struct
 
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Unsupported
+from gateway.core.errors import Fault, NoAnswer, Unsupported
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
@@ -22,6 +22,8 @@ from gateway.protocols.wireformat.rows import Model, Version, Way
 _T = TypeVar("_T")
 #: Outcomes of ways by which nothing is done.
 IN_VAIN = ("refused", "silent")
+#: Seconds between two looks whether a goto has begun whose acknowledgement was lost.
+LOOK_AGAIN = 0.5
 #: Why there is no guide pulse.
 SLEWING = "The mount is slewing: the guide pulse is dropped."
 
@@ -127,6 +129,8 @@ class Driver:
     #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
     german: bool | None = None
     protocol: CommandSet
+    #: Any clock that never goes back, seconds.
+    now: Callable[[], float]
     model: str | None = None
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
@@ -210,6 +214,31 @@ class Driver:
     def tube_side(self, told: str) -> str | None:
         """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
         return None
+
+    def give_up_goto(self) -> None:
+        """The goto under way is over before it came to its goal."""
+        self.goto = None
+
+    def set_out(self, state: GotoUnderWay, order: Steps, moves: Handler) -> Steps:
+        """Begin a goto by an order. It counts as under way before that is sent, for a stop must know of it.
+
+        Where the acknowledgement is lost ``moves`` tells whether it was begun. Raises NoAnswer while nobody can.
+        """
+        self.parked, self.goto = False, state
+        try:
+            yield from order
+        except NoAnswer:
+            state.unsure = True
+            if not (yield from moves(self)):
+                yield Wait(LOOK_AGAIN)
+                if not (yield from moves(self)):
+                    self.give_up_goto()
+                    raise
+            self.goto, state.unsure = state, False
+        except Fault:
+            self.give_up_goto()
+            raise
+        state.since = self.now()
 
     def memory(self, moving: bool) -> Remembered:
         """What must outlive the gateway; while the mount moves, also what it takes to stop it."""

@@ -9,12 +9,10 @@ longer than one command.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import lru_cache
 
 from gateway.core.errors import MappingError
 from gateway.protocols.base.frames import LengthFramer
-from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
 #: Opcodes of later hand controls that nobody here answers, as programs send them. The length of ``c`` is not known.
@@ -26,10 +24,11 @@ STRAY = frozenset(b"#? \r\n\0")
 STRAY_BEHIND = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
 
 
-def lengths(commands: Iterable[Command]) -> dict[int, int]:
-    """First byte -> length of the whole request. Raises MappingError when one first byte has two lengths."""
-    found: dict[int, int] = {}
-    for command in commands:
+@lru_cache(maxsize=1)
+def all_lengths() -> dict[int, int]:
+    """First byte -> length, of every request there is. Raises MappingError when one first byte has two lengths."""
+    found = dict(UNANSWERED)
+    for command in load("nexstar").commands.values():
         width = command.request.width
         if width is None:
             raise MappingError("mappings/nexstar/commands.toml", command.name, "a request has a fixed length")
@@ -38,12 +37,6 @@ def lengths(commands: Iterable[Command]) -> dict[int, int]:
             reason = f"requests that begin with {chr(first)!r} are {found[first]} bytes long, not {width}"
             raise MappingError("mappings/nexstar/commands.toml", command.name, reason)
     return found
-
-
-@lru_cache(maxsize=1)
-def all_lengths() -> dict[int, int]:
-    """The lengths of every request there is."""
-    return {**UNANSWERED, **lengths(load("nexstar").commands.values())}
 
 
 class Framer(LengthFramer):

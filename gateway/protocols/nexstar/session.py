@@ -38,9 +38,6 @@ def attempt(operation: Operation) -> Handling:
     """Have it carried out; what cannot be done shows in the log alone. Raises NoAnswer where nobody can tell."""
     try:
         yield operation
-    except Asleep:
-        return
-    except NoAnswer:
-        raise
-    except Fault:
-        return
+    except Fault as fault:
+        if isinstance(fault, NoAnswer) and not isinstance(fault, Asleep):
+            raise

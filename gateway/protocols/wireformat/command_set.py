@@ -13,6 +13,7 @@ before its turn, or before it is whole, asks here.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TypeVar
@@ -165,19 +166,20 @@ class CommandSet:
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
         """The command whose template fits the whole frame, longest literal beginning first."""
-        for length in range(min(len(frame), self._longest), 0, -1):
-            for command, picture in self._by_literal.get(frame[:length], ()):
-                if picture.matcher.fullmatch(frame):
-                    return command, picture
+        for command, picture in self._beginning(frame):
+            if picture.matcher.fullmatch(frame):
+                return command, picture
         return None
+
+    def _beginning(self, data: bytes) -> Iterator[tuple[Command, FrameTemplate]]:
+        """Those with whose literals these bytes begin, the longest first."""
+        for length in range(min(len(data), self._longest), 0, -1):
+            yield from self._by_literal.get(data[:length], ())
 
     def first(self, data: bytes) -> bytes:
         """The whole command that these bytes begin with; empty when they begin with none."""
-        for length in range(min(len(data), self._longest), 0, -1):
-            for _, picture in self._by_literal.get(data[:length], ()):
-                if found := picture.matcher.match(data):
-                    return found[0]
-        return b""
+        matches = (picture.matcher.match(data) for _, picture in self._beginning(data))
+        return next((found[0] for found in matches if found), b"")
 
     def may_begin(self, data: bytes) -> bool:
         """Whether these bytes are nothing, or may be the beginning of a command."""

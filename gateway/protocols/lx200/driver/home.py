@@ -74,7 +74,7 @@ def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
     if mount.parked and mount.knows("I"):
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
-        mount.asleep_as_told = False
+        mount.powerless = False
         if mount.rate is not None:  # that was a new start, at its own rate
             yield from track_rate(mount, mount.rate)
     elif mount.parked and not mount.tells_status:
@@ -88,10 +88,10 @@ def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
 def sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
     """:hN - from then on nothing is sent that would turn a motor: a telescope that sleeps says yes and stays."""
     yield from ask(mount, "hN")
-    mount.asleep_as_told = True
+    mount.powerless = True
 
 
 def wake(mount: Lx200Driver, _: op.Wake) -> Steps:
     """:hW"""
     yield from ask(mount, "hW")
-    mount.asleep_as_told = False
+    mount.powerless = False

@@ -45,12 +45,12 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
         mount.model = yield from _model(mount, mount.product)
-    mount.tells_status, mount.more = False, frozenset()
+    mount.tells_status = False
     if product:
         firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
         mount.tells_status = (yield from _probe(mount, "GW")) is not None
-        mount.more = frozenset({"GW"}) if mount.tells_status else frozenset()
+    mount.more = frozenset({"GW"} if mount.tells_status else ())
     try:
         yield from read_status(mount)
     except Fault as fault:  # whatever it says of that, it is there
@@ -101,19 +101,17 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
 
 def high_precision(mount: Lx200Driver) -> Steps:
     """Make sure once: read, toggle if the answer is short, read again -> the last answer."""
-    for _ in range(2):
+    for attempt in range(3):
+        if attempt:
+            yield from ask(mount, "U")
         answer = yield from ask(mount, "GR")
         mount.low = answer["length"] < HIGH
         if not mount.low:
-            return answer
-        yield from ask(mount, "U")
-    answer = yield from ask(mount, "GR")
-    mount.low = answer["length"] < HIGH
+            break
     return answer
 
 
 def _learn_letter(mount: Lx200Driver, letter: str) -> None:
-    mount.letter = letter
     if letter != "L":
         mount.home_letter = letter
 
@@ -130,7 +128,6 @@ def read_status(mount: Lx200Driver) -> Steps:
     if answer is not None:
         tracks = answer["tracking"] == "T"
         if answer["build"] == "L":
-            _learn_letter(mount, "L")
             mount.land = True
         elif answer["build"] in "PG" or mount.home_letter == "A":
             _learn_letter(mount, answer["build"])
@@ -140,7 +137,7 @@ def read_status(mount: Lx200Driver) -> Steps:
                 _learn_letter(mount, answer["build"])
         mount.land = mount.land and not (tracks and mount.goto is None)
         mount.aligned = answer["aligned"] not in "0"
-        mount.asleep_as_told = mount.asleep_as_told and not tracks  # somebody has woken it at its keys
+        mount.powerless = mount.powerless and not tracks  # somebody has woken it at its keys
     else:
         answer = yield from _probe(mount, "ACK")
         if answer is None:

@@ -11,17 +11,15 @@ import math
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Garbled, NoAnswer, Refused, Silence, Unsupported
-from gateway.protocols.base.driver import Send, Steps, Wait
+from gateway.core.errors import Garbled, Refused, Silence, Unsupported
+from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.lx200.driver.ends import MOUNT, at_most, begins, end, put_back_later
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200Driver, ask, ask_once
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200Driver, ask
 
 #: A goto counts as under way this long at least, and until the bars were empty twice.
 START_GRACE = 0.8
 QUIET = 2
-#: Seconds between two looks at the bars after an acknowledgement was lost.
-LOOK_AGAIN = 0.5
 #: Seconds between the halves of a position, and how often both are asked until they are no further apart.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 #: After so many silences in a row it is not asked any more where it points over the horizon.
@@ -82,11 +80,11 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
         return (yield from still_seeking(mount))
     if mount.goto is None:
         return False
-    bars = (yield from ask(mount, "D"))["bars"]
+    moves = yield from _bars(mount)
     state = mount.goto
     if state is None:
         return False
-    if bars.strip():
+    if moves:
         state.quiet = 0
         return True
     state.quiet += 1
@@ -130,32 +128,14 @@ def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
 
 
 def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
-    """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
-    mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
+    """Send what begins a goto."""
     begins(mount, *MOUNT)
-    try:
-        yield from ask(mount, command)
-    except NoAnswer:
-        if not (yield from _has_begun(mount)):
-            mount.goto = None
-            raise
-    except Fault:
-        mount.goto = None
-        raise
-    mount.goto.since = mount.now()
+    yield from mount.set_out(GotoState(since=mount.now(), then=then), ask(mount, command), _bars)
 
 
-def _has_begun(mount: Lx200Driver) -> Steps:
-    """Whether a goto whose acknowledgement was lost is under way: the bars tell. Raises NoAnswer while nobody can."""
-    assert mount.goto is not None
-    mount.goto.unsure = True
-    for attempt in range(QUIET):
-        if attempt:
-            yield Wait(LOOK_AGAIN)
-        if (yield from ask(mount, "D"))["bars"].strip():
-            mount.goto.unsure = False
-            return True
-    return False
+def _bars(mount: Lx200Driver) -> Steps:
+    """-> whether the bars tell that a goto is under way."""
+    return bool((yield from ask(mount, "D"))["bars"].strip())
 
 
 def stop_current_motion(mount: Lx200Driver) -> Steps:
@@ -198,7 +178,7 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
     if mount.beyond_pole is None:
         if mount.side_by is None:
             chooses_side(mount, (yield from ask(mount, "GR"))["ra"])
-        sidereal = (yield from ask_once(mount, "GS"))["sidereal"]
+        sidereal = (yield from ask(mount, "GS"))["sidereal"]
         assert mount.side_by is not None
         ra, then = mount.side_by
         hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL_ARCSECONDS / 3600.0 - ra)
@@ -230,8 +210,8 @@ def choose(mount: Lx200Driver, operation: op.Choose) -> Steps:
         yield from ask(mount, name, **dict(fields))
     reply = yield from _said(mount, operation.command, dict(operation.fields))
     text = yield from _said(mount, "LI", {})
-    ra = (yield from ask_once(mount, "Gr"))["ra"]
-    dec = (yield from ask_once(mount, "Gd"))["dec"]
+    ra = (yield from ask(mount, "Gr"))["ra"]
+    dec = (yield from ask(mount, "Gd"))["dec"]
     same = abs(wrap180(ra - operation.ra)) < SAME and abs(dec - operation.dec) < SAME
     return op.Chosen(None if same else op.Equatorial(ra, dec), text.decode("latin-1").rstrip("#"), reply)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 from msgspec import Struct
 
@@ -62,7 +61,7 @@ def off(asked: float, done: float) -> float:
 
 def nearest(able: Abilities, degrees: float) -> Speed:
     """The arrow's speed that is nearest to so many degrees a second."""
-    return _best(_arrows(able, degrees), degrees)
+    return _best([*_arrows(able, degrees)], degrees)
 
 
 def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
@@ -79,14 +78,10 @@ def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
     )
 
 
-def _best(speeds: Any, asked: float) -> Speed:
+def _best(speeds: list[Speed], asked: float) -> Speed:
     """The first of those that come nearest."""
-    best: Speed | None = None
-    for speed in speeds:
-        if best is None or off(asked, speed.degrees) < off(asked, best.degrees) - ALIKE:
-            best = speed
-    assert best is not None
-    return best
+    least = min(off(asked, speed.degrees) for speed in speeds)
+    return next(speed for speed in speeds if off(asked, speed.degrees) <= least + ALIKE)
 
 
 def _turned(speed: Speed, west: float) -> Speed:

@@ -9,14 +9,16 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Abilities as Can
-from gateway.core.operations import Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate, Values
+from gateway.core.operations import Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, Remembered, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
-BUSY_RETRIES, BUSY_WAIT = 6, 0.4
+BUSY_RETRIES, BUSY_WAIT = 5, 0.4
+#: Questions whose answers belong to one moment alone: they are believed as they come.
+ONCE = frozenset({"GS", "Gr", "Gd"})
 #: Differs from every rate that may be wanted.
 UNKNOWN = -1
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
@@ -56,7 +58,6 @@ class Lx200Driver(Driver):
         self.product, self.firmware = "", ""
         self.low = False
         # alignment and tracking
-        self.letter = "A"
         self.home_letter = "A"
         #: It was put into land mode, in which it does not track.
         self.land = False
@@ -102,7 +103,7 @@ class Lx200Driver(Driver):
         #: It seeks its home.
         self.seeking = False
         #: It was told to sleep: its motors have no power, though it may say yes to a goto.
-        self.asleep_as_told = False
+        self.powerless = False
         if self.fastest is not None:
             self.fastest = UNKNOWN
         if self.guides_at != 1.0:
@@ -131,10 +132,6 @@ class Lx200Driver(Driver):
     @property
     def gps(self) -> bool:  # type: ignore[override]
         return self.model == "lx200gps"
-
-    @property
-    def powerless(self) -> bool:  # type: ignore[override]
-        return self.asleep_as_told
 
     @property
     def equatorial(self) -> bool:
@@ -220,29 +217,19 @@ def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
 
     Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
     """
-    return (yield from _ask(mount, command, values, once=False))
-
-
-def ask_once(mount: Lx200Driver, command: str) -> Steps:
-    """A question whose answer belongs to this moment alone: it is believed as it comes. Raises the same."""
-    return (yield from _ask(mount, command, {}, once=True))
-
-
-def _ask(mount: Lx200Driver, command: str, values: Values, once: bool) -> Steps:
     if not mount.knows(command):
         raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]
     if mount.seeking and not row.while_seeking:
         raise Busy("The mount seeks its home.")
-    if mount.asleep_as_told and row.while_asleep is False:
+    if mount.powerless and row.while_asleep is False:
         raise Refused("The mount is asleep: wake it first.")
     patience = row.long or (OWN_PATIENCE if row.may_be_silent else None)
-    send = Send(command, {**values, "low": mount.low}, patience, row.long is not None, row.by_hand, once=once)
-    for attempt in range(BUSY_RETRIES):
+    asked, once = {**values, "low": mount.low}, command in ONCE
+    send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once)
+    for _ in range(0 if row.by_hand else BUSY_RETRIES):
         try:
             return (yield send)
         except Busy:
-            if row.by_hand or attempt == BUSY_RETRIES - 1:
-                raise
             yield Wait(BUSY_WAIT)
-    return None
+    return (yield send)

@@ -36,11 +36,6 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     yield from read_status(mount)
     if mount.tracking not in (None, Tracking.OFF):
         mount.parked = False  # remembered from an earlier run, and meanwhile taken up again by somebody
-    return who(mount)
-
-
-def who(mount: NexStar) -> Identity:
-    """The mount in words."""
     variant = "StarSense" if mount.starsense else "NexStar"
     motors = tuple(show_version(version) for version in mount.motors.values())
     return Identity(

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination, wrap180, wrap360
 from gateway.core import operations as op
-from gateway.core.errors import Fault, NoAnswer, NotAligned, Unsupported
+from gateway.core.errors import NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, NexStar, rest
 
 START_GRACE = 3.0
 CANCEL_WAIT = 5.0
-#: How often it is looked whether a goto has begun whose acknowledgement was lost, and how many seconds apart.
-LOOKS, LOOK_AGAIN = 2, 0.5
 #: How often a parked mount is told not to track, where it does not answer, and how many seconds apart.
 TELLS, TELL_AGAIN = 4, 5.0
 MOTORS, FOUND = (16, 17), 255
@@ -81,7 +79,7 @@ def goto(mount: NexStar, operation: op.Goto) -> Steps:
     if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))
     ra, dec = fold_declination(operation.ra - mount.offset[0], operation.dec - mount.offset[1])
-    yield from _begin(mount, Send("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}), None)
+    yield from _begin(mount, Send("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}))
 
 
 def need_alignment(mount: NexStar) -> Steps:
@@ -102,39 +100,16 @@ def to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
     yield from _begin(mount, Send("b" if mount.knows("b") else "B", {"az": az, "alt": alt}), then)
 
 
-def _begin(mount: NexStar, command: Send, then: str | None) -> Steps:
-    """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
-    mount.parked = False
-    mount.goto = state = GotoState(since=mount.now(), then=then)
-    try:
+def _begin(mount: NexStar, command: Send, then: str | None = None) -> Steps:
+    def sent() -> Steps:
         yield command
-    except NoAnswer:
-        state.unsure = True
-        if not (yield from _has_begun(mount)):
-            _forget_goto(mount)
-            raise
-        mount.goto, state.unsure = state, False
-    except Fault:
-        _forget_goto(mount)
-        raise
-    state.since = mount.now()
+
+    yield from mount.set_out(GotoState(since=mount.now(), then=then), sent(), _slews)
 
 
-def _has_begun(mount: NexStar) -> Steps:
-    """Whether a goto whose acknowledgement was lost is under way: ``L`` tells. Raises NoAnswer while nobody can."""
-    for attempt in range(LOOKS):
-        if attempt:
-            yield Wait(LOOK_AGAIN)
-        if (yield Send("L"))["slewing"] == "1":
-            return True
-    return False
-
-
-def _forget_goto(mount: NexStar) -> None:
-    """The goto under way is over before it came to its goal: one that led home did not get there."""
-    if mount.goto is not None and mount.goto.then == "home":
-        mount.home_state = 0
-    mount.goto = None
+def _slews(_: NexStar) -> Steps:
+    """-> what ``L`` tells: whether a goto is under way."""
+    return (yield Send("L"))["slewing"] == "1"
 
 
 def stop_current_motion(mount: NexStar) -> Steps:
@@ -151,12 +126,9 @@ def stop_current_motion(mount: NexStar) -> Steps:
     elif mount.goto is not None:
         yield Send("M")
         deadline = mount.now() + CANCEL_WAIT
-        while mount.now() < deadline:
-            answer = yield Send("L")
-            if answer["slewing"] == "0":
-                break
+        while mount.now() < deadline and (yield from _slews(mount)):
             yield Wait(0.1)
-        _forget_goto(mount)
+        mount.give_up_goto()
     if mount.suspended is not None:
         if mount.suspended is not op.Tracking.OFF:
             yield from tracking.send_mode(mount, mount.suspended)
@@ -170,7 +142,7 @@ def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
         yield from _stop_seeking(mount)
         yield from tracking.resume(mount)
         return
-    _forget_goto(mount)
+    mount.give_up_goto()
     yield Send("M")
     if going is not None and mount.rate.name != "sidereal":
         yield Schedule(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
@@ -188,8 +160,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     state = mount.goto
     if state is not None and state.seeks:
         return (yield from _still_seeking(mount, state))
-    answer = yield Send("L")
-    moving = answer["slewing"] == "1"
+    moving = yield from _slews(mount)
     if mount.goto is not state:
         return mount.goto is not None or moving  # another one was begun, or this one was stopped, meanwhile
     if state is None:
@@ -202,7 +173,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     if mount.goto is not state:
         return mount.goto is not None
     if state.unsure:  # nobody has seen it move: what belongs to its end, as the end of tracking, is left
-        _forget_goto(mount)
+        mount.give_up_goto()
         return False
     mount.goto = None
     yield Schedule(0.0, Arrived(then=state.then or ""))

@@ -112,6 +112,12 @@ class NexStar(HandControl):
         self.pulsing.clear()
         self.riding.clear()
 
+    def give_up_goto(self) -> None:
+        """One that led home did not get there."""
+        if self.goto is not None and self.goto.then == "home":
+            self.home_state = 0
+        self.goto = None
+
     def not_guided(self) -> None:
         """Nothing takes the place of tracking any more, by a goto or a stop; the drive rate is still to be told."""
         self.drive = "told" if self.drive == "replaced" else self.drive

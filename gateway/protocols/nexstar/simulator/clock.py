@@ -26,58 +26,26 @@ def _utc(unix: float) -> datetime:
 
 
 def _local(sim: SimulatedMount, zone: float) -> Values:
-    """Local date and time in a zone, as both clock commands write it."""
+    """``h`` ``i``: local date and time in a zone."""
     local = _utc(sim.utc() + (zone + sim.daylight) * 3600)
-    return {**fields_of(local), "dst": sim.daylight}
+    return {**fields_of(local), "dst": sim.daylight, "zone": int(zone), "quarters": round(zone * 4)}
 
 
-def get_time(sim: SimulatedMount, _: Values) -> Values:
-    """``h``: the zone byte holds whole hours, so a zone of 5:45 is told as 5, with the time to it."""
-    zone = math.floor(sim.zone)
-    return {**_local(sim, zone), "zone": zone}
-
-
-def get_time_quarters(sim: SimulatedMount, _: Values) -> Values:
-    """``i``: the zone in quarters of an hour."""
-    return {**_local(sim, sim.zone), "quarters": round(sim.zone * 4)}
-
-
-def _set_time(sim: SimulatedMount, values: Values, zone: float) -> None:
-    """UTC is local time less the zone less daylight saving; impossible values change nothing."""
+def _set_time(sim: SimulatedMount, values: Values, zone: float) -> Values:
+    """``H`` ``I``: UTC is local time less the zone less daylight saving; impossible values change nothing."""
     if not WEST_MOST <= zone <= EAST_MOST or values["dst"] > 1 or values["year"] > 99:
-        return
+        return {}
     try:
         local = unix_of(values)
     except ValueError:
-        return
+        return {}
     sim.zone, sim.daylight = zone, values["dst"]
-    unix = local - (zone + sim.daylight) * 3600
-    sim.relocate(sim.mechanics.sky._replace(ahead=unix - sim.now))
+    sim.relocate(sim.mechanics.sky._replace(ahead=local - (zone + sim.daylight) * 3600 - sim.now))
+    return {}
 
 
-def set_time(sim: SimulatedMount, values: Values) -> None:
-    """``H``."""
-    _set_time(sim, values, values["zone"])
-
-
-def set_time_quarters(sim: SimulatedMount, values: Values) -> None:
-    """``I``."""
-    _set_time(sim, values, values["quarters"] / 4)
-
-
-def get_site(sim: SimulatedMount, _: Values) -> Values:
-    """``w``."""
-    return {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude}
-
-
-def set_site(sim: SimulatedMount, values: Values) -> None:
-    """``W``."""
+def _set_site(sim: SimulatedMount, values: Values) -> None:
     sim.relocate(Sky(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
-
-
-def sidereal_time(sim: SimulatedMount, _: Values) -> Values:
-    """``l``: by the clock and the site that the hand control believes in."""
-    return {"sidereal": sim.mechanics.sky.sidereal(sim.now)}
 
 
 # --- GPS unit and real-time clock -----------------------------------------------------------------------
@@ -101,27 +69,23 @@ def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
     """Replace a part of the RTC's date or time; an impossible one changes nothing."""
     time = _true_time(sim, RTC)
     try:
-        wanted = time.replace(**values)
+        wanted = time.replace(**{name: value for name, value in values.items() if name != "device"})
     except ValueError:
         return {}
     sim.rtc_ahead += (wanted - time).total_seconds()
     return {}
 
 
-def _linked(sim: SimulatedMount, _: Values) -> Values:
-    return {"linked": 1, "valid": 1}
-
-
 CLOCKS: dict[str, Handler] = {
-    "h": get_time,
-    "H": set_time,
-    "i": get_time_quarters,
-    "I": set_time_quarters,
-    "w": get_site,
-    "W": set_site,
-    "l": sidereal_time,
-    "gps_linked": _linked,
-    "gps_time_valid": _linked,
+    # The zone byte of h holds whole hours, so a zone of 5:45 is told as 5, with the time to it.
+    "h": lambda sim, _: _local(sim, math.floor(sim.zone)),
+    "H": lambda sim, values: _set_time(sim, values, values["zone"]),
+    "i": lambda sim, _: _local(sim, sim.zone),
+    "I": lambda sim, values: _set_time(sim, values, values["quarters"] / 4),
+    "w": lambda sim, _: {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude},
+    "W": _set_site,
+    "l": lambda sim, _: {"sidereal": sim.mechanics.sky.sidereal(sim.now)},
+    **dict.fromkeys(("gps_linked", "gps_time_valid"), lambda sim, _: {"linked": 1, "valid": 1}),
     "gps_latitude": lambda sim, _: {"latitude": sim.site[0]},
     "gps_longitude": lambda sim, _: {"longitude": sim.site[1]},
     "gps_date": _parts(GPS, "month", "day"),
@@ -130,7 +94,5 @@ CLOCKS: dict[str, Handler] = {
     "rtc_date": _parts(RTC, "month", "day"),
     "rtc_year": _parts(RTC, "year"),
     "rtc_time": _parts(RTC, "hour", "minute", "second"),
-    "rtc_set_date": _set_rtc,
-    "rtc_set_year": _set_rtc,
-    "rtc_set_time": _set_rtc,
+    **dict.fromkeys(("rtc_set_date", "rtc_set_year", "rtc_set_time"), _set_rtc),
 }

@@ -7,6 +7,8 @@ a hand rate.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
@@ -31,9 +33,9 @@ _TURN = 1 << 24
 # --- hand rates -----------------------------------------------------------------------------------------
 
 
-def _hand_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> Values | None:
+def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
     """24 and 25 hex: a key from 1 to 9, 0 to stop."""
-    key = values["rate"]
+    key, device = values["rate"], values["device"]
     if key > len(sim.keys):
         return {}
     if device == FOCUSER and sim.focuser is not None:
@@ -47,35 +49,25 @@ def _hand_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> V
     return {}
 
 
-def _variable_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> Values:
+def _variable_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
     """06 and 07: quarter arcseconds a second, except the three drive rates."""
     drive = DRIVE_RATES.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
-    sim.mechanics.set_rate(sim.now, device - 15, sign * rate, drive=drive is not None)
+    sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * rate, drive=drive is not None)
     return {}
 
 
-def _fine_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> Values | None:
+def _fine_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
     """06 and 07 with three bytes: 1/1024 arcsecond a second."""
-    if device not in (AZM, ALT):
-        return None
-    sim.mechanics.set_rate(sim.now, device - 15, sign * values["rate"] / 1024.0 / 3600.0)
+    sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * values["rate"] / 1024.0 / 3600.0)
     return {}
 
 
-def _pulse(sim: SimulatedMount, values: Values) -> Values | None:
+def _pulse(sim: SimulatedMount, values: Values) -> Values:
     """26 hex: percent of sidereal for hundredths of a second."""
-    if sim.motors < PULSE_FIRMWARE:
-        return None
     rate = max(-100, min(100, values["rate"])) / 100.0 * SIDEREAL_RATE
     sim.mechanics.pulse(sim.now, values["device"] - 15, rate, values["ticks"] / 100.0)
     return {}
-
-
-def _pulse_active(sim: SimulatedMount, values: Values) -> Values | None:
-    if sim.motors < PULSE_FIRMWARE:
-        return None
-    return {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))}
 
 
 # --- positions ------------------------------------------------------------------------------------------
@@ -122,15 +114,9 @@ def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
     return {}
 
 
-def _seek_home(sim: SimulatedMount, values: Values) -> Values | None:
-    if "home" not in sim.row["has"]:
-        return None
+def _seek_home(sim: SimulatedMount, values: Values) -> Values:
     sim.mechanics.goto_axis(sim.now, values["device"] - 15, INDEX)
     return {}
-
-
-def _home_found(sim: SimulatedMount, values: Values) -> Values | None:
-    return _done(sim, values) if "home" in sim.row["has"] else None
 
 
 # --- settings -------------------------------------------------------------------------------------------
@@ -158,90 +144,81 @@ def _tell(name: str, default: int) -> Handler:
 
 def _periodic_error(sim: SimulatedMount, values: Values) -> Values | None:
     """0C and 0D hex: acknowledged and remembered; the simulated gears have no error to correct."""
-    if values["device"] != AZM or "pec" not in sim.row["has"]:
+    if values["device"] != AZM:
         return None
     sim.settings["periodic error", AZM] = int(bool(values.get("on", 0)))
     return {}
 
 
-def _steady(value: int, *, motors: Version, part: str = "") -> Handler:
-    """What a motor control tells and nothing here changes, from a firmware on, on mounts that carry a part."""
-
-    def steady(sim: SimulatedMount, values: Values) -> Values | None:
-        if sim.motors < motors or (part and part not in sim.row["has"]):
-            return None
-        return dict.fromkeys(("value", "done", "on", "other"), value)
-
-    return steady
+def _steady(value: int) -> Handler:
+    """What a motor control tells and nothing here changes."""
+    return lambda sim, values: dict.fromkeys(("value", "done", "on", "other"), value)
 
 
-def _motor_model(sim: SimulatedMount, values: Values) -> Values | None:
-    """05: only newer motors tell it."""
-    return {"value": sim.row["id"]} if sim.motors >= MODEL_FIRMWARE else None
+def _where(handler: Handler, *, motors: Version = (), part: str = "") -> Handler:
+    """What the two motors answer, and nothing else on the bus: from a firmware on, on mounts that carry a part."""
 
+    def where(sim: SimulatedMount, values: Values) -> Values | None:
+        fits = values["device"] in (AZM, ALT) and sim.motors >= motors and (not part or part in sim.row["has"])
+        return handler(sim, values) if fits else None
 
-def _cordwrap_position(sim: SimulatedMount, values: Values) -> Values | None:
-    """3C hex: only the azimuth motor winds cords up."""
-    return {"position": 180.0} if values["device"] == AZM and sim.motors >= CORDWRAP_FIRMWARE else None
+    return where
 
 
 def _version(sim: SimulatedMount, values: Values) -> Values | None:
     """FE hex. Old motors send two bytes also to who asks for four."""
     device = values["device"]
-    if not sim.present(device):
-        return None
     major, minor = sim.motors if device in (AZM, ALT) else OTHER_VERSIONS[device]
     return {"major": major, "minor": minor, "build": 0}
 
 
-def _alone(handler: Handler) -> Handler:
-    """What the two motors answer, and nothing else on the bus."""
-    return lambda sim, values: handler(sim, values) if values["device"] in (AZM, ALT) else None
+def _ways(name: str, handler: Callable[[SimulatedMount, Values, int], Values | None]) -> dict[str, Handler]:
+    """Two rows that differ in the sense in which something turns."""
+    return {
+        f"{name}_pos": lambda sim, values: handler(sim, values, +1),
+        f"{name}_neg": lambda sim, values: handler(sim, values, -1),
+    }
 
 
-#: What the motors alone answer.
-_MOTORS: dict[str, Handler] = {
-    "pulse": _pulse,
-    "pulse_active": _pulse_active,
-    "axis_set_position": _set_position,
-    "level_start": _seek_home,
-    "level_done": _home_found,
-    "set_guide_rate": _keep("guide rate", 255),
-    "guide_rate": _tell("guide rate", 128),
-    "set_backlash_pos": _keep("positive backlash", FULL_BACKLASH),
-    "set_backlash_neg": _keep("negative backlash", FULL_BACKLASH),
-    "backlash_pos": _tell("positive backlash", 0),
-    "backlash_neg": _tell("negative backlash", 0),
-    "motor_model": _motor_model,
-    "pec_bin": _steady(0, motors=(1, 0), part="pec"),
-    "pec_recorded": _steady(0, motors=(1, 0), part="pec"),
-    "at_index": _steady(255, motors=(1, 0), part="pec"),
-    "max_rate_on": _steady(0, motors=(1, 0)),
-    "cordwrap": _steady(255, motors=CORDWRAP_FIRMWARE),
-    "approach": _steady(1, motors=(1, 0)),
-}
 DEVICES: dict[str, Handler] = {
-    **{name: _alone(handler) for name, handler in _MOTORS.items()},
-    "slew_azm_pos": lambda sim, values: _hand_rate(sim, values, AZM, +1),
-    "slew_azm_neg": lambda sim, values: _hand_rate(sim, values, AZM, -1),
-    "slew_alt_pos": lambda sim, values: _hand_rate(sim, values, ALT, +1),
-    "slew_alt_neg": lambda sim, values: _hand_rate(sim, values, ALT, -1),
-    "move_pos": lambda sim, values: _hand_rate(sim, values, values["device"], +1),
-    "move_neg": lambda sim, values: _hand_rate(sim, values, values["device"], -1),
-    "rate_azm_pos": lambda sim, values: _variable_rate(sim, values, AZM, +1),
-    "rate_azm_neg": lambda sim, values: _variable_rate(sim, values, AZM, -1),
-    "rate_alt_pos": lambda sim, values: _variable_rate(sim, values, ALT, +1),
-    "rate_alt_neg": lambda sim, values: _variable_rate(sim, values, ALT, -1),
-    "fine_rate_pos": lambda sim, values: _fine_rate(sim, values, values["device"], +1),
-    "fine_rate_neg": lambda sim, values: _fine_rate(sim, values, values["device"], -1),
+    **_ways("slew_azm", _hand_rate),
+    **_ways("slew_alt", _hand_rate),
+    **_ways("move", _hand_rate),
+    **_ways("rate_azm", _variable_rate),
+    **_ways("rate_alt", _variable_rate),
+    **{name: _where(handler) for name, handler in _ways("fine_rate", _fine_rate).items()},
+    "pulse": _where(_pulse, motors=PULSE_FIRMWARE),
+    "pulse_active": _where(
+        lambda sim, values: {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))},
+        motors=PULSE_FIRMWARE,
+    ),
+    "axis_set_position": _where(_set_position),
     "axis_position": _position,
     "axis_goto": lambda sim, values: _goto(sim, values, slow=False),
     "axis_goto_slow": lambda sim, values: _goto(sim, values, slow=True),
     "axis_done": _done,
-    "pec_record": _periodic_error,
-    "pec_playback": _periodic_error,
+    "level_start": _where(_seek_home, part="home"),
+    "level_done": _where(_done, part="home"),
+    "set_guide_rate": _where(_keep("guide rate", 255)),
+    "guide_rate": _where(_tell("guide rate", 128)),
+    "set_backlash_pos": _where(_keep("positive backlash", FULL_BACKLASH)),
+    "set_backlash_neg": _where(_keep("negative backlash", FULL_BACKLASH)),
+    "backlash_pos": _where(_tell("positive backlash", 0)),
+    "backlash_neg": _where(_tell("negative backlash", 0)),
+    "motor_model": _where(lambda sim, values: {"value": sim.row["id"]}, motors=MODEL_FIRMWARE),
+    "pec_record": _where(_periodic_error, part="pec"),
+    "pec_playback": _where(_periodic_error, part="pec"),
+    "pec_bin": _where(_steady(0), part="pec"),
+    "pec_recorded": _where(_steady(0), part="pec"),
+    "at_index": _where(_steady(255), part="pec"),
+    "max_rate_on": _where(_steady(0)),
     "max_rate": lambda sim, values: None,
-    "cordwrap_position": _cordwrap_position,
+    "cordwrap": _where(_steady(255), motors=CORDWRAP_FIRMWARE),
+    # only the azimuth motor winds cords up
+    "cordwrap_position": _where(
+        lambda sim, values: {"position": 180.0} if values["device"] == AZM else None, motors=CORDWRAP_FIRMWARE
+    ),
+    "approach": _where(_steady(1)),
     "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},
     "gps_receiver": lambda sim, values: {"value": 0x0800},
     "gps_hardware": lambda sim, values: {"value": 1},

@@ -72,7 +72,7 @@ class SimulatedHandControl(SimulatedMount):
             command, resp = next((row for row in rows if row[1] == asked), rows[0])
             data = frame[4 : 3 + count]
             values = command.request.decode(frame[:4] + data + bytes(3 - len(data)) + bytes((resp,)))
-            answer = HANDLERS[command.name](self, values)
+            answer = HANDLERS[command.name](self, {**values, "device": device})
             if answer is not None:
                 return (command.replies[0][1].encode(answer)[:-1] + bytes(asked))[:asked] + b"#"
         return bytes(asked + 1) + b"#"

@@ -125,15 +125,11 @@ def guide_rate(session: NexStarSession, command: Command, values: op.Values) -> 
 
 def set_backlash(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form; a Meade has one for both."""
-    axis = motor(values)
-    if values["value"] > _FULL_BACKLASH:
+    axis, value = motor(values), values["value"]
+    if value > _FULL_BACKLASH:
         raise Invalid
-    yield from _set(
-        session,
-        _backlash_name(command, axis),
-        values["value"],
-        op.Backlash(axis, values["value"], 1 if command.name.endswith("pos") else -1),
-    )
+    wanted = op.Backlash(axis, value, 1 if command.name.endswith("pos") else -1)
+    yield from _set(session, _backlash_name(command, axis), value, wanted)
 
 
 def backlash(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from datetime import UTC, datetime
 
 from msgspec.structs import replace
@@ -20,10 +21,8 @@ def set_site(session: NexStarSession, command: Command, values: Values) -> Handl
         return
     place = SetSite(latitude=values["latitude"], longitude=values["longitude"])
     yield Possible(place)
-    try:
+    with suppress(Fault):
         yield place
-    except Fault:
-        return
 
 
 def clock(session: NexStarSession, command: Command, values: Values) -> Handling:

@@ -11,6 +11,8 @@ is presented as a fork by its name, azimuth and altitude stay those of the sky, 
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from gateway.astro.spherical import fold_declination, wrap180, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
@@ -57,12 +59,10 @@ def cancel(session: NexStarSession, command: Command, values: op.Values) -> Hand
 
 def pier_side(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """p - always E over a fork, and over a mount that has no way to tell it: a Meade never changes sides."""
-    if not _german(session):
-        return {"side": "E"}
-    try:
-        return {"side": (yield op.PierSide())}
-    except Unsupported:
-        return {"side": "E"}
+    with suppress(Unsupported):
+        if _german(session):
+            return {"side": (yield op.PierSide())}
+    return {"side": "E"}
 
 
 # --- single axes, for programs that speak to the motors ----------------------------------------------------------
