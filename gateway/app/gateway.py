@@ -36,6 +36,7 @@ from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import WireLog
+from gateway.mount.context import Context
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
 from gateway.mount.shutdown import stop_commands
@@ -160,9 +161,9 @@ class Gateway:
         shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
-        self._controller = MountController(
-            driver, follow_ups, make_line(dialogue, self.wire_log), self.sky, site_clock, self.wire_log, policy(config)
-        )
+        line = make_line(dialogue, self.wire_log)
+        context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
+        self._controller = MountController(context, follow_ups)
         if self.keeping is None:
             recall(self.controller, self.past)
         else:

@@ -19,6 +19,7 @@ from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
 from gateway.app.reach import Scope, ask, doubt, look, reachable, unseen
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
+from gateway.mount.readings.rest import come_to_rest
 from gateway.system.runtime_folders import user
 
 #: A gateway that is seen and cannot be asked may be just beginning, or ending: so many looks, so many seconds apart.
@@ -113,7 +114,7 @@ async def _rescue(mark: MarkerContent, where: Path) -> str:
         async with asyncio.timeout(ACKNOWLEDGED):
             while wanted.owed:
                 await asyncio.sleep(0.02)
-        await gateway.controller.come_to_rest()
+        await come_to_rest(gateway.controller.context, gateway.controller.reader)
         return STOPPED
     except TimeoutError:
         return f"failed {line.reason or 'no answer from the mount'}"

@@ -80,14 +80,7 @@ class ConnectionAcceptor:
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
         client = CommandProcessor(
-            name,
-            self.controller,
-            face.surface,
-            session,
-            face.framing(),
-            write,
-            self.controller.wire_log,
-            self.controller.presence.arrive(host),
+            name, self.controller, face.surface, session, face.framing(), write, self.controller.presence.arrive(host)
         )
         client.runner.equinox = face.equinox
         self._clients.add(client)

@@ -22,19 +22,11 @@ from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
 
 
-class Milestones:
-    """``met`` is set once a mount is known to be there, ``known`` once it has said who it is, ``settled`` once it has
-    said where and when it is, too. Only ``Identification`` sets them.
-    """
-
-    def __init__(self) -> None:
-        self.met, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
-
-
 class Context:
     """The driver, the operator's policy, the log, the loop's clock, background tasks; the values that parts share.
 
-    ``closed`` is set at the end: nothing is begun any more.
+    ``met`` is set once a mount is known to be there, ``known`` once it has said who it is, ``settled`` once it has said
+    where and when it is, too (by ``Identification`` alone); ``closed`` at the end: nothing is begun any more.
     """
 
     def __init__(
@@ -42,7 +34,8 @@ class Context:
     ) -> None:
         self.driver, self.policy, self.log, self.link, self.site_clock = driver, policy, log, link, site_clock
         self.now = asyncio.get_running_loop().time
-        self.tasks, self.milestones, self.closed = BackgroundTasks(), Milestones(), False
+        self.tasks, self.closed = BackgroundTasks(), False
+        self.met, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(), WantedState()
         self.movement = Movement(self.wanted, self.cache)
         #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
@@ -50,7 +43,7 @@ class Context:
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
         self.hold, self.synced = Hold(), SyncTotal()
-        self.suns = SunAvoidance(policy.limits.sun, sky, self.sources, self.milestones.settled, self.note_once)
+        self.suns = SunAvoidance(policy.limits.sun, sky, self.sources, self.settled, self.note_once)
 
     @property
     def timing(self) -> StopTiming:

@@ -8,17 +8,13 @@ they are not; while any client polls, the cache is refreshed, so a hundred polle
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
-from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.waiting import FairScheduler
-from gateway.core.wire_log import WireLog
 from gateway.mount.context import Context
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.order_runner import Consequences, OrderRunner
@@ -29,17 +25,14 @@ from gateway.mount.presence import Presence
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
-from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.told_position import ToldPosition
-from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import SiteClock
-from gateway.protocols.base.driver import Driver, FollowUps
+from gateway.protocols.base.driver import FollowUps
 
 _T = TypeVar("_T")
 
@@ -51,26 +44,17 @@ class MountController:
     and ``touch`` that they were.
     """
 
-    def __init__(
-        self,
-        driver: Driver,
-        follow_ups: FollowUps,
-        line: MountLink,
-        sky: Sky,
-        site_clock: SiteClock,
-        wire_log: WireLog,
-        policy: Policy = Policy(),
-    ) -> None:
-        context = self.context = Context(driver, policy, wire_log, line, sky, site_clock)
-        self.driver, self.line, self.site_clock, self.wire_log = driver, line, site_clock, wire_log
-        self.now, self.loop = context.now, asyncio.get_running_loop()
+    def __init__(self, context: Context, follow_ups: FollowUps) -> None:
+        self.context, self.driver, line, site_clock = context, context.driver, context.link, context.site_clock
+        self.line, self.site_clock, self.wire_log = line, site_clock, context.log
+        self.now, self.spawn, self.loop = context.now, context.tasks.spawn, asyncio.get_running_loop()
         # What is known: of the mount, of what is wanted of it, of where and when it is.
         cache, wanted, self.movement = context.cache, context.wanted, context.movement
         self.cache, self.wanted, self.sources, self.suns = cache, wanted, context.sources, context.suns
         self.astrometry = context.astrometry
         # Exchanges with the mount.
         gate = HibernationGate(context)
-        self.verifier = ReplyVerifier(line, self.now, driver.hurry)
+        self.verifier = ReplyVerifier(line, self.now, self.driver.hurry)
         runner = DriverRunner(context, self.verifier, gate)
         self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
         # Reading it.
@@ -112,7 +96,7 @@ class MountController:
         reconciler.done.connect(self.supervisor.look_after)
         self.identification = Identification(context, runner, gate, reader, self.own, sync, reconciler, self.ends)
         self.identification.told.connect(self._found_equinox)
-        self.identified, self.settled = context.milestones.known, context.milestones.settled
+        self.identified, self.settled = context.known, context.settled
         self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
         #: What answers are made of, and whatever may outdate one.
         self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
@@ -143,16 +127,13 @@ class MountController:
         """End motion, put tracking back, forget what was planned, close the line."""
         await end_motion(self.context, self.reader, self.reconciler)
         self.context.closed = True
-        self.context.milestones.met.set()  # whoever waits for the mount goes on, and finds the line closed
-        self.context.milestones.known.set()
+        self.context.met.set()  # whoever waits for the mount goes on, and finds the line closed
+        self.context.known.set()
         self.reconciler.close()
         self.supervisor.close()
         self.reader.close()
         await self.context.tasks.close()
         await self.line.close()
-
-    def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
-        return self.context.tasks.spawn(work)
 
     # --- what is known --------------------------------------------------------------------------------------------
 
@@ -182,18 +163,10 @@ class MountController:
 
     # --- reading --------------------------------------------------------------------------------------------------
 
-    def doubts(self) -> str:
-        """What does not fit together, in one line; nothing where all fits."""
-        return doubts(self.context)
-
     def peek(self, operation: op.Operation[_T]) -> _T:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
         told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
         return cast(_T, told)
-
-    async def come_to_rest(self, seconds: float = SIGHT) -> None:
-        """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be."""
-        await come_to_rest(self.context, self.reader, seconds)
 
     # --- orders ---------------------------------------------------------------------------------------------------
 

@@ -42,7 +42,7 @@ class Identification:
         reconciler: Reconciler,
         ends: EndWatch,
     ) -> None:
-        self._context, self._driver, self._milestones = context, context.driver, context.milestones
+        self._context, self._driver = context, context.driver
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
         self._reader, self._own, self._sync, self._reconciler, self._ends = reader, own, sync, reconciler, ends
         self._asking: asyncio.Task[Any] | None = None
@@ -64,7 +64,7 @@ class Identification:
                 "the connection to the mount was lost while it moved and is back now: the mount is stopped first"
             )
             self._reconciler.begin_stop()
-        if self._reconciler.wanted.owed and self._milestones.known.is_set():
+        if self._reconciler.wanted.owed and self._context.known.is_set():
             words += stop_commands(self._driver, self._link.dialogue, ends_only=True)
 
     def _on_up(self, _: None) -> None:
@@ -83,7 +83,7 @@ class Identification:
         """Who is there, where it stands, what time it has. A stop that is owed goes before everything else."""
         if self._reconciler.wanted.owed:
             with contextlib.suppress(Fault):
-                if not self._milestones.known.is_set():
+                if not self._context.known.is_set():
                     await self._runner.drive(self._driver.greet(), STOP)
                 await self._reconciler.stop()
         met = False
@@ -98,15 +98,15 @@ class Identification:
         if self._reconciler.wanted.owed:  # it did not answer to the stop, but it does now
             self._reconciler.begin_stop()
         self.told.emit(None)
-        self._milestones.met.set()
-        self._milestones.known.set()
+        self._context.met.set()
+        self._context.known.set()
         await self.learn(op.GetStatus())
         await self.learn(op.GetSite())
         if self._counts_from_the_other_pole():
             await self.learn(op.GetStatus())
         await self.learn(op.GetClock())
         self._sync.resume()
-        self._milestones.settled.set()
+        self._context.settled.set()
         if words := doubts(self._context):
             self._context.note_once(words)
 
@@ -120,7 +120,7 @@ class Identification:
             return False
         if place is not None:
             self._reader.told(op.Position(), place)
-            self._milestones.met.set()
+            self._context.met.set()
         return True
 
     def _counts_from_the_other_pole(self) -> bool:

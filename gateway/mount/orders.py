@@ -66,7 +66,7 @@ class Orders:
                 self._context.hold.admit(operation)
         except Held as fault:
             return fault
-        if not self._context.milestones.known.is_set():
+        if not self._context.known.is_set():
             return None
         wanted = self._wanted.value
         nothing_waits = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending)

@@ -11,6 +11,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, WireLog
+from gateway.mount.context import Context
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
 from gateway.mount.policy import Limits, Policy
@@ -62,7 +63,9 @@ class Chain:
         line = MountLink(GuestWire(inner.reception), dialogue, self.wire_log)
         site_clock = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
-        self.controller = MountController(driver, follow_ups, line, Sky(), site_clock, self.wire_log, Policy(limits))
+        self.controller = MountController(
+            Context(driver, Policy(limits), self.wire_log, line, Sky(), site_clock), follow_ups
+        )
         face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
         self.reception = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
 

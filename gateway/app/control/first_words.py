@@ -14,6 +14,7 @@ from msgspec import Struct
 from gateway.app.control.gather import LATELY, clock, gather, site
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
+from gateway.mount.safety.admission.contradictions import doubts
 
 
 class Said(Struct, frozen=True):
@@ -46,7 +47,7 @@ def first_words(controller: MountController, model: str | None, version: str | N
             "(north and east are positive)",
             warns=True,
         )
-    if words := controller.doubts():
+    if words := doubts(controller.context):
         yield Said(words.removeprefix("WARNING: "), warns=True)
 
 

@@ -15,7 +15,7 @@ from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
-from gateway.mount.readings.rest import SIGHT
+from gateway.mount.readings.rest import SIGHT, come_to_rest
 
 STOPPED, HELD, RELEASED = "stopped", "held", "released"
 #: Seconds that a mount has to acknowledge a stop; a hand control takes 3.5 for one answer at worst.
@@ -63,7 +63,7 @@ async def stopped(controller: MountController) -> str:
         owed = "; the stop is owed, and the first thing that it is sent when it answers again" * controller.wanted.owed
         return f"failed {why}{owed}"
     try:
-        await controller.come_to_rest()
+        await come_to_rest(controller.context, controller.reader)
     except Fault as fault:
         return f"failed {fault}"
     return STOPPED

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
-from pathlib import Path
 
 from msgspec import Struct
 
@@ -65,7 +64,9 @@ class StateStore:
         in_thread: InThread = asyncio.to_thread,
     ) -> None:
         self.directory, self.name = directory(configured), file.file_name(protocol, where)
-        self.path = self.directory / f"{self.name}.json"
+        self.path, self._mark_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))
+        #: The file that names the process which these files belong to; another number in it is another gateway.
+        self.lock_path = self.directory / f"{self.name}.lock"
         self.held = False
         #: A simulated mount in this process ends with it, so there is nothing to stop, and nobody to warn of another.
         self._simulated = where == "sim"
@@ -84,15 +85,6 @@ class StateStore:
         self._dirty = False
         self._closing = asyncio.Event()
         self._writer: asyncio.Task[None] | None = None
-
-    @property
-    def lock_path(self) -> Path:
-        """The file that names the process which these files belong to; another number in it is another gateway."""
-        return self.directory / f"{self.name}.lock"
-
-    @property
-    def _mark_path(self) -> Path:
-        return self.directory / f"{self.name}.moving"
 
     def _say(self, text: str) -> None:
         """Once: a disk that is full stays full for a while."""

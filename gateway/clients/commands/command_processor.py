@@ -13,11 +13,11 @@ from collections import deque
 from collections.abc import Callable
 
 from gateway.clients.commands.pushes import Pushes
-from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, ReplyCache, Turn
+from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
-from gateway.core.wire_log import ClientLog, WireLog, show
+from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.presence import HostActivity
 from gateway.protocols.base.frames import Framer, Unterminated
@@ -38,16 +38,16 @@ class CommandProcessor:
         session: Session,
         framer: Framer,
         write: Write,
-        wire_log: WireLog,
         life: HostActivity,
     ) -> None:
         self.life = life
         self.controller, self.surface, self.session = controller, surface, session
         self._wanted = controller.wanted
         self.framer, self.write = framer, write
-        self.log = ClientLog(name, wire_log)
-        self._inbox, self._cache = Inbox(self.log), ReplyCache()
-        self.runner = TurnRunner(controller, surface, session, life, self.log, self._cache)
+        self.log = ClientLog(name, controller.wire_log)
+        self._inbox = Inbox(self.log)
+        self.runner = TurnRunner(controller, surface, session, life, self.log)
+        self._cache = self.runner.cache
         #: The command that waits for the mount; those that nobody waits for any more.
         self._task: asyncio.Task[None] | None = None
         self._late: set[asyncio.Task[None]] = set()

@@ -63,16 +63,10 @@ class TurnRunner:
     """Of one client. ``rights`` are what it may ask for, ``equinox`` is how it counts coordinates."""
 
     def __init__(
-        self,
-        controller: MountController,
-        surface: Surface,
-        session: Session,
-        life: HostActivity,
-        log: ClientLog,
-        cache: ReplyCache,
+        self, controller: MountController, surface: Surface, session: Session, life: HostActivity, log: ClientLog
     ) -> None:
         self._controller, self._surface, self._session = controller, surface, session
-        self._life, self._log, self._cache = life, log, cache
+        self._life, self._log, self.cache = life, log, ReplyCache()
         self.rights = Rights()
         self.equinox: J2000 | None = None
         self.begun = Begun(controller, log, life)
@@ -163,7 +157,7 @@ class TurnRunner:
 
     def _again(self, operation: Operation, turn: Turn) -> object:
         """What this client was told a moment ago; None when that is too long ago."""
-        told = self._cache.again(operation, self._controller.now())
+        told = self.cache.again(operation, self._controller.now())
         if told is None:
             return None
         value, version = told
@@ -177,7 +171,7 @@ class TurnRunner:
         if self.equinox is not None:
             value = self.equinox.outward(operation, value)
         if type(operation) in FRESH:
-            self._cache.told(operation, value, self._controller.now(), self._controller.version)
+            self.cache.told(operation, value, self._controller.now(), self._controller.version)
         return value
 
     async def reading(self, operation: Operation) -> object:

@@ -222,13 +222,13 @@ class Transaction:
             elif taken is not None:
                 if taken[1] and expected.bare and not self._hurried:
                     self._settling = True
-                    if await self._something_within(settle):
+                    if await self._arrived.within(settle):
                         taken = self._take(ask) or taken
                     self._settling = False
                 return taken
             elif now >= deadline:
                 return None
-            await self._something_within((busy_at if ask.long and now < busy_at else deadline) - now)
+            await self._arrived.within((busy_at if ask.long and now < busy_at else deadline) - now)
         return None
 
     def _unanswered(self, ask: Send, expected: Expected, began: float) -> Fault:
@@ -278,7 +278,7 @@ class Transaction:
         while not self.lost and self._now() < give_up:
             left = max(self._heard, self.wrote) + quiet - self._now()
             self._arrived.clear()
-            if left <= 1e-6 or not await self._something_within(left):
+            if left <= 1e-6 or not await self._arrived.within(left):
                 break
         anything = bool(self._buffer)
         if anything and self._unanswered_since is not None:
@@ -286,7 +286,3 @@ class Transaction:
         self._unanswered_since = None
         self.drop("drained")
         return anything
-
-    async def _something_within(self, seconds: float) -> bool:
-        """Wait for bytes -> whether any came in time (or the wire was lost)."""
-        return await self._arrived.within(seconds)

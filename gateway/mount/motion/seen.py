@@ -51,7 +51,7 @@ class Seen(Struct, frozen=True):
 
     ``began`` is when the last motion began and ``told`` its speed where it is known. ``across`` is the speed on the
     sky. ``farthest`` are the distances from which each Sun is being approached. ``upright`` is False from when the tube
-    was seen to sink when it was lifted: it is beyond the pole or the zenith.
+    was seen to sink when it was lifted, beyond the pole or the zenith, to the end of the next goto.
     """
 
     before: PositionSample | None = None

@@ -80,7 +80,7 @@ class OwnAnswers:
         heed(task)
 
     async def _ask(self, operation: op.Own) -> bytes:
-        await self._context.milestones.known.wait()
+        await self._context.known.wait()
         lasts = LASTS.get(operation.keep, 0.0)
         try:
             answer: bytes = await self._runner.perform(operation, READ)

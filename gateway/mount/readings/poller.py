@@ -72,7 +72,7 @@ class Poller:
                 self._news[op.AxisPosition].set()
 
     async def _for_ever(self, kind: Kind) -> None:
-        await self._context.milestones.known.wait()
+        await self._context.known.wait()
         while True:
             try:
                 await self._keep_fresh(kind)
@@ -94,11 +94,8 @@ class Poller:
                 pause = min(
                     self._pause(kind, self._context.now()), HEARTBEAT - self._cache.age(kind, self._context.now())
                 )
-            await self._rest(kind, max(0.005, pause))
-
-    async def _rest(self, kind: Kind, seconds: float) -> None:
-        self._news[kind].clear()
-        await self._news[kind].within(seconds)
+            self._news[kind].clear()
+            await self._news[kind].within(max(0.005, pause))
 
     async def _now_and_then(self, now: float) -> None:
         """The heartbeat; the mount's own clock and site while nothing moves, whoever asks: limits go by them, too."""

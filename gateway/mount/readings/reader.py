@@ -42,8 +42,8 @@ class Reader:
     """
 
     def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, told: ToldPosition) -> None:
-        self._context, self._milestones = context, context.milestones
-        self._driver, self._now, self._link, self._cache = context.driver, context.now, context.link, context.cache
+        self._context, self._driver, self._now, self._link, self._cache = (
+            context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
         self._runner, self._fair, self._told = runner, fair, told
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
@@ -64,7 +64,7 @@ class Reader:
 
     def _there(self, operation: op.Operation) -> asyncio.Event:
         """What must have happened before the mount is asked this: where it points it tells before its name."""
-        return self._milestones.met if isinstance(operation, op.Position) else self._milestones.known
+        return self._context.met if isinstance(operation, op.Position) else self._context.known
 
     async def tell(self, operation: op.Operation) -> Any:
         """The answer for a program. Raises Fault where there is nothing to tell.

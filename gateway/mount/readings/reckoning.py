@@ -154,55 +154,51 @@ def _within(going: Course, inside: Inside) -> Course:
     return Course(begins, going.rates, going.rooms, good)
 
 
-class TargetLimits:
-    """The limits as a question about one place: may the mount be told to point there?
+# --- the limits as a question about one place: may a program be told that the mount points there? ---------------------
+# What is really done at a limit is decided elsewhere, by what the mount tells.
 
-    ``over_the_horizon`` and ``on_the_sky`` give the question, by what is known now. What is really done at a limit is
-    decided elsewhere, by what the mount tells.
+
+def over_the_horizon(context: Context) -> Inside:
+    """Of an azimuth and an altitude, by what is known now."""
+    limits = _limits(context)
+    return lambda _, altitude: limits.lowest <= altitude <= limits.highest
+
+
+def on_the_sky(context: Context) -> Inside:
+    """Of a right ascension and a declination of date: altitude, Sun, hour angle of a mount whose side is known.
+
+    While the site is unknown the Sun alone counts.
     """
+    limits, astrometry, suns = _limits(context), context.astrometry, context.suns
+    meridian = _meridian(context, limits.hour_angle)
 
-    def __init__(self, context: Context) -> None:
-        self._context = context
+    def inside(ra: float, dec: float) -> bool:
+        altitude = astrometry.altitude(ra, dec)
+        if altitude is not None and not limits.lowest <= altitude <= limits.highest:
+            return False
+        if any(distance < suns.limit for distance in suns.distances(op.Equatorial(ra, dec))):
+            return False
+        return meridian(ra)
 
-    def _limits(self) -> Limits:
-        """The operator's limits, narrowed by the programs whose motion is under way."""
-        limits, motion = self._context.policy.limits, self._context.wanted.value.motion
-        for moving in [motion.operation] if isinstance(motion, Slew) else self._context.wanted.by_hand.values():
-            if isinstance(moving, op.Move | op.Goto):
-                limits = limits.narrowed(moving.lowest, moving.highest)
-        return limits
+    return inside
 
-    def over_the_horizon(self) -> Inside:
-        """Of an azimuth and an altitude."""
-        limits = self._limits()
-        return lambda _, altitude: limits.lowest <= altitude <= limits.highest
 
-    def on_the_sky(self) -> Inside:
-        """Of a right ascension and a declination of date: altitude, Sun, hour angle of a mount whose side is known.
+def _limits(context: Context) -> Limits:
+    """The operator's limits, narrowed by the programs whose motion is under way."""
+    limits, motion = context.policy.limits, context.wanted.value.motion
+    for moving in [motion.operation] if isinstance(motion, Slew) else context.wanted.by_hand.values():
+        if isinstance(moving, op.Move | op.Goto):
+            limits = limits.narrowed(moving.lowest, moving.highest)
+    return limits
 
-        While the site is unknown the Sun alone counts.
-        """
-        limits, astrometry, suns = self._limits(), self._context.astrometry, self._context.suns
-        meridian = self._meridian(limits)
 
-        def inside(ra: float, dec: float) -> bool:
-            altitude = astrometry.altitude(ra, dec)
-            if altitude is not None and not limits.lowest <= altitude <= limits.highest:
-                return False
-            if any(distance < suns.limit for distance in suns.distances(op.Equatorial(ra, dec))):
-                return False
-            return meridian(ra, dec)
-
-        return inside
-
-    def _meridian(self, limits: Limits) -> Inside:
-        """A goto crosses the meridian on its way: the limit is that of a motion by hand."""
-        context, limit = self._context, limits.hour_angle
-        driver, cache = context.driver, context.cache
-        status = cache.value(op.GetStatus)
-        side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
-        known = status is not None and status.equatorial and can_be_told(driver.german, side)
-        if limit is None or not known or context.movement.slewing or context.sources.site() is None:
-            return lambda ra, dec: True
-        sidereal = context.astrometry.sidereal_time()
-        return lambda ra, _: past_meridian(sidereal - ra, side) <= limit
+def _meridian(context: Context, limit: float | None) -> Callable[[float], bool]:
+    """Of a right ascension. A goto crosses the meridian on its way: the limit is that of a motion by hand."""
+    driver, cache = context.driver, context.cache
+    status = cache.value(op.GetStatus)
+    side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
+    known = status is not None and status.equatorial and can_be_told(driver.german, side)
+    if limit is None or not known or context.movement.slewing or context.sources.site() is None:
+        return lambda _: True
+    sidereal = context.astrometry.sidereal_time()
+    return lambda ra: past_meridian(sidereal - ra, side) <= limit

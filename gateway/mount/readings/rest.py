@@ -40,7 +40,7 @@ class Look(NamedTuple):
     turns: float
 
 
-async def come_to_rest(context: Context, reader: Reader, seconds: float) -> None:
+async def come_to_rest(context: Context, reader: Reader, seconds: float = SIGHT) -> None:
     """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be.
 
     One that hibernates said so itself, and is not asked.

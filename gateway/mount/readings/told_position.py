@@ -18,18 +18,9 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Slew
+from gateway.mount.readings import reckoning
 from gateway.mount.readings.cache import FRESH, LAST_POSITION, MISSING, Kind
-from gateway.mount.readings.reckoning import (
-    EARLIER,
-    SOONEST,
-    Course,
-    Inside,
-    Pair,
-    Reading,
-    TargetLimits,
-    course,
-    place,
-)
+from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
 
 #: The reads that tell where the mount points.
 PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
@@ -72,7 +63,7 @@ class ToldPosition:
     def __init__(self, context: Context) -> None:
         self._context, self._driver, self._now = context, context.driver, context.now
         self._cache, self._wanted, self._movement = context.cache, context.wanted, context.movement
-        self._astrometry, self._limits = context.astrometry, TargetLimits(context)
+        self._astrometry = context.astrometry
         self.changed: Signal[None] = Signal()
         self._taken: dict[Kind, tuple[Taken | None, Taken]] = {}
         self._courses: dict[Kind, Course] = {}
@@ -203,8 +194,9 @@ class ToldPosition:
 
     def _inside(self, kind: Kind) -> Inside | None:
         if kind is op.Position:
-            return self._limits.on_the_sky()
-        return None if kind is op.AxisPosition and self._equatorial else self._limits.over_the_horizon()
+            return reckoning.on_the_sky(self._context)
+        unknown = kind is op.AxisPosition and self._equatorial
+        return None if unknown else reckoning.over_the_horizon(self._context)
 
     def _goal(self, kind: Kind) -> Pair | None:
         """Where the goto that is under way leads, as this read tells it; None where nobody here knows."""

@@ -72,11 +72,6 @@ class LimitWatch:
         return self._mount.now() < self._restless_until
 
     @property
-    def upright(self) -> bool:
-        """False from when the tube was seen to sink when it was lifted to the end of the next goto."""
-        return self.seen.upright
-
-    @property
     def axes_every(self) -> float | None:
         """How often the axes are to be read for the altitude that they tell, seconds; None where that is not needed."""
         return self.altitude_axis.every(self._mount.movement.anything or self.restless)

@@ -47,7 +47,7 @@ class SiteAndClock:
     async def _first_answers(self) -> None:
         try:
             async with asyncio.timeout(FIRST_ANSWER):
-                await self._context.milestones.settled.wait()
+                await self._context.settled.wait()
         except TimeoutError:
             raise NoAnswer from None
 

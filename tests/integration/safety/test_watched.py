@@ -110,7 +110,7 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
             await polled(bridge, client, b":GR#", 8.0)
             client.tell(b":Qn#")
             await asyncio.sleep(2.0)
-            assert not bridge.controller.watch.upright
+            assert not bridge.controller.watch.seen.upright
             await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
             await asyncio.sleep(0.9)
             while bridge.controller.reader._sharing:
@@ -123,10 +123,10 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
                 op.Slewing()
             )  # the end of the goto is seen while the stop is on its way
             await asyncio.sleep(2.0)
-            assert not bridge.controller.watch.upright
+            assert not bridge.controller.watch.seen.upright
             await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
             await ready(bridge, client, b":GR#")
-            assert bridge.controller.watch.upright
+            assert bridge.controller.watch.seen.upright
 
     run(program())
 

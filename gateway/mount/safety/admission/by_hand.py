@@ -193,6 +193,6 @@ class HandAdmission:
 async def over(mount: Context, ask: Reader, watch: LimitWatch) -> bool:
     """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way."""
     if not mount.driver.way(op.AxisPosition):
-        return not watch.upright
+        return not watch.seen.upright
     here: op.Horizontal = await ask.read(op.AxisPosition())
     return abs(wrap180(here.alt)) > 90.0

@@ -132,14 +132,13 @@ def time_unknown(best: Time) -> bool:
 
 def doubts(mount: Context) -> str:
     """One line, or nothing."""
-    found = [*_contradictions(mount.sources), *_park(mount)]
+    found = [
+        f"{words} (gotos that either of them would forbid are refused)"
+        for place, _, words in contradictions(mount.sources.sites(), mount.sources.times())
+        if place is not None
+    ]
+    found += _park(mount)
     return f"WARNING: {'; '.join(found)}" if found else ""
-
-
-def _contradictions(sources: BestSources) -> Iterator[str]:
-    for place, _, words in contradictions(sources.sites(), sources.times()):
-        if place is not None:
-            yield f"{words} (gotos that either of them would forbid are refused)"
 
 
 def _park(mount: Context) -> Iterator[str]:

@@ -44,7 +44,7 @@ class Admission:
         if isinstance(operation, GOTOS):
             with contextlib.suppress(TimeoutError):  # where and when the mount is, it tells right after who it is
                 async with asyncio.timeout(TELLS_ITS_SITE):
-                    await self._mount.milestones.settled.wait()
+                    await self._mount.settled.wait()
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:
