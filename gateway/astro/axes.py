@@ -21,8 +21,6 @@ Pair = tuple[float, float]
 
 
 class Build(Enum):
-    """How the axes stand."""
-
     ALTAZ = "alt-az"
     WEDGE = "wedge"
     GERMAN = "german"

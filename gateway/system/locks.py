@@ -68,7 +68,6 @@ class PidLock:
 
 
 def read_pid(path: Path) -> int | None:
-    """The process that a lock's file names."""
     with contextlib.suppress(OSError, ValueError):
         number = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
         try:

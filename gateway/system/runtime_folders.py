@@ -118,7 +118,6 @@ def _unfit(folder: Path) -> str:
 
 
 def user_name(number: int) -> str:
-    """What a user is called in a message."""
     try:
         import pwd
 

@@ -118,5 +118,4 @@ def give_up(stream: TextIO) -> None:
 
 
 def reason(error: Exception) -> str:
-    """In words."""
     return str(getattr(error, "strerror", None) or error)

@@ -8,6 +8,7 @@ the pace of a real line flatters.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 
 #: A start bit, eight bits of data and a stop bit.
@@ -105,26 +106,17 @@ def misread(data: bytes, sent: int, read: int) -> bytes:
         return data
     wire = [bit for byte in data for bit in (0, *(byte >> place & 1 for place in range(8)), 1)]
     width = sent / read  # of one of the receiver's bits, in bits of the sender
+    wire += [1] * (1 + int(BITS * width))  # idle when everything is sent
     received = bytearray()
     at = 0.0
-    while True:
-        start = _fall(wire, at)
-        if start is None:
-            return bytes(received)
-        samples = [_level(wire, start + (bit + 0.5) * width) for bit in range(BITS)]
-        received.append(sum(level << place for place, level in enumerate(samples[1:9])))
+    while (start := _fall(wire, at)) is not None:
+        samples = [wire[int(start + (bit + 0.5) * width)] for bit in range(1, 9)]
+        received.append(sum(level << place for place, level in enumerate(samples)))
         at = start + (BITS - 0.5) * width
-
-
-def _level(wire: list[int], at: float) -> int:
-    """The line at a time in the sender's bits; idle when everything is sent."""
-    return wire[int(at)] if at < len(wire) else 1
+    return bytes(received)
 
 
 def _fall(wire: list[int], at: float) -> float | None:
     """When the line next falls from 1 to 0, or None. A line that is low already must rise first."""
-    for bit in range(int(at), len(wire)):
-        before = wire[bit - 1] if bit else 1
-        if wire[bit] == 0 and before == 1 and bit >= at - 1e-9:
-            return float(bit)
-    return None
+    falls = (bit for bit in range(math.ceil(at - 1e-9), len(wire)) if wire[bit] == 0 and (not bit or wire[bit - 1]))
+    return next(map(float, falls), None)

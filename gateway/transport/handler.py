@@ -18,8 +18,6 @@ class ConnectionRefused(Exception):
 
 
 class ConnectionHandler(Protocol):
-    """Whoever talks to one connection."""
-
     @property
     def ended(self) -> bool:
         """Whether the last bytes did nothing but end motions without a reply: the same again would be no news."""

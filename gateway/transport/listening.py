@@ -42,7 +42,6 @@ async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[
 
 
 def _reason(error: OSError, host: str) -> str:
-    """What is wrong, and what to do about it."""
     if isinstance(error, socket.gaierror):
         return (
             f"no address is known for the name {host}; write 0.0.0.0 for everybody who can reach this "

@@ -163,7 +163,6 @@ class _Pair:
         return self._epoll is not None and any(event & select.POLLHUP for _, event in self._open.poll(0))
 
     def last_words(self) -> bytes:
-        """Everything that is there at this moment."""
         words = b""
         while True:
             try:

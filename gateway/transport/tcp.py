@@ -30,8 +30,6 @@ ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEP
 
 
 class _Connection(asyncio.BufferedProtocol):
-    """One TCP connection."""
-
     def __init__(self, port: TcpPort) -> None:
         self._port = port
         self._guest: ConnectionHandler | None = None

@@ -49,8 +49,6 @@ _REASONS = (
 
 
 class Transport(Protocol):
-    """A way to the mount."""
-
     name: str
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:

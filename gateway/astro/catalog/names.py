@@ -41,25 +41,19 @@ _STARS = {bare(name): HIPPARCOS[ALSO.get(name, name)] for name in (*HIPPARCOS, *
 
 
 def star(name: str) -> int | None:
-    """The Hipparcos number of a star's name."""
     return _STARS.get(bare(name))
 
 
 def look_up(name: str, year: float) -> Entry | None:
     """The star or deep sky object of a name. Raises NotInstalled where the star's catalogue is missing."""
     number = star(name)
-    if number is not None:
-        return _star(number, name, year)
-    row = {bare(known): row for known, row in _deep_sky().items()}.get(bare(name))
-    return None if row is None else deepsky.by_row(row)
-
-
-def _star(number: int, name: str, year: float) -> Entry | None:
-    """From the catalogue, else from the bright stars that are known without it. Raises NotInstalled."""
+    if number is None:
+        row = {bare(known): row for known, row in _deep_sky().items()}.get(bare(name))
+        return None if row is None else deepsky.by_row(row)
     try:
         return stars.hipparcos(number, year)
     except NotInstalled:
-        place = by_number(number, year)
+        place = by_number(number, year)  # one of the bright stars that are known without it
         if place is None:
             raise
         return Entry(name, "*", *place)

@@ -116,7 +116,6 @@ class TableLoader:
             self._queue.put(day)
 
     def _work(self, asked: SimpleQueue[int], done: Callable[[], object] | None) -> None:
-        """The thread."""
         self.load()
         while not self.failure:
             day = asked.get()

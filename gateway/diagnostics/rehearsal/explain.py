@@ -150,7 +150,6 @@ def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozen
 
 
 def _means(outcome: str) -> str:
-    """An outcome with what the word stands for."""
     return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
 
 
@@ -162,7 +161,6 @@ def _own(protocol: CommandSet, name: str) -> list[str]:
 
 
 def _hint(client: str, mount: str, frame: bytes) -> str:
-    """What may be wrong with it."""
     driven = client if client in mounts() else mount
     for other, spec in PROTOCOLS.items():
         if other != client and spec.commands.find(frame) is not None:

@@ -150,12 +150,10 @@ def _no_form(surface: Surface, frame: bytes) -> bytes:
 
 
 def _has_no(command: Command, surface: Surface, frame: bytes) -> bool:
-    """Whether the protocol has a form for no."""
     return any(reply.fault for reply, _ in command.replies) or bool(_no_form(surface, frame))
 
 
 def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
-    """Whether a reply says no."""
     forms = [form for answer, form in command.replies if answer.fault]
     if not reply:
         return False

@@ -7,6 +7,7 @@ mount points) are part of it only as far as they come before the reply; what cha
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -95,7 +96,6 @@ def looks(protocol: str) -> frozenset[str]:
 
 
 def is_look(protocol: CommandSet, data: bytes) -> bool:
-    """Whether a request only asks."""
     found = protocol.find(data)
     return found is not None and found[0].name in looks(protocol.name)
 
@@ -106,12 +106,8 @@ def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, we
     What old mounts do not tell is in the settings: name, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
-    model = mount.model or spec.default_model
-    config: dict[str, object] = {"site": DEFAULT_SITE}
-    if wedge:
-        config["mode"] = "eq-north"
     return Stage(
-        model,
+        mount.model or spec.default_model,
         mount.version,
         start=START,
         driven=mount.protocol,
@@ -122,9 +118,17 @@ def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, we
         sky=sky,
         speed=HURRY,
         named=True,
-        config=config,
+        config={"site": DEFAULT_SITE} | ({"mode": "eq-north"} if wedge else {}),
         simulated=spec.rehearsed_with(wedge),
     )
+
+
+async def _until(reached: Callable[[], bool], seconds: float) -> None:
+    """Wait for it, no longer than so many seconds."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + seconds
+    while not reached() and loop.time() < end:
+        await asyncio.sleep(_STEP)
 
 
 class Player:
@@ -171,17 +175,11 @@ class Player:
     async def _settled(self, visitor: Visitor, least: float) -> None:
         """Until everything said was answered, and no longer than a program waits."""
         await asyncio.sleep(least)
-        loop = asyncio.get_running_loop()
-        end = loop.time() + PATIENCE
-        while not visitor.answered and loop.time() < end:
-            await asyncio.sleep(_STEP)
+        await _until(lambda: visitor.answered, PATIENCE)
 
     async def _at_rest(self) -> None:
         """Until the mount has come to where it was sent, and the gateway has seen it there."""
-        loop = asyncio.get_running_loop()
-        end = loop.time() + ARRIVED
-        while (self.stage.sim.slewing or self.stage.controller.reconciler.busy) and loop.time() < end:
-            await asyncio.sleep(_STEP)
+        await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), ARRIVED)
 
     def _kept(self) -> str:
         """What this client and all of them together keep, as one comparable text."""

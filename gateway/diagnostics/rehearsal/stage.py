@@ -123,8 +123,6 @@ class Stage:
 
 
 class Visitor:
-    """One connection."""
-
     def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._more = TimedEvent()

@@ -19,7 +19,6 @@ from gateway.diagnostics.rehearsal.explain import before, counted, greeted, sky,
 from gateway.diagnostics.rehearsal.judge import Case, differences, writes
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
-from gateway.diagnostics.rehearsal.stage import Stage
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import pairs as protocol_pairs
 from gateway.protocols.wireformat.command import Command
@@ -33,8 +32,6 @@ SETTINGS = frozenset({"SetSite", "SetClock", "ClockFromGps"})
 
 
 class Pair(NamedTuple):
-    """A presented model and a mount, both with their versions."""
-
     face: Endpoint
     mount: Endpoint
 
@@ -50,8 +47,6 @@ class State(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """Where the tables and the wire disagree."""
-
     protocol: str
     row: str
     words: str
@@ -87,13 +82,13 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
         player = Player(shared)
         for command in asking:
             plays += 1
-            found += await _one(pair, player, command, protocol, driven, State(), GLANCE)
+            found += await _one(pair, player, command, State(), GLANCE)
     for command in commands:
         row = protocol.surface.get(command.name)
         for state in _states(row, driven, pair.mount.model or ""):
             plays += 1
             async with stage(pair.face, pair.mount, sky(), aligned=state.aligned, wedge=state.wedge) as own:
-                found += await _one(pair, Player(own), command, protocol, driven, state, _long(row))
+                found += await _one(pair, Player(own), command, state, _long(row))
     return plays, found
 
 
@@ -118,13 +113,10 @@ def _states(row: SurfaceRow | None, driven: CommandSet, model: str) -> Iterator[
         yield State(wedge=True)
 
 
-async def _one(
-    pair: Pair, player: Player, command: Command, protocol: CommandSet, driven: CommandSet, state: State, watched: float
-) -> list[Difference]:
+async def _one(pair: Pair, player: Player, command: Command, state: State, watched: float) -> list[Difference]:
     """One row, played and judged."""
-    row = protocol.surface.get(command.name)
-    frame = example(command)
-    own: Stage = player.stage
+    protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol), player.stage
+    row, frame = protocol.surface.get(command.name), example(command)
     said = before(pair.face, row) if row is not None and _alone(row) else greeted(pair.face)
     play: Play = await player.play(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)

@@ -153,15 +153,8 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
     loop = asyncio.get_running_loop()
     began = loop.time()
-
-    def now() -> float:
-        return loop.time() - began
-
-    def clock() -> float:
-        return float(recording.settings["began"]) + now()
-
-    gateway = _gateway(recording, clock)
-
+    ahead = float(recording.settings["began"]) - began
+    gateway = _gateway(recording, lambda: loop.time() + ahead)
     rows = Rows(gateway.mount.protocol, [endpoint.protocol for endpoint in gateway.endpoints])
 
     def put(entry: Entry) -> None:
@@ -169,7 +162,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
             show(plain(row))
 
     gateway.wire_log.sinks.append(put)
-    simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)
+    simulator = make_simulator(gateway.mount, clock=gateway.clock, site=gateway.config.site or DEFAULT_SITE)
     gateway.prepare(
         lambda dialogue, wire_log: MountLink(SimulatedTransport("sim", simulator.connection), dialogue, wire_log)
     )
@@ -177,7 +170,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
     clients = _Clients(gateway)
     gateway.begin()
     for event in recording:
-        await asyncio.sleep(max(0.0, event.at - now()))
+        await asyncio.sleep(max(0.0, event.at + began - loop.time()))
         if event.side != MOUNT:
             clients.play(event)
     await asyncio.sleep(AFTERWARDS)

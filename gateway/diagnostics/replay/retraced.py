@@ -91,7 +91,6 @@ class RetracedLoop(TurnLoop):
 
     @property
     def over(self) -> bool:
-        """The last turn has begun."""
         return self._next is None
 
     def _enter(self, event: Event) -> None:
@@ -147,8 +146,6 @@ class RetracedEntrance(Entrance):
 
 
 class RetracedWire:
-    """The mount as it was recorded."""
-
     name = "recording"
 
     def __init__(self, entrance: RetracedEntrance, now: Callable[[], float]) -> None:

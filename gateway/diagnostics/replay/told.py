@@ -53,7 +53,6 @@ class Told:
             self.guest.close()
 
     def was_told(self, event: Event) -> None:
-        """A reply of then."""
         self.then += event.data
         self.at = event.at
 
@@ -79,5 +78,4 @@ def surface_and_host(event: Event) -> tuple[int, str]:
 
 
 def in_words(found: list[Difference]) -> list[str]:
-    """One line each."""
     return [f"{item.at:.3f} s, {item.client}: then {item.then!r}, now {item.now!r}" for item in found]

@@ -50,8 +50,6 @@ class Replies(Protocol):
 
 
 class PlainReplies:
-    """The replies of a protocol, by its tables alone."""
-
     def __init__(self, commands: CommandSet) -> None:
         self._commands = commands.commands
 

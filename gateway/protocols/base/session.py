@@ -65,7 +65,6 @@ class MountSettings(Struct, frozen=True):
     pulse_ends: Mapping[int, float] = {}
 
     def stored(self, index: int) -> NamedSite:
-        """What is stored of a site."""
         return self.sites.get(index, UNNAMED)
 
     def with_site(self, index: int, site: NamedSite) -> MountSettings:
@@ -120,7 +119,6 @@ class Session:
 
     @property
     def shared(self) -> MountSettings:
-        """What all clients have in common."""
         return self.common.settings
 
     def set_for_all(self, settings: MountSettings, *, lasting: bool = True) -> None:

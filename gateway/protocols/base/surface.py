@@ -39,8 +39,6 @@ class Ending(NamedTuple):
 
 
 class Surface:
-    """One protocol's face to its clients."""
-
     def __init__(
         self,
         protocol: CommandSet,
@@ -108,9 +106,10 @@ class Surface:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
-            if session.model.get("own") and "fault" not in values and (keep := self._keep(command)) is not None:
+            own = self.protocol.own.get(command.name) if session.model.get("own") else None
+            if own is not None and own.keep is not None and "fault" not in values:
                 with suppress(Unsupported):
-                    return (yield from self._own(session, command, keep, values))
+                    return (yield from self._own(session, command, own.keep, values))
             if passed and not self.passes(command.name, values):
                 return self.unanswered(frame, None)
             if row is None or passed:
@@ -149,11 +148,6 @@ class Surface:
         """Carry out a special -> the reply's values."""
         outcome = self.handlers[name](session, command, values)
         return (yield from outcome) if isinstance(outcome, Generator) else outcome
-
-    def _keep(self, command: Command) -> str | None:
-        """For how long the mount's own answer to a command serves; None where the gateway answers."""
-        row = self.protocol.own.get(command.name)
-        return None if row is None else row.keep
 
     def _own(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
         """The mount's own answer -> the reply. Raises Fault, Unsupported where the gateway answers after all."""

@@ -90,7 +90,6 @@ class Handwriting:
         self._degree = b"*"
 
     def learn(self, command: str, answer: bytes) -> None:
-        """An answer has come."""
         if command in EXAMPLES:
             self._examples[command] = answer
         if command == "GD":
@@ -104,8 +103,9 @@ class Handwriting:
         found = _MARKED.fullmatch(reply)
         if found is None:
             return reply
-        if command == "Gg" and example[:1].isdigit():
-            reply = _unsigned(found)
+        if command == "Gg" and example[:1].isdigit():  # west from 0 to 360, without a sign
+            minutes = int(found[2]) * 60 + int(found[3] or b"0")
+            reply = b"%03d*%02d#" % divmod((-minutes if found[1] == b"-" else minutes) % _TURN, 60)
         if command in SITE and len(example) == len(reply) + 3:  # the telescope tells seconds
             reply = reply[:-1] + b":00#"
         if len(example) == len(reply):
@@ -113,15 +113,7 @@ class Handwriting:
         return reply.replace(b"*", self._degree)
 
 
-def _unsigned(found: re.Match[bytes]) -> bytes:
-    """A longitude west from 0 to 360, of one with a sign."""
-    minutes = (int(found[2]) * 60 + int(found[3] or b"0")) * (-1 if found[1] == b"-" else 1) % _TURN
-    return b"%03d*%02d#" % divmod(minutes, 60)
-
-
 class Lx200ReplyRules:
-    """What a line must know to exchange commands with a Meade."""
-
     protocol: CommandSet = load("lx200")
     closing = b"#"
 
@@ -133,7 +125,6 @@ class Lx200ReplyRules:
         return _expected(ask.command, ask.once, ask.raw)
 
     def as_written(self, command: str, reply: bytes) -> bytes:
-        """A reply by the manual as this telescope would write it."""
         return self._hand.write(command, reply)
 
     def alike(self, one: Send, other: Send) -> bool:

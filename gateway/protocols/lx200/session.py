@@ -105,8 +105,6 @@ class LxKept(Kept):
 
 
 class LxSession(Session):
-    """A client of the LX200 surface."""
-
     state = LxKept
     kept: LxKept
 

@@ -94,10 +94,6 @@ def _answered_ack(heard: bytes, still: float) -> str | None:
     return NAME if heard in b"APLG" else "downloader" if heard == b"D" else None
 
 
-def _answered_position(heard: bytes, still: float) -> str | None:
-    return NAME if _POSITION.fullmatch(heard) else None
-
-
 def _hint(frame: bytes) -> str:
     """Its colon or its hash sign may have been forgotten."""
     whole = b":" + frame.strip(b":#") + b"#"
@@ -129,7 +125,10 @@ SPEC = ProtocolSpec(
         "tolerant": "takes arguments in every spelling that programs send, not in the manual's alone",
     },
     recognises=_recognises,
-    questions=(Question(2, ACK, _answered_ack), Question(3, POSITION, _answered_position, named=True)),
+    questions=(
+        Question(2, ACK, _answered_ack),
+        Question(3, POSITION, lambda heard, still: NAME if _POSITION.fullmatch(heard) else None, named=True),
+    ),
     states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
     capabilities={
         "coordinates": {"GR": ":GR# :GD#"},

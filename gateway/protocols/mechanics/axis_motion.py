@@ -48,13 +48,11 @@ class AxisMotion:
         return self._axes[1].position, self._axes[2].position
 
     def _where(self, now: float) -> Pair:
-        """Where the axes are."""
         self._begin_ramps()
         first, second = self._ordered(now)
         return first - self._axes[1].ramp.left(now), second - self._axes[2].ramp.left(now)
 
     def _speeds(self, now: float) -> Pair:
-        """How fast they turn."""
         self._begin_ramps()
         first, second = self._ordered_speeds(now)
         return first + self._axes[1].ramp.speed(now), second + self._axes[2].ramp.speed(now)

@@ -61,7 +61,6 @@ class Mechanics(AxisMotion):
         return wrap360(self.sky.sidereal(now) - hour_angle), dec
 
     def slewing(self, now: float, axis: int | None = None) -> bool:
-        """Whether a goto is under way (of that axis)."""
         self.advance(now)
         legs = [self._axes[number].leg for number in ((1, 2) if axis is None else (axis,))]
         return any(leg is not None and (axis is None or now < leg.ends) for leg in legs)
@@ -76,7 +75,6 @@ class Mechanics(AxisMotion):
         return self._on and (self.build is Build.ALTAZ or self._sense == self.geometry.pole)
 
     def pulsing(self, now: float, axis: int) -> bool:
-        """Whether a guide pulse is running."""
         self.advance(now)
         return self._axes[axis].pulse != 0.0
 

@@ -70,6 +70,5 @@ class Simulated(ABC):
 
     @property
     def slewing(self) -> bool:
-        """Whether a slew is under way."""
         self.come_to_now()
         return self.mechanics.slewing(self.now)

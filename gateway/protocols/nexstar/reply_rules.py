@@ -49,8 +49,6 @@ def _reply(command: str) -> _Reply:
 
 
 class NexStarReplyRules:
-    """What a line must know to exchange commands with a hand control."""
-
     protocol: CommandSet = PROTOCOL
     closing = b""
 
@@ -97,7 +95,6 @@ class NexStarReplyRules:
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 
     def proven(self, ask: Send, values: Values) -> bool:
-        """Whether a proof came back as it should."""
         return bool(values.get("echo") == ask.values["echo"])
 
 

@@ -22,8 +22,6 @@ class NexStarKept(Kept):
 
 
 class NexStarSession(Session):
-    """A client of the NexStar surface."""
-
     state = NexStarKept
     kept: NexStarKept
 

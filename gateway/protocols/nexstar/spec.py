@@ -121,14 +121,6 @@ def _check_version(text: str) -> str:
     return text
 
 
-def _starsense(version: str | None) -> str:
-    return STARSENSE if version is None else f"{STARSENSE}-{version}"
-
-
-def _answered_echo(heard: bytes, still: float) -> str | None:
-    return NAME if heard.endswith(ECHO[1:] + b"#") else None
-
-
 def _unknown_model(version: str) -> str:
     if parse_version(version) < (2, 2):
         return "if it is a NexStar GPS, write nexstar:nexstar-gps@ instead of nexstar@"
@@ -157,11 +149,11 @@ SPEC = ProtocolSpec(
     counts_as=lambda text: numbered(text).counts_as,
     check_version=_check_version,
     made_with=versions.made_with,
-    version_words={STARSENSE: _starsense},
+    version_words={STARSENSE: lambda version: STARSENSE if version is None else f"{STARSENSE}-{version}"},
     presented_version="4.21",
     recognises=lambda sent: UNMARKED,
     also_others=ANY_ECHO,
-    questions=(Question(1, ECHO, _answered_echo, late=True),),
+    questions=(Question(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, late=True),),
     capabilities={
         "coordinates": {"e": "precise (e, r)", "E": "16 bits (E, R)"},
         "tracking": {"T": "T"},

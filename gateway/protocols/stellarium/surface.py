@@ -63,8 +63,6 @@ class Progress(Kept):
 
 
 class StellariumSession(Session):
-    """One client."""
-
     state = Progress
     kept: Progress
 

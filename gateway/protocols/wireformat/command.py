@@ -75,13 +75,8 @@ class FrameTemplate:
             raise ValueError(f"{frame!r} is not {self.source!r}")
         return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), found.groups(), strict=True)}
 
-    def __repr__(self) -> str:
-        return f"FrameTemplate({self.source!r})"
-
 
 class Command:
-    """One command, made of its row."""
-
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
@@ -140,9 +135,6 @@ class Command:
         if self.models is not None and model is not None and model not in self.models:
             return False
         return self.since is None or version is None or version >= self.since
-
-    def __repr__(self) -> str:
-        return f"Command({self.name})"
 
 
 def _requests(request: str | list[str | int]) -> list[Source]:

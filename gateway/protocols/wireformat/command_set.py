@@ -125,7 +125,6 @@ class CommandSet:
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        """Model name -> what differs."""
         return self._read("models.toml", Model)
 
     def traits(self, model: str, wedge: bool = False) -> frozenset[str]:

@@ -148,7 +148,7 @@ def clock(seconds: float) -> str:
 def clock_12(seconds: float) -> str:
     """Seconds since midnight -> ``HH:MM:SS`` as a 12-hour clock shows it, 12, 1 … 11."""
     hour, rest = divmod(int(seconds) % 86400, 3600)
-    return clock((hour + 11) % 12 * 3600 + 3600 + rest) if hour % 12 else clock(12 * 3600 + rest)
+    return clock(((hour + 11) % 12 + 1) * 3600 + rest)
 
 
 def limit(raw: bytes) -> float:

@@ -39,8 +39,6 @@ class NoAnswerInTime(Exception):
 
 
 class Program:
-    """One of them."""
-
     def __init__(self, arrive: Arrive, name: str, host: str) -> None:
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[asyncio.Future[bytes]] = deque()
@@ -54,7 +52,6 @@ class Program:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing of it waits for an answer."""
         return not self._waiting
 
     async def ask(self, line: bytes, stop: bool = False) -> bytes:
@@ -94,8 +91,6 @@ class Program:
 
 
 class Programs:
-    """All of one mount."""
-
     def __init__(self, arrive: Arrive) -> None:
         self._arrive = arrive
         self._known: dict[tuple[str, int], Program] = {}

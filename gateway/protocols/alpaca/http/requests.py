@@ -90,8 +90,6 @@ def who_asks(pairs: Pairs, *, any_case: bool) -> tuple[int, int]:
 
 
 class _Given:
-    """The parameters of a request."""
-
     def __init__(self, pairs: Pairs, any_case: bool) -> None:
         self._fold = str.lower if any_case else str
         self._values: dict[str, str] = {}
@@ -115,8 +113,6 @@ class _Given:
 
 
 class LineFramer(WholeFramer):
-    """Bytes in, whole lines out."""
-
     cut_off = "half a request, whose end did not come"
 
     def feed(self, data: bytes, now: float) -> list[bytes]:

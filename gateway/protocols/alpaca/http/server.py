@@ -160,14 +160,11 @@ class AlpacaServer:
 
 
 class OwnServer:
-    """Makes those who talk to connections."""
-
     def __init__(self, runner: web.AppRunner, alpaca: AlpacaServer) -> None:
         self._runner, self._alpaca = runner, alpaca
 
     @classmethod
     async def start(cls, alpaca: AlpacaServer) -> OwnServer:
-        """Ready for connections."""
         app = web.Application(client_max_size=LONGEST)
         alpaca.add_to(app)
         runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=END, logger=web_log())

@@ -7,7 +7,7 @@ then it can do less. What was not answered is not asked again before the line co
 from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination
-from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
+from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
@@ -75,15 +75,12 @@ def _probe(mount: Lx200Driver, command: str, light: bool = False) -> Steps:
     try:
         patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.quick))
         return (yield Send(command, patience=patience, light=light))
-    except Busy:  # it will know the answer when it has time for it
-        return None
     except (Garbled, Silence):
         mount.mute |= {command}
-        return None
-    except NoAnswer:
-        raise
-    except Fault:
-        return None
+    except Fault as fault:  # one that is busy will know the answer when it has time for it
+        if isinstance(fault, NoAnswer):
+            raise
+    return None
 
 
 def _model(mount: Lx200Driver, product: str) -> Steps:
@@ -161,7 +158,6 @@ def _in_land_mode(mount: Lx200Driver) -> Steps:
 
 
 def native_mode(mount: Lx200Driver) -> Tracking:
-    """The mode this telescope tracks in."""
     return mount.equatorial_mode if mount.equatorial else Tracking.ALTAZ
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import calendar
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 
 from gateway.astro.spherical import wrap180
@@ -29,11 +30,10 @@ def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
     """:St :Sg - some answer 0 to a good latitude, so what counts is what they say afterwards."""
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
-    for command, values in (("St", {"latitude": operation.latitude}), ("Sg", {"longitude": -operation.longitude})):
-        try:
-            yield from ask(mount, command, **values)
-        except Invalid:
-            continue
+    with suppress(Invalid):
+        yield from ask(mount, "St", latitude=operation.latitude)
+    with suppress(Invalid):
+        yield from ask(mount, "Sg", longitude=-operation.longitude)
     place = yield from get_site(mount, GetSite())
     far = max(abs(place.latitude - operation.latitude), abs(wrap180(place.longitude - operation.longitude)))
     if far > 1.01 * ARCMINUTE:

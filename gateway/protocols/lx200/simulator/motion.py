@@ -122,12 +122,12 @@ def _speed(sim: Telescope, axis: int) -> float:
 
 def _axis(sim: Telescope, letter: str) -> tuple[int, float]:
     """The motor and its sense for an arrow: north is up the declination, west the way of the stars."""
-    polar, pole = sim.mechanics.build is not Build.ALTAZ, sim.mechanics.geometry.pole
-    if letter in "ns" and sim.mechanics.build is Build.GERMAN and sim.mechanics.flipped:
-        pole = -pole
-    if letter in "ns":
-        return 2, (1.0 if letter == "n" else -1.0) * (pole if polar else 1)
-    return 1, (1.0 if letter == "w" else -1.0) * (pole if polar else 1)
+    axis, sense = (2 if letter in "ns" else 1), (1.0 if letter in "nw" else -1.0)
+    if sim.mechanics.build is not Build.ALTAZ:
+        sense *= sim.mechanics.geometry.pole
+    if axis == 2 and sim.mechanics.build is Build.GERMAN and sim.mechanics.flipped:
+        sense = -sense
+    return axis, sense
 
 
 def arrow(sim: Telescope, name: str, _: Values) -> None:

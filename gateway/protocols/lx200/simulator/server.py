@@ -29,7 +29,7 @@ import re
 from gateway.core.motion_kinds import may_begin_motion
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.lx200.framing import ACK, Framer, setter
-from gateway.protocols.lx200.simulator import answers, library, motion, parts, settings, tracking
+from gateway.protocols.lx200.simulator import answers, library, motion, settings, tracking
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.wireformat.command import Command
@@ -42,8 +42,7 @@ TURNS_MOTORS: dict[str, bytes] = {
     **dict.fromkeys(("MS", "MA", "Aa"), b"0"), **dict.fromkeys(("Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"), b""),
 }  # fmt: skip
 HANDLERS: dict[str, Handler] = {
-    **answers.HANDLERS, **library.HANDLERS, **motion.HANDLERS, **parts.HANDLERS,
-    **settings.HANDLERS, **tracking.HANDLERS,
+    **answers.HANDLERS, **library.HANDLERS, **motion.HANDLERS, **settings.HANDLERS, **tracking.HANDLERS,
 }  # fmt: skip
 #: How the manual writes the arguments of its commands, and nothing else.
 _DEGREE, _MINUTES = rb"[*\xdf:]", rb"[0-5]\d"

@@ -11,6 +11,7 @@ from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.lx200.simulator.tracking import ALIGNING
+from gateway.protocols.wireformat import sexagesimal
 
 #: Seconds: a classic calculates its planets after a new date; an LX200GPS looks for satellites.
 PLANETS, GPS_FIX = 5.0, 60.0
@@ -83,10 +84,7 @@ def set_date(sim: Telescope, name: str, values: Values) -> bytes:
     """:SC - an LX200GPS takes the UTC date."""
     new: date = values["date"]
     if sim.row["utc_date"]:
-        now = datetime.fromtimestamp(sim.utc(), UTC)
-        sim.ahead += (
-            datetime(new.year, new.month, new.day, tzinfo=UTC) - now.replace(hour=0, minute=0, second=0, microsecond=0)
-        ).total_seconds()
+        sim.ahead += (new - datetime.fromtimestamp(sim.utc(), UTC).date()).total_seconds()
         sim.relocate()
     else:
         _set_clock(sim, _local(sim).replace(year=new.year, month=new.month, day=new.day))
@@ -123,9 +121,7 @@ def latitude(sim: Telescope, name: str, _: Values) -> bytes:
     """:Gt - with seconds on an LX200GPS."""
     if sim.model != "lx200gps":
         return form(sim, name, latitude=sim.site[0])
-    seconds = round(abs(sim.site[0]) * 3600)
-    sign = b"-" if sim.site[0] < 0 else b"+"
-    return sign + b"%02d\xdf%02d:%02d#" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
+    return _angle(sexagesimal.signed(sim.site[0]))
 
 
 def longitude(sim: Telescope, name: str, _: Values) -> bytes:
@@ -133,11 +129,12 @@ def longitude(sim: Telescope, name: str, _: Values) -> bytes:
     west = -sim.site[1] % 360.0
     if sim.model == "autostar":
         return form(sim, name, longitude=wrap180(west))
-    if sim.classic:
-        minutes = round(west * 60) % 21600
-        return b"%03d\xdf%02d#" % (minutes // 60, minutes % 60)
-    seconds = round(west * 3600) % 1296000
-    return b"%03d\xdf%02d:%02d#" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
+    return _angle(sexagesimal.azimuth_low(west) if sim.classic else sexagesimal.azimuth(west))
+
+
+def _angle(text: str) -> bytes:
+    """With the degree byte of real hardware."""
+    return text.replace("*", "\xdf").encode("latin-1") + b"#"
 
 
 def set_latitude(sim: Telescope, name: str, values: Values) -> bytes:

@@ -71,7 +71,6 @@ class Telescope(Simulated):
         self.arrows: dict[int, bool] = {}
         self.busy_until = 0.0
         self.seeking, self.home = False, 0
-        self.parked, self.asleep = False, False
         self.land_tells_altaz, self.tolerant = land_tells_altaz, tolerant
         build = Build.WEDGE if self.letter == "P" else Build.ALTAZ
         self.mechanics = Mechanics(build, Sky(*site), self.now, self.start(build))

@@ -1,10 +1,15 @@
-"""What a simulated Meade does when nobody moves it: tracking rates, alignment modes, park, home and sleep."""
+"""What a simulated Meade does besides being moved: tracking rates, alignment modes, park, home and sleep.
+
+And what hangs on it: focuser, smart drive, backlash, fan, derotator, reticle, GPS power. None of that can be asked for
+over the line; ``parts`` shows it to whoever watches.
+"""
 
 from __future__ import annotations
 
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core.operations import Values
+from gateway.protocols.lx200.simulator.answers import form
 from gateway.protocols.lx200.simulator.motion import release, slew_axes, take_up
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
@@ -17,6 +22,8 @@ _SIDEREAL_HERTZ = (60.1, 60.2)
 _CLASSIC_HERTZ, _ANY_HERTZ = (56.4, 60.1), (0.0, 99.9)
 _LEVEL: Pair = (0.0, 0.0)  # north, on the horizon
 _POLE = 90.0
+_SLOWEST, _FASTEST = 1, 4
+_SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}
 
 
 def _drive(sim: Telescope, hertz: float, rate: float) -> None:
@@ -125,8 +132,57 @@ def restart(sim: Telescope, name: str, _: Values) -> bytes:
     return b"X"
 
 
+# --- what hangs on it ---------------------------------------------------------------------------------------------
+
+
+def focus(sim: Telescope, name: str, _: Values) -> None:
+    """:F+ in, :F- out, :FQ"""
+    sim.parts["focuser"] = {"+": 1, "-": -1, "Q": 0}[name[1]]
+
+
+def focus_speed(sim: Telescope, name: str, values: Values) -> None:
+    """:FF :FS :F<n>"""
+    sim.parts["focus speed"] = {"FF": _FASTEST, "FS": _SLOWEST}.get(name) or values["speed"]
+
+
+def switch(sim: Telescope, name: str, _: Values) -> None:
+    """:f+ :f- :r+ :r- :g+ :g-"""
+    sim.parts[_SWITCHES[name[0]]] = name[1] == "+"
+
+
+def backlash(sim: Telescope, name: str, values: Values) -> None:
+    """:$BA the second axis, :$BZ the first."""
+    sim.parts[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
+
+
+def correct(sim: Telescope, name: str, _: Values) -> None:
+    """$Q the other way round on both axes, :$QA :$QZ on and off for one."""
+    if name == "$Q":
+        wanted = not sim.parts.get("pec 1", False)
+        sim.parts["pec 1"] = sim.parts["pec 2"] = wanted
+    else:
+        sim.parts[f"pec {2 if name[2] == 'A' else 1}"] = name.endswith("+")
+
+
+def reticle(sim: Telescope, name: str, values: Values) -> None:
+    """:B+ :B- :B<n> :BD"""
+    if name in ("B+", "B-"):
+        sim.parts["reticle"] = sim.parts.get("reticle", 0) + (1 if name == "B+" else -1)
+    else:
+        sim.parts["reticle flash" if name == "B" else "reticle duty"] = next(iter(values.values()))
+
+
+def temperature(sim: Telescope, name: str, _: Values) -> bytes:
+    """:fT"""
+    return form(sim, name, value=12.5)
+
+
 HANDLERS: dict[str, Handler] = {
     "TQ": drive, "TS": drive, "TL": drive, "TM": drive, "ST": set_drive, "T": set_drive, "T+": step_drive,
     "T-": step_drive, "AA": align, "AP": align, "AL": align, "Aa": auto_align, "hP": park, "hS": seek_home,
     "hF": seek_home, "hN": sleep, "hW": wake, "I": restart,
+    **dict.fromkeys(("F+", "F-", "FQ"), focus), **dict.fromkeys(("FF", "FS", "F"), focus_speed),
+    **dict.fromkeys(("f+", "f-", "r+", "r-", "g+", "g-"), switch), "$BA": backlash, "$BZ": backlash,
+    **dict.fromkeys(("$Q", "$QA+", "$QA-", "$QZ+", "$QZ-"), correct), **dict.fromkeys(("B+", "B-", "B", "BD"), reticle),
+    "fT": temperature,
 }  # fmt: skip

@@ -42,16 +42,10 @@ def _local(session: LxSession) -> Handling:
     return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
 
 
-def tell_time(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:GL in 24 hours, :Ga in 12."""
+def tell_local(session: LxSession, command: Command, values: op.Values) -> Handling:
+    """:GL in 24 hours, :Ga in 12, :GC the date."""
     local: datetime = yield from _local(session)
-    return {"time": local.hour * 3600 + local.minute * 60 + local.second}
-
-
-def tell_date(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:GC"""
-    local: datetime = yield from _local(session)
-    return {"date": local.date()}
+    return {"time": local.hour * 3600 + local.minute * 60 + local.second, "date": local.date()}
 
 
 def tell_offset(session: LxSession, command: Command, values: op.Values) -> Handling:

@@ -45,12 +45,12 @@ def _told(session: LxSession, half: str) -> Handling:
 
 def set_latitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:St"""
-    yield from _set(session, SetSite(latitude=given(values)["latitude"]))
+    yield from _set(session, latitude=given(values)["latitude"])
 
 
 def set_longitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:Sg"""
-    yield from _set(session, SetSite(longitude=-given(values)["longitude"]))
+    yield from _set(session, longitude=-given(values)["longitude"])
 
 
 def _selected(session: LxSession) -> int:
@@ -58,14 +58,13 @@ def _selected(session: LxSession) -> int:
     return (session.shared.site or 0) if session.kept.site is None else session.kept.site
 
 
-def _set(session: LxSession, operation: SetSite) -> Handling:
+def _set(session: LxSession, **half: float) -> Handling:
     """Set one half, and remember it under the site that is selected."""
     session.check_may_set()
     index = _selected(session)
     yield from _enter(session, index)
-    halves = {name: value for name in ("latitude", "longitude") if (value := getattr(operation, name)) is not None}
-    session.set_for_all(session.shared.with_site(index, replace(session.shared.stored(index), **halves)))
-    yield operation
+    session.set_for_all(session.shared.with_site(index, replace(session.shared.stored(index), **half)))
+    yield replace(SetSite(), **half)
 
 
 def _enter(session: LxSession, index: int) -> Handling:
@@ -122,14 +121,14 @@ def set_name(session: LxSession, command: Command, values: Values) -> None:
 
 def set_lowest(session: LxSession, command: Command, values: Values) -> None:
     """:So - as real programs use it (against the manual's words): the lowest altitude; over 90 it is in arcminutes."""
-    lowest = _degrees(values)
+    lowest = float(given(values)["limit"])
     _check(session, lowest, session.kept.highest)
     session.kept.lowest = lowest
 
 
 def set_highest(session: LxSession, command: Command, values: Values) -> None:
     """:Sh - the highest altitude."""
-    highest = _degrees(values)
+    highest = float(given(values)["limit"])
     _check(session, session.kept.lowest, highest)
     session.kept.highest = highest
 
@@ -139,10 +138,6 @@ def _check(session: LxSession, lowest: float | None, highest: float | None) -> N
     limits = session.settings.limits.narrowed(lowest, highest)
     if limits.lowest >= limits.highest:
         raise Invalid(f"Nothing is left between {limits.lowest:g} and {limits.highest:g} degrees.")
-
-
-def _degrees(values: Values) -> float:
-    return float(given(values)["limit"])
 
 
 def tell_limit(session: LxSession, command: Command, values: Values) -> dict[str, float]:

@@ -8,7 +8,6 @@ instead of rest. The other motor just turns and rests.
 from __future__ import annotations
 
 from gateway.core.errors import Busy
-from gateway.core.operations import Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
@@ -18,11 +17,6 @@ from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
 _STEPS = 4 * 3600
 #: What is off by more than that part of what was asked is said.
 SAID_FROM = 0.1
-
-
-def adds_to_tracking(mount: NexStar) -> bool:
-    """Whether the mount tracks equatorially now, so that guiding is a difference to that."""
-    return mount.suspended is None and (mount.tracking or Tracking.OFF).equatorial
 
 
 def begin(mount: NexStar, axis: int, sign: int, fraction: float) -> Steps:

@@ -106,7 +106,6 @@ class HandControl(Driver):
 
     @property
     def german(self) -> bool:  # type: ignore[override]
-        """Whether the mount is built equatorially."""
         return bool(self.facts["mount"] == "german")
 
     def has(self, part: str) -> bool:

@@ -69,15 +69,15 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     if mount.stepping:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
-    if rate.name == "guide" and guide_speed.adds_to_tracking(mount):
+    tracks = mount.suspended is None and (mount.tracking or op.Tracking.OFF).equatorial
+    if rate.name == "guide" and tracks:  # guiding is a difference to that
         yield from _guide(mount, axis, operation.sense)
         return
     side = "pos" if operation.sense > 0 else "neg"
     variable = mount.variable(rate)
     gentle = variable is None and mount.key_for(rate) in GENTLE
-    equatorial = (mount.suspended or mount.tracking or op.Tracking.OFF).equatorial
     mount.parked = False
-    if not (gentle and equatorial and mount.suspended is None):
+    if not (gentle and tracks):
         yield from tracking.suspend(mount)
     before = dict(mount.moving)
     mount.riding.pop(axis, None)

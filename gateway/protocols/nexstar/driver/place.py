@@ -131,7 +131,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         quarters = round((operation.offset - dst) * 4)
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
     elif mount.knows("H"):
-        hours = _zone(operation.offset - dst)
+        hours = int(operation.offset - dst + 100.5) - 100  # the nearest, halves upwards
         present = yield Send("h")
         if operation.dst is None and present["zone"] + present["dst"] == operation.offset:
             hours, dst = present["zone"], present["dst"]
@@ -148,11 +148,6 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         yield Send(name, {**fields_of(local), "dst": dst, **fields})
         if mount.now() - asked < SET_LATE:
             return
-
-
-def _zone(offset: float) -> int:
-    """The whole hours nearest to an offset, halves upwards."""
-    return int(offset + 100.5) - 100
 
 
 def _set_rtc(unix: float) -> Steps:

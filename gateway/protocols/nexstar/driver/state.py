@@ -148,7 +148,6 @@ class NexStar(HandControl):
         self.in_doubt = self.suspended is not None
 
     def speed(self, rate: op.Rate) -> float:
-        """Degrees a second of a hand rate."""
         variable = self.variable(rate)
         return self.key_speed(self.key_for(rate)) if variable is None else variable
 
@@ -238,23 +237,18 @@ class NexStar(HandControl):
             return (0.0 if self.native_mode is op.Tracking.EQ_SOUTH else 180.0), 90.0
         return 0.0, max(0.0, self.settings.lowest + ABOVE_LOWEST)
 
-    @property
-    def _guide_key(self) -> int:
-        asked = self.guide_rates[1] * SIDEREAL
-        return min(GENTLE, key=lambda key: abs(self.key_speed(key) - asked))
-
     def key_for(self, rate: op.Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
         if rate.key is not None:
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:
-            return {"guide": self._guide_key, "center": 4, "find": 7, "max": 9}[rate.name]
+            guides = min(GENTLE, key=lambda key: abs(self.key_speed(key) - self.guide_rates[1] * SIDEREAL))
+            return {"guide": guides, "center": 4, "find": 7, "max": 9}[rate.name]
         wanted = rate.degrees or 0.0
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
 def rest(axis: int) -> Send:
-    """Rate 0 to the motor of an axis."""
     return Send(f"slew_{AXES[axis]}_pos", {"rate": 0})
 
 

@@ -110,7 +110,8 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     mode = (operation.mode or own or _built_for(mount)) if operation.on else op.Tracking.OFF
     if mode is op.Tracking.ALTAZ and mount.german:
         raise Unsupported("A German mount does not track in alt-az: it passes over that mode.")
-    if operation.on and own is not None and mode.equatorial != own.equatorial and _in_motion(mount):
+    moves = mount.moving or mount.goto is not None or mount.suspended is not None
+    if moves and operation.on and own is not None and mode.equatorial != own.equatorial:
         raise Refused("The mount moves: between alt-az and equatorial it changes only at rest.")
     mount.parked = mount.parked and not operation.on
     mount.checks_left, mount.woken = 0, False
@@ -118,10 +119,6 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
         mount.suspended = mode
         return
     yield from send_mode(mount, mode)
-
-
-def _in_motion(mount: NexStar) -> bool:
-    return bool(mount.moving) or mount.goto is not None or mount.suspended is not None
 
 
 def suspend(mount: NexStar) -> Steps:

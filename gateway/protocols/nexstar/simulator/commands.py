@@ -1,16 +1,23 @@
-"""The hand control's own commands, one function each: position, goto, sync, tracking, and who it is.
+"""The hand control's own commands: position, goto, sync, tracking, who it is, and clocks and places.
 
 A handler gives the values of the reply, if it has any; most are a bare ``#`` whatever was done. Like the real one,
 an impossible request is acknowledged and not carried out, and without an alignment only motor positions mean
 anything.
+It runs on from the time it was set to and believes the site it was told. The GPS unit (176) knows where the mount
+really stands and the true time; the RTC (178) keeps the true time until it is set. Both speak Universal Time (NexStar
+protocol, Time/Location, GPS and RTC Commands).
 """
 
 from __future__ import annotations
 
-from gateway.astro.axes import Build
+import math
+from datetime import UTC, datetime, timedelta
+
+from gateway.astro.axes import Build, Sky
 from gateway.astro.spherical import wrap180
 from gateway.core.operations import Values
-from gateway.protocols.nexstar.simulator.mount import ALTAZ, EQ_NORTH, EQ_SOUTH, OFF, Handler, SimulatedMount
+from gateway.protocols.nexstar.counting import fields_of, unix_of
+from gateway.protocols.nexstar.simulator.mount import ALTAZ, EQ_NORTH, EQ_SOUTH, GPS, OFF, RTC, Handler, SimulatedMount
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
 from gateway.protocols.wireformat.rows import Version
 
@@ -18,6 +25,7 @@ from gateway.protocols.wireformat.rows import Version
 LOWEST, HIGHEST = -5.0, 90.0
 #: Up to this version ``p`` tells the side in the northern way, also in the southern hemisphere.
 NORTHERN_LETTERS: Version = (5, 24)
+WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
 
 
 def position(sim: SimulatedMount, _: Values) -> Values:
@@ -104,28 +112,90 @@ def wake(sim: SimulatedMount, _: Values) -> None:
         sim.track(sim.mode)
 
 
+# --- clocks and places --------------------------------------------------------------------------------------------
+
+
+def _utc(unix: float) -> datetime:
+    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=unix)
+
+
+def _local(sim: SimulatedMount, zone: float) -> Values:
+    """``h`` ``i``: local date and time in a zone."""
+    local = _utc(sim.utc() + (zone + sim.daylight) * 3600)
+    return {**fields_of(local), "dst": sim.daylight, "zone": int(zone), "quarters": round(zone * 4)}
+
+
+def _set_time(sim: SimulatedMount, values: Values, zone: float) -> Values:
+    """``H`` ``I``: UTC is local time less the zone less daylight saving; impossible values change nothing."""
+    if not WEST_MOST <= zone <= EAST_MOST or values["dst"] > 1 or values["year"] > 99:
+        return {}
+    try:
+        local = unix_of(values)
+    except ValueError:
+        return {}
+    sim.zone, sim.daylight = zone, values["dst"]
+    sim.relocate(sim.mechanics.sky._replace(ahead=local - (zone + sim.daylight) * 3600 - sim.now))
+    return {}
+
+
+def _set_site(sim: SimulatedMount, values: Values) -> None:
+    sim.relocate(Sky(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
+
+
+# --- GPS unit and real-time clock -----------------------------------------------------------------------
+
+
+def _true_time(sim: SimulatedMount, device: int) -> datetime:
+    return _utc(sim.now + (sim.rtc_ahead if device == RTC else 0.0))
+
+
+def _parts(device: int, *names: str) -> Handler:
+    """Parts of the date and time that a device shows."""
+
+    def parts(sim: SimulatedMount, _: Values) -> Values:
+        time = _true_time(sim, device)
+        return {name: getattr(time, name) for name in names}
+
+    return parts
+
+
+def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
+    """Replace a part of the RTC's date or time; an impossible one changes nothing."""
+    time = _true_time(sim, RTC)
+    try:
+        wanted = time.replace(**{name: value for name, value in values.items() if name != "device"})
+    except ValueError:
+        return {}
+    sim.rtc_ahead += (wanted - time).total_seconds()
+    return {}
+
+
 COMMANDS: dict[str, Handler] = {
-    "E": position,
-    "e": position,
-    "Z": axes,
-    "z": axes,
-    "R": goto,
-    "r": goto,
-    "B": goto_axes,
-    "b": goto_axes,
-    "S": sync,
-    "s": sync,
-    "u": undo_sync,
-    "M": cancel,
-    "t": get_mode,
-    "T": set_mode,
-    "p": pier_side,
-    "x": hibernate,
-    "y": wake,
+    "E": position, "e": position, "Z": axes, "z": axes, "R": goto, "r": goto, "B": goto_axes, "b": goto_axes,
+    "S": sync, "s": sync, "u": undo_sync, "M": cancel, "t": get_mode, "T": set_mode, "p": pier_side,
+    "x": hibernate, "y": wake,
     "L": lambda sim, _: {"slewing": "1" if sim.mechanics.slewing(sim.now) else "0"},
     "J": lambda sim, _: {"aligned": int(sim.aligned)},
     "K": lambda sim, values: values,
     "V": lambda sim, _: {"major": sim.shown_version[0], "minor": sim.shown_version[1]},
     "v": lambda sim, _: {"variant": STARSENSE_VARIANT if sim.starsense else NEXSTAR_VARIANT},
     "m": lambda sim, _: {"model": sim.row["id"]},
-}
+    # The zone byte of h holds whole hours, so a zone of 5:45 is told as 5, with the time to it.
+    "h": lambda sim, _: _local(sim, math.floor(sim.zone)),
+    "H": lambda sim, values: _set_time(sim, values, values["zone"]),
+    "i": lambda sim, _: _local(sim, sim.zone),
+    "I": lambda sim, values: _set_time(sim, values, values["quarters"] / 4),
+    "w": lambda sim, _: {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude},
+    "W": _set_site,
+    "l": lambda sim, _: {"sidereal": sim.mechanics.sky.sidereal(sim.now)},
+    **dict.fromkeys(("gps_linked", "gps_time_valid"), lambda sim, _: {"linked": 1, "valid": 1}),
+    "gps_latitude": lambda sim, _: {"latitude": sim.site[0]},
+    "gps_longitude": lambda sim, _: {"longitude": sim.site[1]},
+    "gps_date": _parts(GPS, "month", "day"),
+    "gps_year": _parts(GPS, "year"),
+    "gps_time": _parts(GPS, "hour", "minute", "second"),
+    "rtc_date": _parts(RTC, "month", "day"),
+    "rtc_year": _parts(RTC, "year"),
+    "rtc_time": _parts(RTC, "hour", "minute", "second"),
+    **dict.fromkeys(("rtc_set_date", "rtc_set_year", "rtc_set_time"), _set_rtc),
+}  # fmt: skip

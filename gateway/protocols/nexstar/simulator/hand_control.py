@@ -14,7 +14,6 @@ from typing import Any
 from gateway.protocols.mechanics.simulated import Framer as AnyFramer
 from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.nexstar.framing import Framer
-from gateway.protocols.nexstar.simulator.clock import CLOCKS
 from gateway.protocols.nexstar.simulator.commands import COMMANDS
 from gateway.protocols.nexstar.simulator.devices import DEVICES
 from gateway.protocols.nexstar.simulator.mount import Handler, SimulatedMount
@@ -23,7 +22,7 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version
 
-HANDLERS: dict[str, Handler] = {**COMMANDS, **CLOCKS, **DEVICES}
+HANDLERS: dict[str, Handler] = {**COMMANDS, **DEVICES}
 
 AWAKE_OR_NOT = b"yKV"
 PASS_THROUGH = ord("P")

@@ -105,10 +105,9 @@ class SimulatedMount(Simulated):
         try:
             number = numbered(version or (STARSENSE if starsense else self.row["versions"][-1]))
             self.shown_version: tuple[int, int] = (number.shown[0], number.shown[1])
+            bytes(self.shown_version)  # it is told in two of them
         except (ValueError, IndexError):
             raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are") from None
-        if not all(0 <= part <= 255 for part in self.shown_version):
-            raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are")
         self.starsense: bool = number.starsense
         self.version: Version = number.counts_as
         self.shifted = shifted(self.row, self.version)
