@@ -79,9 +79,8 @@ class ConnectionAcceptor:
         at, kept = self._left.get(host, (-1e9, session.kept))
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
-        client = CommandProcessor(
-            name, self.controller, face.surface, session, face.framing(), write, self.controller.presence.arrive(host)
-        )
+        life = self.controller.presence.arrive(host)
+        client = CommandProcessor(name, self.controller, face, session, write, life)
         client.runner.equinox = face.equinox
         self._clients.add(client)
         if self.access.only_looks(host):

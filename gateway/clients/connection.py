@@ -18,9 +18,8 @@ from msgspec.structs import replace
 from gateway.clients.access import Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.turn import LONG_AGO
-from gateway.clients.greeting import Beginning, Piece
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
-from gateway.clients.strangers import Greeting, page
+from gateway.clients.strangers import Beginning, Greeting, Piece, page
 from gateway.clients.wrong_preset import FirstWords
 from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import HandOver, HangUp

@@ -36,7 +36,7 @@ class TimedEvent(asyncio.Event):
             return True
         loop = asyncio.get_running_loop()
         waiter: asyncio.Future[bool] = loop.create_future()
-        limit = loop.call_later(max(0.0, seconds), _give_up, waiter)
+        limit = loop.call_later(max(0.0, seconds), _go_on, waiter)
         self._waiters.append(waiter)
         try:
             return await waiter
@@ -45,7 +45,7 @@ class TimedEvent(asyncio.Event):
             self._waiters.remove(waiter)
 
 
-def _give_up(waiter: asyncio.Future[bool]) -> None:
+def _go_on(waiter: asyncio.Future[bool]) -> None:
     if not waiter.done():
         waiter.set_result(False)
 
@@ -132,12 +132,7 @@ class FairScheduler:
         """What the task returns. Raises what it raises, NoAnswer if it was cancelled; who gives up does not end it."""
         if not task.done():
             place = self._loop.create_future()
-
-            def go_on() -> None:
-                if not place.done():
-                    place.set_result(None)
-
-            task.add_done_callback(lambda _: self.enter(go_on))
+            task.add_done_callback(lambda _: self.enter(lambda: _go_on(place)))
             await place
         if task.cancelled():  # that must not look as if whoever waits had been
             raise NoAnswer

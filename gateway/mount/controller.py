@@ -112,8 +112,7 @@ class MountController:
     def _found_equinox(self, _: None) -> None:
         """The mount has said who it is, and with that what its coordinates mean."""
         if self.context.policy.equinox == "auto":
-            self.astrometry.means(self.driver.equinox)
-            self.context.told_astrometry.means(self.driver.equinox)
+            self.astrometry.equinox = self.context.told_astrometry.equinox = self.driver.equinox
 
     # --- life -----------------------------------------------------------------------------------------------------
 
@@ -161,14 +160,10 @@ class MountController:
         """How many stops there were: a motion that was asked for before the last one is not begun."""
         return self.wanted.value.stops
 
-    # --- reading --------------------------------------------------------------------------------------------------
-
     def peek(self, operation: op.Operation[_T]) -> _T:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
         told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
         return cast(_T, told)
-
-    # --- orders ---------------------------------------------------------------------------------------------------
 
     def begin_stop(self) -> None:
         """End every motion, before everything else; from now on it counts as stopped."""

@@ -87,13 +87,13 @@ class Identification:
                     await self._runner.drive(self._driver.greet(), STOP)
                 await self._reconciler.stop()
         met = False
-        while not self._cache.has(op.GetIdentity):
+        while self._cache.value(op.GetIdentity) is None:
             met = met or await self._meet()
             if met:
                 await self.learn(op.GetIdentity())
             if self._link.state != "up":
                 return  # it is begun again when the line is up
-            if not self._cache.has(op.GetIdentity):
+            if self._cache.value(op.GetIdentity) is None:
                 await asyncio.sleep(ASK_AGAIN)
         if self._reconciler.wanted.owed:  # it did not answer to the stop, but it does now
             self._reconciler.begin_stop()

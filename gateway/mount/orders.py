@@ -94,8 +94,8 @@ class Orders:
         Nobody is told what came of it after ``patience`` seconds.
         """
         if type(operation) in FRESH:
-            if self._context.driver.asleep:
-                await self._woken()
+            if self._context.driver.asleep and (waking := self._reconciler.outcomes_of(op.Wake)):
+                await asyncio.wait(waking)  # motions do not: it may wait behind them
             return cast(_T, await self._reader.tell(operation))
         if isinstance(operation, op.Own):
             return cast(_T, await self._own.read(operation))
@@ -174,11 +174,6 @@ class Orders:
             return refused(fault)
         return reconciler.begin_stop() if after.stops != before.stops else reconciler.take(order, after)
 
-    async def _woken(self) -> None:
-        """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
-        if waking := self._reconciler.outcomes_of(op.Wake):
-            await asyncio.wait(waking)
-
     def _only_a_stop_is_heard(self, axis: int) -> bool:
         """Whether an arrow is released that the mount would go on with for seconds."""
         wanted = self._wanted.value
@@ -191,9 +186,10 @@ class Orders:
         wanted, now, parked = self._wanted.value, self._context.now(), self._context.driver.parked
         slews = isinstance(wanted.motion, Slew)
         waiting = [order.operation for order in wanted.pending if not order.follow_up]
-        rest = [order.operation for order in wanted.pending if order.follow_up]
+        # The rest of a park: the tube is there, and tracking is not off yet.
+        parks = any(getattr(order.operation, "then", "") == "park" for order in wanted.pending if order.follow_up)
         return op.Activity(
-            goto=slews or bool(wanted.waiting_gotos) or (not parked and any(map(_parks, rest))),
+            goto=slews or bool(wanted.waiting_gotos) or (parks and not parked),
             by_hand=isinstance(wanted.motion, ByHand) or any(isinstance(one, op.Move | op.MoveAxis) for one in waiting),
             pulse=any(pulse.until > now for pulse in wanted.pulses)
             or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
@@ -224,8 +220,3 @@ async def _ended(outcome: Outcome) -> Any:
         if outcome.cancelled():
             raise Stopped from None
         raise
-
-
-def _parks(operation: op.Operation) -> bool:
-    """Whether this is the rest of a park: the tube is there, and tracking is not off yet."""
-    return getattr(operation, "then", "") == "park"

@@ -16,7 +16,6 @@ from gateway.clients.any_protocol.deciding import HTTP, decide, undecided, waiti
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE
-from gateway.mount.controller import MountController
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.handler import ConnectionHandler, HandOver, HangUp, Taker, Write
 
@@ -27,19 +26,10 @@ MOST_IDLE = 64
 
 
 class AnyConnection:
-    """``left`` is called at its end; the rest is what the acceptors of ``speaking`` are given for it."""
+    """``left`` is called at its end; the rest is what the acceptors of all protocols are given for it."""
 
-    def __init__(
-        self,
-        speaking: Mapping[str, ConnectionAcceptor],
-        web: Web,
-        controller: MountController,
-        name: str,
-        host: str,
-        write: Write,
-        left: Callable[[], None],
-    ) -> None:
-        self._speaking, self._web, self._controller, self._left = speaking, web, controller, left
+    def __init__(self, port: AnyAcceptor, name: str, host: str, write: Write, left: Callable[[], None]) -> None:
+        self._speaking, self._web, self._controller, self._left = port.speaking, port.web, port.controller, left
         self._name, self._host, self._write = name, host, write
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
@@ -54,7 +44,7 @@ class AnyConnection:
         #: It waits for the web.
         self._browses = False
         self.feed: Callable[[bytes], None] = self._hear
-        self._silence = controller.loop.call_later(SILENCE, self._speak_first)
+        self._silence = port.controller.loop.call_later(SILENCE, self._speak_first)
 
     @property
     def decided(self) -> bool:
@@ -181,7 +171,7 @@ class AnyAcceptor:
     model: str | None = None
 
     def __init__(self, speaking: Mapping[str, ConnectionAcceptor], web: Web) -> None:
-        self._speaking, self._web = speaking, web
+        self.speaking, self.web = speaking, web
         first = next(iter(speaking.values()))
         self.controller, self.number, self.access = first.controller, first.number, first.access
         self._admission = Admission(self.access, self.number, self.controller.wire_log)
@@ -195,7 +185,7 @@ class AnyAcceptor:
     def admit(self, name: str, host: str) -> None:
         """See whether a connection may be. Raises ConnectionRefused."""
         unknown = sum(not connection.decided for connection in self._connections)
-        self._admission.check(name, host, unknown + sum(one.clients() for one in self._speaking.values()))
+        self._admission.check(name, host, unknown + sum(one.clients() for one in self.speaking.values()))
 
     def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
         wire_log = self.controller.wire_log
@@ -205,18 +195,18 @@ class AnyAcceptor:
             self._connections.discard(connection)
             wire_log.put(name, "-")
 
-        connection = AnyConnection(self._speaking, self._web, self.controller, name, host, write, left)
+        connection = AnyConnection(self, name, host, write, left)
         self._connections.add(connection)
         return connection
 
     def here(self) -> list[str]:
-        connected = [host for one in self._speaking.values() for host in one.connected()]
-        between = {host for one in self._speaking.values() for host in one.between()}
+        connected = [host for one in self.speaking.values() for host in one.connected()]
+        between = {host for one in self.speaking.values() for host in one.between()}
         return connected + sorted(between.difference(connected))
 
     def connections(self) -> list[ClientConnection]:
-        return [visit for one in self._speaking.values() for visit in one.connections()]
+        return [visit for one in self.speaking.values() for visit in one.connections()]
 
     def located(self, where: str) -> None:
-        for one in self._speaking.values():
+        for one in self.speaking.values():
             one.located(where)

@@ -15,14 +15,15 @@ from collections.abc import Callable
 from gateway.clients.commands.pushes import Pushes
 from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
 from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.presence import HostActivity
-from gateway.protocols.base.frames import Framer, Unterminated
+from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Ending, Surface
+from gateway.protocols.base.surface import Ending
 from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import Write
 
@@ -34,19 +35,18 @@ class CommandProcessor:
         self,
         name: str,
         controller: MountController,
-        surface: Surface,
+        face: SurfaceBinding,
         session: Session,
-        framer: Framer,
         write: Write,
         life: HostActivity,
     ) -> None:
         self.life = life
-        self.controller, self.surface, self.session = controller, surface, session
+        self.controller, self.surface, self.session = controller, face.surface, session
         self._wanted = controller.wanted
-        self.framer, self.write = framer, write
+        self.framer, self.write = face.framing(), write
         self.log = ClientLog(name, controller.wire_log)
         self._inbox = Inbox(self.log)
-        self.runner = TurnRunner(controller, surface, session, life, self.log)
+        self.runner = TurnRunner(controller, face.surface, session, life, self.log)
         self._cache = self.runner.cache
         #: The command that waits for the mount; those that nobody waits for any more.
         self._task: asyncio.Task[None] | None = None

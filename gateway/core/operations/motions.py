@@ -58,12 +58,10 @@ class Move(Operation[None], frozen=True):
 
     @property
     def axis(self) -> int:
-        """That of its direction."""
         return self.direction.axis
 
     @property
     def sense(self) -> int:
-        """That of its direction."""
         return self.direction.sense
 
 

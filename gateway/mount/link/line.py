@@ -172,7 +172,7 @@ class MountLink:
         """The wire is back: what is owed goes first, and nothing is taken for granted of what is on it."""
         words: list[bytes] = []
         self.reopened.emit(words)
-        half = self.talk.was_cut()
+        half, self.talk.half = self.talk.half, False
         if half and not (words and (self.dialogue.closing or len(self.talk.request) == 1)):
             await asyncio.sleep(max(0.0, self.talk.wrote + HALF_COMMAND - self._now()))
         for number, word in enumerate(words):

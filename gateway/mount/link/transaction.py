@@ -196,11 +196,6 @@ class Transaction:
             await self._queue.woken(left)
         return True
 
-    def was_cut(self) -> bool:
-        """Whether half a command may have been left on the other side when the wire was lost: said once."""
-        said, self.half = self.half, False
-        return said
-
     async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, proof: bool) -> Taken | None:
         """The reply and its length, once it is complete; None when it is not in time, or the wire was lost.
 

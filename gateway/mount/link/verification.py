@@ -166,6 +166,7 @@ class ReplyVerifier:
         return max(2, least) if gone <= self._reach(known, heard) else max(3, least)
 
     def _agree(self, kind: str, before: Heard, after: Heard) -> bool:
+        """Whether both can be true."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
         if kind == "position":

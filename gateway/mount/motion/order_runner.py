@@ -110,7 +110,7 @@ class Consequences:
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
             self._ends.moves((operation.axis,))
-            cache.ask_soon(op.Position)
+            cache.changed.emit(op.Position)  # nothing was told anew, but it must be watched from now on
         elif isinstance(operation, op.StopAxis):
             self._halted(operation.axis, done.before.by_hand.get(operation.axis))
         elif isinstance(operation, op.AbortSlew):

@@ -5,13 +5,12 @@ Frozen values, folded with every position by ``see``. Angles are degrees, times 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
+from gateway.mount.context import Context
 from gateway.mount.motion.ends import Sample
 from gateway.mount.site.astrometry import SiteAstrometry
 
@@ -109,20 +108,13 @@ def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
     return seen
 
 
-def measured(
-    astrometry: SiteAstrometry,
-    distances: Callable[[op.Equatorial], list[float]],
-    now: float,
-    place: op.Equatorial,
-    before: PositionSample | None = None,
-    lag: float = 0.0,
-    lifting: op.Move | op.MoveAxis | None = None,
-) -> PositionSample:
-    """What a position means that is told now; its first half is so many seconds older (``lag``)."""
-    here = place if before is None else _at_once(now, place, before, lag)
-    altitude = astrometry.altitude(here.ra, here.dec)
-    hour_angle = None if altitude is None else astrometry.sidereal_time() - here.ra
-    return PositionSample(now, place, altitude, hour_angle, tuple(distances(here)), lifting)
+def measured(mount: Context, now: float, place: op.Equatorial, before: PositionSample | None) -> PositionSample:
+    """What a position means that is told now; its first half is a little older than the second."""
+    here = place if before is None else _at_once(now, place, before, mount.timing.lag)
+    altitude = mount.astrometry.altitude(here.ra, here.dec)
+    hour_angle = None if altitude is None else mount.astrometry.sidereal_time() - here.ra
+    distances = tuple(mount.suns.distances(here))
+    return PositionSample(now, place, altitude, hour_angle, distances, mount.wanted.by_hand.get(2))
 
 
 def _at_once(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:

@@ -62,14 +62,6 @@ class ReadingsCache:
         """It may be another mount."""
         self.forget(*self._seen)
 
-    def ask_soon(self, kind: Kind) -> None:
-        """Nothing was told anew, but it must be watched from now on."""
-        self.changed.emit(kind)
-
-    def has(self, kind: Kind) -> bool:
-        """Whether there is an answer, however old."""
-        return kind in self._seen
-
     def touch(self, kinds: Iterable[Kind], now: float) -> None:
         for kind in kinds:
             self._asked[kind] = now

@@ -98,13 +98,10 @@ def place(going: Course, now: float) -> Pair:
         return begins.place
     then = begins.complete + max(-EARLIER, min(now - begins.complete, going.lasts))
     first, second = (
-        _turned(rate, room, then - at) for rate, room, at in zip(going.rates, going.rooms, begins.at, strict=True)
+        max(-room, min(room, rate * (then - at)))
+        for rate, room, at in zip(going.rates, going.rooms, begins.at, strict=True)
     )
     return wrap360(begins.place[0] + first), wrap180(begins.place[1] + second)
-
-
-def _turned(rate: float, room: float, seconds: float) -> float:
-    return max(-room, min(room, rate * seconds))
 
 
 def _until(rate: float, degrees: float) -> float:

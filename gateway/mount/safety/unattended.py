@@ -36,13 +36,6 @@ class Supervised(Struct, frozen=True):
     since: float
 
 
-class Missing(Struct, frozen=True):
-    """A motion whose program is not there any more, and why in words."""
-
-    motion: Supervised
-    why: str
-
-
 class Supervisor:
     """``perform`` carries out the operation that ends a motion."""
 
@@ -66,12 +59,12 @@ class Supervisor:
     def _look(self) -> None:
         self._watching = None
         motions, policy = supervised(self._state.value), self._context.policy
-        for gone in missing(motions, self._presence, self._loop.time(), policy.silence, policy.silence_closed):
-            if gone.motion not in self._ended:
-                self._ended.add(gone.motion)
-                what = "the focuser" if isinstance(gone.motion.ends, op.Focus) else "its motion"
-                self._context.note(f"{gone.motion.by.who} {gone.why}: {what} is stopped")
-                self._context.tasks.spawn(self._end(gone.motion.ends))
+        for gone, why in missing(motions, self._presence, self._loop.time(), policy.silence, policy.silence_closed):
+            if gone not in self._ended:
+                self._ended.add(gone)
+                what = "the focuser" if isinstance(gone.ends, op.Focus) else "its motion"
+                self._context.note(f"{gone.by.who} {why}: {what} is stopped")
+                self._context.tasks.spawn(self._end(gone.ends))
         self._ended.intersection_update(motions)
         self.look_after()
 
@@ -98,8 +91,8 @@ def supervised(wanted: Wanted) -> list[Supervised]:
 
 def missing(
     motions: Iterable[Supervised], presence: Presence, now: float, silence: float, closed: float
-) -> list[Missing]:
-    """The motions whose program is gone, or has been silent for too long.
+) -> list[tuple[Supervised, str]]:
+    """The motions whose program is gone, or has been silent for too long, each with that in words.
 
     ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
     """
@@ -111,9 +104,9 @@ def missing(
                 one.heard, one.last = False, now
         left = [one.closed for one in there if one.closed is not None]
         if len(left) == len(there) and now - max(motion.since, *left) >= closed:
-            found.append(Missing(motion, "has disconnected"))
+            found.append((motion, "has disconnected"))
         elif now - max(motion.since, *(one.last for one in there)) >= silence:
-            found.append(Missing(motion, f"has sent nothing for {silence:g} s"))
+            found.append((motion, f"has sent nothing for {silence:g} s"))
     return found
 
 

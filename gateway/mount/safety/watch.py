@@ -157,7 +157,9 @@ class LimitWatch:
         status = self._mount.cache.value(op.GetStatus)
         if status is not None and not status.aligned:
             self.seen = replace(self.seen, before=None, last=sample)
-            self._not_aligned()
+            self._mount.note_once(UNWATCHED)
+            if self._status_age > STATUS_AGE:
+                self._reader.shared(op.GetStatus())
             return
         self.seen = fold.see(self.seen, sample)
         self._notice(now, status)
@@ -183,17 +185,9 @@ class LimitWatch:
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
 
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
-        mount = self._mount
-        sample = fold.measured(
-            mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag, mount.wanted.by_hand.get(2)
-        )
+        sample = fold.measured(self._mount, now, place, before)
         tilt = self.altitude_axis.tilt
         return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
-
-    def _not_aligned(self) -> None:
-        self._mount.note_once(UNWATCHED)
-        if self._status_age > STATUS_AGE:
-            self._reader.shared(op.GetStatus())
 
     def _notice(self, now: float, status: op.Status | None) -> None:
         """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""

@@ -31,10 +31,6 @@ class SiteAstrometry:
     def __init__(self, sky: Sky, site_clock: SiteClock | BestSources, equinox: str) -> None:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
-    def means(self, equinox: str) -> None:
-        """The mount has told its version: this is what its coordinates mean."""
-        self.equinox = equinox
-
     def place(self) -> op.Place:
         """The site in force. Raises Unsupported."""
         place = self.site_clock.site()

@@ -39,7 +39,8 @@ class SyncSettings:
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
         self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
         self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
-        self._owed: Owed = {}
+        #: What the mount has not been told yet.
+        self.owed: Owed = {}
         #: What was sent since the mount told last what it has, by kind; and what is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
         self._telling: Kind | None = None
@@ -48,31 +49,27 @@ class SyncSettings:
         self._news = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
 
-    @property
-    def owed(self) -> Owed:
-        return self._owed
-
     def owes(self, operation: op.Operation) -> bool:
         """Whether the mount is being told one of this kind, or is still to be told."""
-        return kind_of(operation) in self._owed
+        return kind_of(operation) in self.owed
 
     @property
     def sets_sky(self) -> bool:
         """Whether a site or a clock is among it."""
-        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self._owed)
+        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self.owed)
 
     # --- what is owed -----------------------------------------------------------------------------------------------
 
     def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
         """Have the mount told, the newest of a kind only."""
-        self._owed = debts.owing(self._owed, Setting(operation, self._now(), left, due))
+        self.owed = debts.owing(self.owed, Setting(operation, self._now(), left, due))
         if self._link.state in ("down", "opening"):
             self._note(operation, "the mount cannot listen now and is told when it can")
         self._begin()
 
     async def now_or_later(self, operation: op.Operation) -> None:
         """Tell the mount at once; where it cannot hear, also when it can. Raises Fault."""
-        self._owed = {kind: one for kind, one in self._owed.items() if kind != kind_of(operation)}
+        self.owed = {kind: one for kind, one in self.owed.items() if kind != kind_of(operation)}
         sent = self._hears()
         try:
             await self._runner.perform(operation, SETTING)
@@ -90,7 +87,7 @@ class SyncSettings:
         identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount is not None and now is not None and now != self._mount:
-            for setting in self._owed.values():
+            for setting in self.owed.values():
                 self._give_up(setting, "another mount is on the line")
         self._mount = now or self._mount
         self._ready = True
@@ -100,7 +97,7 @@ class SyncSettings:
         """Take what the mount tells of its site or clock -> whether somebody has changed it there: then that counts."""
         told, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
-        owed, sent = self._owed.get(kind), self._sent.get(kind, ())
+        owed, sent = self.owed.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
             ours = debts.clock_is_ours(sent, told.running(told.mount_clock), value, self._now())
             changed = told.mount_says_clock(value, ours)
@@ -111,14 +108,14 @@ class SyncSettings:
         if changed:
             self._context.note(f"the {'clock' if clock else 'site'} was changed at the mount; it is in force here, too")
             if owed is not None:
-                self._owed = debts.without(self._owed, owed)
+                self.owed = debts.without(self.owed, owed)
         return changed
 
     # --- telling ----------------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
         self._news.set()
-        if self._owed and (self._task is None or self._task.done()):
+        if self.owed and (self._task is None or self._task.done()):
             self._task = self._context.tasks.spawn(self._run())
 
     def _hears(self) -> bool:
@@ -133,7 +130,7 @@ class SyncSettings:
         while self._ready and self._link.state not in ("down", "opening"):
             self._news.clear()
             now = self._now()
-            step = debts.next_setting(self._owed, now)
+            step = debts.next_setting(self.owed, now)
             if step is None:
                 return
             if isinstance(step, Setting) and self._hears() and not self._disturbs(step, now):
@@ -150,23 +147,23 @@ class SyncSettings:
         tried = False
         try:
             if place and not await self._to_be_told(setting):
-                self._owed = debts.without(self._owed, setting)
+                self.owed = debts.without(self.owed, setting)
                 return
             if place and setting.late and await self._is_there(setting):
                 return
-            if self._owed.get(kind_of(value)) is not setting or not self._hears():
+            if self.owed.get(kind_of(value)) is not setting or not self._hears():
                 return  # a newer one has come, or the line has gone
             tried = True
             self._telling = kind_of(value)
             self._sent[self._telling] = (*self._sent.get(self._telling, ())[-REMEMBERED:], setting)
             await self._runner.perform(setting.running(self._now()), SETTING)
         except Busy:
-            self._owed = debts.later(self._owed, setting, self._now() + BUSY)
+            self.owed = debts.later(self.owed, setting, self._now() + BUSY)
         except NoAnswer as fault:
             if not tried:
-                self._owed = debts.later(self._owed, setting, self._now() + BUSY)
+                self.owed = debts.later(self.owed, setting, self._now() + BUSY)
             elif setting.left > 1:
-                self._owed = debts.in_vain(self._owed, setting, self._now())
+                self.owed = debts.in_vain(self.owed, setting, self._now())
             else:
                 self._give_up(setting, str(fault))
         except Unsupported as fault:
@@ -236,15 +233,15 @@ class SyncSettings:
 
     def _over(self, setting: Setting) -> None:
         """The mount has it: what was kept for programs meanwhile is no longer needed, unless it is newer."""
-        newest = self._owed.get(kind_of(setting.value)) is setting
-        self._owed = debts.without(self._owed, setting)
+        newest = self.owed.get(kind_of(setting.value)) is setting
+        self.owed = debts.without(self.owed, setting)
         self._sent.pop(kind_of(setting.value), None)
         if newest:
             self._site_clock.forget(setting.value)
 
     def _keep(self, setting: Setting, fault: Fault) -> None:
         """This mount has no place for it: the gateway has."""
-        self._owed = debts.without(self._owed, setting)
+        self.owed = debts.without(self.owed, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
             self._context.note(f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
         else:
@@ -252,8 +249,8 @@ class SyncSettings:
 
     def _give_up(self, setting: Setting, why: str) -> None:
         """It is told no more: from now on reads tell what the mount has."""
-        newest = self._owed.get(kind_of(setting.value)) is setting
-        self._owed = debts.without(self._owed, setting)
+        newest = self.owed.get(kind_of(setting.value)) is setting
+        self.owed = debts.without(self.owed, setting)
         if newest and self._site_clock.has_own(setting.value):
             self._site_clock.forget(setting.value)
             self._note(setting.value, f"it is not in force: {why} The mount's own is told again")

@@ -18,8 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.clients.greeting import Beginning, Piece
-from gateway.clients.strangers import IDLE, Greeting, Recogniser, greetings
+from gateway.clients.strangers import IDLE, Beginning, Greeting, Piece, Recogniser, greetings
 from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
 from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
 from tests.support.callers import Caller

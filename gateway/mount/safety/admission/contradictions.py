@@ -13,7 +13,7 @@ from typing import NamedTuple
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core.errors import Fault, NearSun, Unsupported
-from gateway.core.operations import Equatorial, GetStatus, GotoAxes, Park, Place
+from gateway.core.operations import Equatorial, GetStatus, Park, Place
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits, check_own_park
 from gateway.mount.site.astrometry import SUN_IS_UP
@@ -116,13 +116,9 @@ def mistaken(one: Place, other: Place) -> str:
 
 def _span(seconds: float) -> str:
     minutes = abs(seconds) / 60.0
-    return (
-        f"{minutes:.0f} minutes"
-        if minutes < 90
-        else f"{minutes / 60:.1f} hours"
-        if minutes < 2880
-        else (f"{minutes / 1440:.0f} days")
-    )
+    if minutes < 90:
+        return f"{minutes:.0f} minutes"
+    return f"{minutes / 60:.1f} hours" if minutes < 2880 else f"{minutes / 1440:.0f} days"
 
 
 def time_unknown(best: Time) -> bool:
@@ -149,7 +145,8 @@ def _park(mount: Context) -> Iterator[str]:
     there = mount.driver.destination(Park())
     try:
         if there is not None:
-            limits.check_altitude(_altitude(mount, there, status.equatorial))
+            on_sky = mount.astrometry.from_axes(there, wedge=not mount.driver.german) if status.equatorial else None
+            limits.check_altitude(there.alt if on_sky is None else mount.astrometry.horizon(on_sky).alt)
         elif not mount.policy.own_park:
             check_own_park(Park(), limits)
     except Unsupported:
@@ -160,10 +157,3 @@ def _park(mount: Context) -> Iterator[str]:
             if mount.policy.own_park
             else "parking is refused, because its park position may lie beyond lowest or highest: see the key park"
         )
-
-
-def _altitude(mount: Context, there: GotoAxes, equatorial: bool) -> float:
-    """Raises Unsupported where the site is not known."""
-    if not equatorial:
-        return there.alt
-    return mount.astrometry.horizon(mount.astrometry.from_axes(there, wedge=not mount.driver.german)).alt

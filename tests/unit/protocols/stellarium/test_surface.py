@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from gateway.clients.access import Access, networks
-from gateway.clients.greeting import Beginning, Piece
+from gateway.clients.strangers import Beginning, Piece
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
