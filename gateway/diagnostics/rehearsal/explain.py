@@ -138,12 +138,12 @@ def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozen
     kind = Kind(at.model, counted(at), aligned=True)
     said = outcome(row, driven, kind, face=face)
     lines = [f"outcome on {_name(at)} mount: {_means(said)}"]
-    early = outcome(row, driven, kind._replace(aligned=False), face=face)
-    if early != said:
-        lines.append(f"  before the alignment: {early}")
-    wedged = outcome(row, driven, kind._replace(wedge=True), face=face)
-    if wedged != said:
-        lines.append(f"  on a wedge: {wedged}")
+    for when, other in (
+        ("before the alignment", kind._replace(aligned=False)),
+        ("on a wedge", kind._replace(wedge=True)),
+    ):
+        if (otherwise := outcome(row, driven, other, face=face)) != said:
+            lines.append(f"  {when}: {otherwise}")
     if row is not None and row.why:
         lines.append(f"  {row.why}")
     return lines + [f"  {way.why}" for way in taken(row, driven, kind) if way.why]

@@ -122,7 +122,7 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
     if said == "missing":
         yield "missing"
     elif said == "refused":
-        if _has_no(command, surface, play.frame):
+        if any(reply.fault for reply, _ in command.replies) or _no_form(surface, play.frame):
             if not no:
                 yield f"refused, and the reply {play.reply!r} is no no"
         elif not notes:
@@ -147,10 +147,6 @@ def _no_form(surface: Surface, frame: bytes) -> bytes:
     """What the surface says to a command that cannot be done on any mount; empty where it has no form for that."""
     form = surface.unanswered(frame, Unsupported())
     return b"" if form == ACKNOWLEDGED else form
-
-
-def _has_no(command: Command, surface: Surface, frame: bytes) -> bool:
-    return any(reply.fault for reply, _ in command.replies) or bool(_no_form(surface, frame))
 
 
 def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:

@@ -19,41 +19,11 @@ _MODES = {
     "eq-south": "equatorially, in the south",
 }
 
-#: What is only asked, and what needs no number to be told.
-_PLAIN: dict[type[Operation], str] = {
-    op.Position: "where does the mount point (right ascension and declination)?",
-    op.HorizontalPosition: "where does the mount point (azimuth and altitude)?",
-    op.AxisPosition: "where do the two motor axes stand?",
-    op.Slewing: "is a goto under way?",
-    op.GetStatus: "does the mount track, and is it aligned?",
-    op.GetIdentity: "which mount is it?",
-    op.GetSite: "where does the mount stand?",
-    op.GetClock: "what is the mount's time?",
-    op.GetGps: "what does the mount's GPS receiver tell?",
-    op.SiderealTime: "what is the sidereal time?",
-    op.PierSide: "on which side of the pier is the tube?",
-    op.DriveRate: "at which rate does it track?",
-    op.Zenith: "what stands in the zenith now?",
-    op.HomeState: "has the mount found its home position?",
-    op.AbortMotion: "stop every motion; tracking stays as it is",
-    op.AbortSlew: "end the goto",
-    op.Park: "go to the park position, and switch tracking off there",
-    op.Home: "go to the home position",
-    op.SetHome: "the present position is home from now on",
-    op.Unpark: "take up service again, tracking",
-    op.Hibernate: "go to sleep",
-    op.Wake: "wake up",
-    op.ClockFromGps: "set the mount's clock by its GPS receiver",
-    op.Choose: "look for an object in the mount's own library",
-}
-
 
 def meaning(operation: Operation) -> str:
     """An operation in words, with all that is set of it."""
-    if words := _PLAIN.get(type(operation)):
-        return words
-    told = _TOLD.get(type(operation))
-    return told(operation) if told is not None else _by_name(operation)
+    told = _WORDS.get(type(operation), _by_name)
+    return told if isinstance(told, str) else told(operation)
 
 
 def _by_name(operation: Operation) -> str:
@@ -122,14 +92,6 @@ def _clock(one: op.SetClock) -> str:
     return f"it is {datetime.fromtimestamp(one.unix, UTC):%Y-%m-%d %H:%M:%S} UTC, UTC{one.offset:+g} h here{saving}"
 
 
-def _tracking(one: op.SetTracking) -> str:
-    return "tracking off" if not one.on else "tracking on" + (f" {_MODES[one.mode.value]}" if one.mode else "")
-
-
-def _drive(one: op.TrackRate) -> str:
-    return f"track at the {one.name} rate" if one.name else f"track at {one.factor:g} of the sidereal rate"
-
-
 def _moon(one: op.MoonPlace) -> str:
     if one.latitude is None or one.longitude is None:
         return "where is the middle of the Moon now?"
@@ -140,7 +102,32 @@ def _sense(sense: int) -> str:
     return "forwards" if sense > 0 else "backwards"
 
 
-_TOLD: dict[type[Operation], Callable[[Any], str]] = {
+_WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
+    # what is only asked, and what needs no number to be told
+    op.Position: "where does the mount point (right ascension and declination)?",
+    op.HorizontalPosition: "where does the mount point (azimuth and altitude)?",
+    op.AxisPosition: "where do the two motor axes stand?",
+    op.Slewing: "is a goto under way?",
+    op.GetStatus: "does the mount track, and is it aligned?",
+    op.GetIdentity: "which mount is it?",
+    op.GetSite: "where does the mount stand?",
+    op.GetClock: "what is the mount's time?",
+    op.GetGps: "what does the mount's GPS receiver tell?",
+    op.SiderealTime: "what is the sidereal time?",
+    op.PierSide: "on which side of the pier is the tube?",
+    op.DriveRate: "at which rate does it track?",
+    op.Zenith: "what stands in the zenith now?",
+    op.HomeState: "has the mount found its home position?",
+    op.AbortMotion: "stop every motion; tracking stays as it is",
+    op.AbortSlew: "end the goto",
+    op.Park: "go to the park position, and switch tracking off there",
+    op.Home: "go to the home position",
+    op.SetHome: "the present position is home from now on",
+    op.Unpark: "take up service again, tracking",
+    op.Hibernate: "go to sleep",
+    op.Wake: "wake up",
+    op.ClockFromGps: "set the mount's clock by its GPS receiver",
+    op.Choose: "look for an object in the mount's own library",
     op.Goto: lambda one: f"go to {_place(one)}" + (", and track there" if one.track else "") + _limits(one),
     op.GotoHorizontal: lambda one: f"go to {_horizon(one)}{_limits(one)}",
     op.GotoAxes: lambda one: f"turn the motors to {one.az:g}° and {one.alt:g}°",
@@ -151,8 +138,10 @@ _TOLD: dict[type[Operation], Callable[[Any], str]] = {
     op.Pulse: lambda one: f"guide {one.direction.word} for {one.ms} ms",
     op.PulseAxis: lambda one: f"guide with {_axis(one.axis)} {_sense(one.sense)} for {one.ms} ms"
                               + ("" if one.rate is None else f" at {one.rate:g} of the sidereal rate"),
-    op.SetTracking: _tracking,
-    op.TrackRate: _drive,
+    op.SetTracking: lambda one: "tracking off" if not one.on else
+                                "tracking on" + (f" {_MODES[one.mode.value]}" if one.mode else ""),
+    op.TrackRate: lambda one: f"track at the {one.name} rate" if one.name else
+                              f"track at {one.factor:g} of the sidereal rate",
     op.GuideRate: lambda one: f"how fast does {_axis(one.axis)} guide?",
     op.SetGuideRate: lambda one: f"guide with {_axis(one.axis)} at {one.rate:g} of the sidereal rate",
     op.Backlash: lambda one: f"take {one.value} of 99 for the backlash of {_axis(one.axis)}",

@@ -64,13 +64,8 @@ class Stage:
         self.clock: Callable[[], float] = lambda: start + loop.time() - self._began
         self.host: Callable[[], float] = lambda: self.clock() + host_ahead
         endpoint = Endpoint(driven, "sim", mount, version)
-        self.sim: Simulated = (
-            on.sim
-            if on
-            else make_simulator(
-                endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed, ramps=ramps, **(simulated or {})
-            )
-        )
+        settings = {"site": site, "aligned": aligned, "speed": speed, "ramps": ramps, **(simulated or {})}
+        self.sim: Simulated = on.sim if on else make_simulator(endpoint, clock=self.clock, **settings)
         self.wire_log = WireLog(self.clock)
         self.entries: list[Entry] = []
         self.wire_log.sinks.append(self.entries.append)

@@ -10,9 +10,8 @@ from typing import Any
 
 from gateway.app.recording.format import Event
 from gateway.core.errors import Fault
-from gateway.core.wire_log import MOUNT, WireLog
+from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.virtual_time import VirtualLoop
-from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import Request, RequestQueue
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
@@ -140,12 +139,3 @@ class RecordedQueue(RequestQueue):
             return self._dialogue.encode(ask)
         except Fault:
             return b""
-
-
-class RecordedLine(MountLink):
-    """A line that sends what was sent then, when it was sent."""
-
-    def __init__(self, wire: RecordedWire, dialogue: ReplyRules, wire_log: WireLog) -> None:
-        recorded = RecordedQueue(wire, dialogue)
-        super().__init__(wire, dialogue, wire_log, recorded)
-        self.allow = recorded.allow

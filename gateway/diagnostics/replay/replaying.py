@@ -22,7 +22,7 @@ from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
-from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
+from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLoop, RecordedQueue, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import AFTERWARDS, Retracing
 from gateway.diagnostics.replay.told import Difference, Told
@@ -108,11 +108,11 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
 
     wire = RecordedWire(events, now)
     gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
-    lines: list[RecordedLine] = []
+    queues: list[RecordedQueue] = []
 
     def line(dialogue: ReplyRules, wire_log: WireLog) -> MountLink:
-        lines.append(RecordedLine(wire, dialogue, wire_log))
-        return lines[0]
+        queues.append(RecordedQueue(wire, dialogue))
+        return MountLink(wire, dialogue, wire_log, queues[0])
 
     gateway.prepare(line)
     clients = _Clients(gateway)
@@ -121,7 +121,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
     for cause, requests in _causes(events):
         await loop.until(cause.at)
         at_once = sum(at <= cause.at + ROUNDED for at in requests)
-        lines[0].allow(at_once)
+        queues[0].allow(at_once)
         if cause.side == MOUNT:
             _mount(cause, asked, gateway, wire)
         elif cause.arrow == "r":
@@ -131,7 +131,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
         await _rest()
         for at in requests[at_once:]:
             await loop.until(at)
-            lines[0].allow(1)
+            queues[0].allow(1)
             await _rest()
         asked += len(requests)
     await asyncio.sleep(AFTERWARDS)

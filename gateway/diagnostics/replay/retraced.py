@@ -73,7 +73,8 @@ class RetracedLoop(TurnLoop):
                 if timeout is None and self._ended is not None and self._ended.done():
                     raise RuntimeError("nothing will ever happen again")
                 self.elapsed += timeout or 0.0
-                self._finish()
+                if self._ended is not None and not self._ended.done():
+                    self._ended.set_result(None)
             return []
         if timeout != 0:
             self.turn = turn.number
@@ -103,10 +104,6 @@ class RetracedLoop(TurnLoop):
         self._next = None
         if self._ended is not None and not self._ended.done():
             self._ended.set_exception(error)
-
-    def _finish(self) -> None:
-        if self._ended is not None and not self._ended.done():
-            self._ended.set_result(None)
 
 
 class RetracedEntrance(Entrance):

@@ -34,8 +34,8 @@ _FREE = rb"[^#]*"
 _HEX = re.compile(rb"[0-9A-Fa-f]*").fullmatch
 
 
-def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float], low: float, high: float) -> Codec:
-    """A sexagesimal field whose value must lie in [low, high]."""
+def _within(decode: Callable[[bytes], float], low: float, high: float) -> Callable[[bytes], float]:
+    """The same where the value must lie in [low, high]."""
 
     def checked(raw: bytes) -> float:
         value = decode(raw)
@@ -43,7 +43,11 @@ def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float
             raise ValueError(f"{raw!r} is outside {low:g}..{high:g}")
         return value
 
-    return Codec(lambda value: encode(value).encode("ascii"), checked, _FREE)
+    return checked
+
+
+def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float], low: float, high: float) -> Codec:
+    return Codec(lambda value: encode(value).encode("ascii"), _within(decode, low, high), _FREE)
 
 
 _BELOW_DAY = 360.0 - 1e-9
@@ -90,13 +94,8 @@ def _number(
             raise ValueError(f"{value!r} does not fit {picture}")
         return text.encode("ascii")
 
-    def decode(raw: bytes) -> float | int:
-        value = sx.number(raw)
-        if not low <= value <= high:
-            raise ValueError(f"{raw!r} is outside {low:g}..{high:g}")
-        return value if decimals else int(value)
-
-    return Codec(encode, decode, _FREE)
+    decode = _within(sx.number, low, high)
+    return Codec(encode, decode if decimals else lambda raw: int(decode(raw)), _FREE)
 
 
 def _arcminutes(codec: Codec) -> Codec:

@@ -27,13 +27,7 @@ RATES = {0: ("sidereal", 1.0), 1: ("lunar", 14.685 / SIDEREAL_ARCSECONDS), 2: ("
 
 
 def slew(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """The place is the target from now on."""
-    session.kept.ra, session.kept.dec = place(values)
-    yield op.Goto(session.kept.ra, session.kept.dec)
-
-
-def slew_to_target(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    yield op.Goto(*_target(session))
+    yield op.Goto(*_target(session, values))
 
 
 def slew_altaz(session: AlpacaSession, command: Command, values: Values) -> Handling:
@@ -42,16 +36,13 @@ def slew_altaz(session: AlpacaSession, command: Command, values: Values) -> Hand
 
 
 def sync(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """The place is the target from now on."""
-    session.kept.ra, session.kept.dec = place(values)
-    yield op.Sync(session.kept.ra, session.kept.dec)
+    yield op.Sync(*_target(session, values))
 
 
-def sync_to_target(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    yield op.Sync(*_target(session))
-
-
-def _target(session: AlpacaSession) -> tuple[float, float]:
+def _target(session: AlpacaSession, values: Values) -> tuple[float, float]:
+    """A place that comes with the command is the target from now on."""
+    if values:
+        session.kept.ra, session.kept.dec = place(values)
     if session.kept.ra is None or session.kept.dec is None:
         raise NoTarget("Set TargetRightAscension and TargetDeclination first.")
     return session.kept.ra, session.kept.dec

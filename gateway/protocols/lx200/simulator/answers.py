@@ -63,22 +63,12 @@ def _bar(degrees: float) -> bytes:
     return (b"\xff" * max(1, min(BARS, round(abs(degrees) / 180.0 * BARS)))).ljust(BARS)
 
 
-def letter(sim: Telescope, name: str, _: Values) -> bytes:
-    """ACK"""
-    return sim.letter.encode()
-
-
 def status(sim: Telescope, name: str, _: Values) -> bytes:
     """:GW - how it is built, whether it tracks, whether it is aligned: three characters, no #."""
     polar = sim.mechanics.build is Build.WEDGE and not (sim.letter == "L" and sim.land_tells_altaz)
     build = "G" if sim.mechanics.build is Build.GERMAN else "P" if polar else "A"
     tracks = sim.mechanics.tracking(sim.now) or sim.mechanics.slewing(sim.now)
     return f"{build}{'T' if tracks else 'N'}{'P' if sim.parked else int(sim.aligned)}".encode()
-
-
-def text(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GVP :GVN :GVD :GVT :GVF"""
-    return f"{sim.row[_TEXTS[name]]}#".encode()
 
 
 def hertz(sim: Telescope, name: str, _: Values) -> bytes:
@@ -95,16 +85,6 @@ def menu(sim: Telescope, name: str, _: Values) -> bytes:
     return f"{'>' if word[0] == sim.letter else ' '}{word:<15}#".encode()
 
 
-def home(sim: Telescope, name: str, _: Values) -> bytes:
-    """:h?"""
-    return b"2" if sim.seeking else str(sim.home).encode()
-
-
-def gps(sim: Telescope, name: str, _: Values) -> bytes:
-    """:gps"""
-    return rmc(*sim.site, sim.now).encode() + b"#"
-
-
 def help_text(sim: Telescope, name: str, _: Values) -> bytes:
     """:?? :?+ :?-"""
     step = {"??": -len(_HELP), "?+": 1, "?-": -1}[name]
@@ -119,7 +99,9 @@ def nothing(sim: Telescope, name: str, values: Values) -> None:
 _SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
 HANDLERS: dict[str, Handler] = {
     "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "Gr": target, "Gd": target, "D": bars,
-    "ACK": letter, "GW": status, "GVP": text, "GVN": text, "GVD": text, "GVT": text, "GVF": text, "GT": hertz,
-    "G0": menu, "G1": menu, "G2": menu, "h?": home, "gps": gps, "??": help_text, "?+": help_text,
-    "?-": help_text, **dict.fromkeys(_SILENT, nothing),
+    "ACK": lambda sim, name, _: sim.letter.encode(), "GW": status, "GT": hertz, "G0": menu, "G1": menu, "G2": menu,
+    **dict.fromkeys(_TEXTS, lambda sim, name, _: f"{sim.row[_TEXTS[name]]}#".encode()),
+    "h?": lambda sim, name, _: b"2" if sim.seeking else str(sim.home).encode(),
+    "gps": lambda sim, name, _: rmc(*sim.site, sim.now).encode() + b"#",
+    "??": help_text, "?+": help_text, "?-": help_text, **dict.fromkeys(_SILENT, nothing),
 }  # fmt: skip

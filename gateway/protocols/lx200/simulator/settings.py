@@ -39,15 +39,10 @@ def _local(sim: Telescope) -> datetime:
     return datetime.fromtimestamp(sim.utc() + sim.offset * 3600.0, UTC)
 
 
-def time(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GL :Ga"""
+def clock(sim: Telescope, name: str, _: Values) -> bytes:
+    """:GL :Ga :GC"""
     local = _local(sim)
-    return form(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second)
-
-
-def day(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GC"""
-    return form(sim, name, date=_local(sim).date())
+    return form(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second, date=local.date())
 
 
 def offset(sim: Telescope, name: str, _: Values) -> bytes:
@@ -137,18 +132,12 @@ def _angle(text: str) -> bytes:
     return text.replace("*", "\xdf").encode("latin-1") + b"#"
 
 
-def set_latitude(sim: Telescope, name: str, values: Values) -> bytes:
-    """:St - an Autostar says 0 to a good one."""
-    sim.sites[sim.site_number] = values["latitude"], sim.site[1]
+def set_half(sim: Telescope, name: str, values: Values) -> bytes:
+    """:St :Sg - an Autostar says 0 to a good latitude."""
+    north, east = sim.site
+    sim.sites[sim.site_number] = values.get("latitude", north), wrap180(-values.get("longitude", -east))
     sim.relocate()
-    return b"0" if sim.model == "autostar" else b"1"
-
-
-def set_longitude(sim: Telescope, name: str, values: Values) -> bytes:
-    """:Sg"""
-    sim.sites[sim.site_number] = sim.site[0], wrap180(-values["longitude"])
-    sim.relocate()
-    return b"1"
+    return b"0" if name == "St" and sim.model == "autostar" else b"1"
 
 
 def select(sim: Telescope, name: str, values: Values) -> None:
@@ -223,21 +212,12 @@ def toggle_hours(sim: Telescope, name: str, _: Values) -> None:
     sim.kept["twelve"] = not sim.kept.get("twelve", False)
 
 
-def hours(sim: Telescope, name: str, _: Values) -> bytes:
-    """:Gc"""
-    return b"12#" if sim.kept.get("twelve") else b"24#"
-
-
-def yes(sim: Telescope, name: str, values: Values) -> bytes:
-    """:SB"""
-    return b"1"
-
-
 HANDLERS: dict[str, Handler] = {
-    "GL": time, "Ga": time, "GC": day, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date, "SG": set_offset,
-    "hI": stamp, "gT": gps_time, "Gt": latitude, "Gg": longitude, "St": set_latitude, "Sg": set_longitude, "W": select,
-    "Go": limit, "Gh": limit, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,
-    "P": toggle_pointing, "H": toggle_hours, "Gc": hours, "SS": set_sidereal, "SB": yes,
+    "GL": clock, "Ga": clock, "GC": clock, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date,
+    "SG": set_offset, "hI": stamp, "gT": gps_time, "Gt": latitude, "Gg": longitude, "St": set_half, "Sg": set_half,
+    "W": select, "Go": limit, "Gh": limit, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,
+    "P": toggle_pointing, "H": toggle_hours, "SS": set_sidereal,
+    "Gc": lambda sim, name, _: b"12#" if sim.kept.get("twelve") else b"24#", "SB": lambda sim, name, _: b"1",
     **dict.fromkeys(("GM", "GN", "GO", "GP"), site_name), **dict.fromkeys(("SM", "SN", "SO", "SP"), set_site_name),
     **dict.fromkeys(("Gb", "Gf", "GF", "Gl", "Gs", "Gy", "Gq"), search),
     **dict.fromkeys(("Sb", "Sf", "SF", "Sl", "Ss", "Sy"), set_search),

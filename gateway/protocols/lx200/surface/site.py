@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import GetSite, Place, SetSite, Values
+from gateway.protocols.base.session import NamedSite
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
@@ -21,36 +22,16 @@ _NAMED = "MNOP"
 _SITES_AT_MOST = 4
 
 
-def tell_latitude(session: LxSession, command: Command, values: Values) -> Handling:
-    """:Gt"""
-    return {"latitude": (yield from _told(session, "latitude"))}
-
-
-def tell_longitude(session: LxSession, command: Command, values: Values) -> Handling:
-    """:Gg"""
-    return {"longitude": -(yield from _told(session, "longitude"))}
-
-
-def _told(session: LxSession, half: str) -> Handling:
-    """-> half of the site in force; where nobody knows the other half, the one that was set. Raises Fault."""
+def tell_half(session: LxSession, command: Command, values: Values) -> Handling:
+    """:Gt :Gg - of the site in force; where nobody knows the other half, the one that was set. Raises Fault."""
+    half = "latitude" if command.name == "Gt" else "longitude"
     try:
-        place: Place = yield GetSite()
+        told: Place | NamedSite = yield GetSite()
     except Fault:
-        stored = getattr(session.shared.stored(_selected(session)), half)
-        if stored is None:
+        told = session.shared.stored(_selected(session))
+        if getattr(told, half) is None:
             raise
-        return stored
-    return getattr(place, half)
-
-
-def set_latitude(session: LxSession, command: Command, values: Values) -> Handling:
-    """:St"""
-    yield from _set(session, latitude=given(values)["latitude"])
-
-
-def set_longitude(session: LxSession, command: Command, values: Values) -> Handling:
-    """:Sg"""
-    yield from _set(session, longitude=-given(values)["longitude"])
+    return {half: getattr(told, half) if half == "latitude" else -getattr(told, half)}
 
 
 def _selected(session: LxSession) -> int:
@@ -58,8 +39,10 @@ def _selected(session: LxSession) -> int:
     return (session.shared.site or 0) if session.kept.site is None else session.kept.site
 
 
-def _set(session: LxSession, **half: float) -> Handling:
-    """Set one half, and remember it under the site that is selected."""
+def set_half(session: LxSession, command: Command, values: Values) -> Handling:
+    """:St :Sg - remembered under the site that is selected."""
+    [(name, value)] = given(values).items()
+    half = {name: value if name == "latitude" else -value}
     session.check_may_set()
     index = _selected(session)
     yield from _enter(session, index)
@@ -119,25 +102,17 @@ def set_name(session: LxSession, command: Command, values: Values) -> None:
     session.set_for_all(session.shared.with_site(index, replace(session.shared.stored(index), name=name)))
 
 
-def set_lowest(session: LxSession, command: Command, values: Values) -> None:
-    """:So - as real programs use it (against the manual's words): the lowest altitude; over 90 it is in arcminutes."""
-    lowest = float(given(values)["limit"])
-    _check(session, lowest, session.kept.highest)
-    session.kept.lowest = lowest
+def set_limit(session: LxSession, command: Command, values: Values) -> None:
+    """:So :Sh - as real programs use them (against the manual's words): the lowest altitude, the highest.
 
-
-def set_highest(session: LxSession, command: Command, values: Values) -> None:
-    """:Sh - the highest altitude."""
-    highest = float(given(values)["limit"])
-    _check(session, session.kept.lowest, highest)
-    session.kept.highest = highest
-
-
-def _check(session: LxSession, lowest: float | None, highest: float | None) -> None:
-    """Raises Invalid for limits that leave no altitude at all: nothing could be moved any more."""
-    limits = session.settings.limits.narrowed(lowest, highest)
+    Raises Invalid for limits that leave no altitude at all: nothing could be moved any more.
+    """
+    name = "lowest" if command.name == "So" else "highest"
+    wanted = {"lowest": session.kept.lowest, "highest": session.kept.highest, name: float(given(values)["limit"])}
+    limits = session.settings.limits.narrowed(**wanted)
     if limits.lowest >= limits.highest:
         raise Invalid(f"Nothing is left between {limits.lowest:g} and {limits.highest:g} degrees.")
+    setattr(session.kept, name, wanted[name])
 
 
 def tell_limit(session: LxSession, command: Command, values: Values) -> dict[str, float]:

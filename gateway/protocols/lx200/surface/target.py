@@ -61,14 +61,10 @@ def tell_target(session: LxSession, _: Command, values: op.Values) -> Handling:
     return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
 
 
-def declination(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:GD - of the same instant as the :GR before it."""
-    return (yield ReuseLastReading(op.Position()) if session.last == b":GR#" else op.Position())
-
-
-def altitude(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:GA - of the same instant as the :GZ before it."""
-    return (yield ReuseLastReading(op.HorizontalPosition()) if session.last == b":GZ#" else op.HorizontalPosition())
+def second_half(session: LxSession, command: Command, values: op.Values) -> Handling:
+    """:GD :GA - of the same instant as the :GR or :GZ before it."""
+    before, asked = (b":GR#", op.Position()) if command.name == "GD" else (b":GZ#", op.HorizontalPosition())
+    return (yield ReuseLastReading(asked) if session.last == before else asked)
 
 
 def goto(session: LxSession, _: Command, values: op.Values) -> Handling:

@@ -148,14 +148,9 @@ def periodic_error(session: NexStarSession, command: Command, values: op.Values)
     yield op.PeriodicError(motor(values), bool(values["on"]))
 
 
-def hibernate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """x"""
-    yield from begin(op.Hibernate())
-
-
-def wake(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """y"""
-    yield from begin(op.Wake())
+def hibernate_or_wake(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+    """x, y"""
+    yield from begin(op.Hibernate() if command.name == "x" else op.Wake())
 
 
 def unsync(session: NexStarSession, command: Command, values: op.Values) -> None:
