@@ -44,18 +44,11 @@ def does_for(wanted: Wanted, operation: op.Operation) -> Order | None:
     if not isinstance(operation, ENDS):
         return None
     overtakes = not wanted.waiting_gotos
-    return next(
-        (
-            one
-            for one in wanted.pending
-            if one.operation == operation
-            and not one.follow_up
-            and not one.unless
-            and one.overtakes is overtakes
-            and (overtakes or one.asked == wanted.asked)
-        ),
-        None,
-    )
+    for one in wanted.pending:
+        equal = one.operation == operation and not one.follow_up and not one.unless
+        if equal and one.overtakes is overtakes and (overtakes or one.asked == wanted.asked):
+            return one
+    return None
 
 
 def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:

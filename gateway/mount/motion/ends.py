@@ -81,6 +81,7 @@ def speed(ending: Ending, samples: Sequence[Sample]) -> float | None:
 
 
 def next_step(ending: Ending, samples: Sequence[Sample], now: float) -> Step:
+    """What is to be done now."""
     if not visible(ending):
         return Step.DONE
     seen = speed(ending, samples)

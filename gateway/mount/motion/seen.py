@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from gateway.mount.context import Context
 from gateway.mount.motion.ends import Sample
 from gateway.mount.site.astrometry import SiteAstrometry
 
@@ -108,16 +107,7 @@ def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
     return seen
 
 
-def measured(mount: Context, now: float, place: op.Equatorial, before: PositionSample | None) -> PositionSample:
-    """What a position means that is told now; its first half is a little older than the second."""
-    here = place if before is None else _at_once(now, place, before, mount.timing.lag)
-    altitude = mount.astrometry.altitude(here.ra, here.dec)
-    hour_angle = None if altitude is None else mount.astrometry.sidereal_time() - here.ra
-    distances = tuple(mount.suns.distances(here))
-    return PositionSample(now, place, altitude, hour_angle, distances, mount.wanted.by_hand.get(2))
-
-
-def _at_once(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
+def at_once(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
     """Where the mount is when the second half of its position is told: the first has gone on meanwhile."""
     turned = wrap180(place.ra - before.place.ra)
     if not lag or abs(turned) > JUMP:

@@ -185,9 +185,15 @@ class LimitWatch:
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
 
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
-        sample = fold.measured(self._mount, now, place, before)
-        tilt = self.altitude_axis.tilt
-        return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
+        """What a position means that is told now."""
+        mount, astrometry = self._mount, self._mount.astrometry
+        here = place if before is None else fold.at_once(now, place, before, mount.timing.lag)
+        altitude, hour_angle = astrometry.altitude(here.ra, here.dec), None
+        if altitude is not None:
+            altitude += self.altitude_axis.tilt or 0.0
+            hour_angle = astrometry.sidereal_time() - here.ra
+        suns = tuple(mount.suns.distances(here))
+        return PositionSample(now, place, altitude, hour_angle, suns, mount.wanted.by_hand.get(2))
 
     def _notice(self, now: float, status: op.Status | None) -> None:
         """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""

@@ -104,14 +104,10 @@ def mistaken(one: Place, other: Place) -> str:
         "both signs look wrong, north and east are positive": Place(-one.latitude, -one.longitude),
         "latitude and longitude look swapped, latitude comes first": Place(one.longitude, one.latitude),
     }
-    return next(
-        (
-            words
-            for words, place in written.items()
-            if abs(place.latitude) <= 90.0 and _apart(place, other) <= SITE_MATTERS
-        ),
-        "",
-    )
+    for words, place in written.items():
+        if abs(place.latitude) <= 90.0 and _apart(place, other) <= SITE_MATTERS:
+            return words
+    return ""
 
 
 def _span(seconds: float) -> str:
