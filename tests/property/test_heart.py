@@ -18,6 +18,7 @@ EXAMPLES = as_a_rule(2, whole=8)
 ARROW = (Event(1.0, 1, "arrow", ("e", "max")),)
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize("mount", list(MOUNTS))
 def test_it_stays_within_the_limits_and_ends_as_it_was_told(mount: str) -> None:
     seeds = [seed for seed in range(EXAMPLES + len(KNOWN.get(mount, {}))) if seed not in KNOWN.get(mount, {})]
@@ -26,7 +27,7 @@ def test_it_stays_within_the_limits_and_ends_as_it_was_told(mount: str) -> None:
         pytest.fail(f"{'; '.join(play(small))}\n{small.words()}")
 
 
-@pytest.mark.sampled
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("mount", ["cpc", "cge", "slt", "nexstar-gps-2.2", "autostar"])
 @pytest.mark.parametrize("kind", ["lost", "unheard", "doubled", "broken", "cut"])
 def test_an_arrow_that_meets_any_fault_comes_to_rest_when_its_program_leaves(mount: str, kind: str) -> None:

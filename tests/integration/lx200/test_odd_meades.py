@@ -67,7 +67,7 @@ async def found(bridge: Bridge, seconds: float = 20.0) -> None:
         await bridge.controller.settled.wait()
 
 
-@pytest.mark.sampled(1, every=2)
+@pytest.mark.sampled(1, every=3)
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize(("model", "name", "question", "answer"), VARIANTS)
 def test_a_mount_that_tells_where_it_points_is_a_mount(

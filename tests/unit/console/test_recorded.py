@@ -39,7 +39,7 @@ ASKED: tuple[dict[str, Any], ...] = (
     {"do": "unpark"},
     {"do": "beat"},
 )
-SECONDS = as_a_rule(15.0, whole=25.0)
+SECONDS = as_a_rule(10.0, whole=25.0)
 
 
 class _Browser:

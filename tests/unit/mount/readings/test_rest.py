@@ -29,6 +29,7 @@ def bridge_of(driven: str, mount: str, version: str | None, config: dict[str, An
     return Bridge(mount, version, driven=driven, presented="nexstar", surface=None, config=config, **others)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("driven", "mount", "version", "config"), MOUNTS)
 @pytest.mark.parametrize("state", ["tracking", "not tracking", "not aligned", "coarse"])
 def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
