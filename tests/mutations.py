@@ -129,10 +129,7 @@ MUTATIONS = [
         "tests/unit/mount/motion tests/integration/motion/test_goto_whole.py",
     ),
     Mutation(
-        "nobody need be there while a mount moves",
-        r"found\.append(\(\(motion)",
-        r"\g<1>",
-        f"{SAFETY}/test_dead_man.py",
+        "nobody need be there while a mount moves", r"found\.append(\(\(motion)", r"\g<1>", f"{SAFETY}/test_dead_man.py"
     ),
     Mutation(
         "stopped is said without a look",
