@@ -16,7 +16,6 @@ from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
-from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
 
@@ -169,8 +168,7 @@ class Driver:
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
-        command: Command = self.protocol.commands[name]
-        return command.known_to(self.model, self.version)
+        return self.protocol.commands[name].known_to(self.model, self.version)
 
     def way(self, operation: type[op.Operation]) -> Way | None:
         """The first way of carrying out an operation whose commands this mount has."""

@@ -122,10 +122,7 @@ class Programs:
         if len(self._known) >= MOST:
             idle = [key for key, program in self._known.items() if program.idle]
             if idle:
-                self._known.pop(min(idle, key=self._rank)).close()
-
-    def _rank(self, key: tuple[str, int]) -> tuple[bool, float]:
-        return self._known[key].acts, self._known[key].last
+                self._known.pop(min(idle, key=lambda key: (self._known[key].acts, self._known[key].last))).close()
 
     def close(self) -> None:
         """Nobody is heard any more."""

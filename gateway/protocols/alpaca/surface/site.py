@@ -9,13 +9,27 @@ from gateway.protocols.alpaca.surface.client import AlpacaSession, within
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 
+#: What a program sets for itself: its field, its name in messages, its range, and in units of how much it is told.
+OWN = {
+    "siteelevation": ("elevation", "SiteElevation", -300.0, 10000.0, 1.0),
+    "targetrightascension": ("ra", "TargetRightAscension", 0.0, 360.0, 15.0),
+    "targetdeclination": ("dec", "TargetDeclination", -90.0, 90.0, 1.0),
+}
 
-def elevation(session: AlpacaSession, command: Command, values: Values) -> float:
-    return _known(session.kept.elevation, "SiteElevation")
+
+def kept(session: AlpacaSession, command: Command, values: Values) -> float:
+    """Raises NoTarget for what was not set."""
+    field, name, *_ = OWN[command.name]
+    value: float | None = getattr(session.kept, field)
+    if value is None:
+        raise NoTarget(f"{name} has not been set.")
+    return value
 
 
-def set_elevation(session: AlpacaSession, command: Command, values: Values) -> None:
-    session.kept.elevation = within(values, "elevation", "SiteElevation", -300.0, 10000.0)
+def keep(session: AlpacaSession, command: Command, values: Values) -> None:
+    field, name, *bounds = OWN[command.name.removeprefix("set_")]
+    value = within(values, field, name, *bounds)
+    setattr(session.kept, field, value % 360.0 if field == "ra" else value)
 
 
 def set_latitude(session: AlpacaSession, command: Command, values: Values) -> Handling:
@@ -32,25 +46,3 @@ def set_clock(session: AlpacaSession, command: Command, values: Values) -> Handl
     unix = given(values)["unix"]
     before: op.Moment = yield op.GetClock()
     yield op.SetClock(unix, before.offset, before.dst)
-
-
-def target_ra(session: AlpacaSession, command: Command, values: Values) -> float:
-    return _known(session.kept.ra, "TargetRightAscension")
-
-
-def set_target_ra(session: AlpacaSession, command: Command, values: Values) -> None:
-    session.kept.ra = within(values, "ra", "TargetRightAscension", 0.0, 360.0, per=15.0) % 360.0
-
-
-def target_dec(session: AlpacaSession, command: Command, values: Values) -> float:
-    return _known(session.kept.dec, "TargetDeclination")
-
-
-def set_target_dec(session: AlpacaSession, command: Command, values: Values) -> None:
-    session.kept.dec = within(values, "dec", "TargetDeclination", -90.0, 90.0)
-
-
-def _known(value: float | None, name: str) -> float:
-    if value is None:
-        raise NoTarget(f"{name} has not been set.")
-    return value

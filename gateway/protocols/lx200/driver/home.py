@@ -30,23 +30,14 @@ def park(mount: Lx200Driver, _: op.Park) -> Steps:
     yield from begin(mount, "hP", then="park")
 
 
-def home(mount: Lx200Driver, _: op.Home) -> Steps:
-    """:hF"""
-    yield from _seek(mount, "hF")
-
-
-def set_home(mount: Lx200Driver, _: op.SetHome) -> Steps:
-    """:hS - the telescope seeks its switches and stores where they are."""
-    yield from _seek(mount, "hS")
-
-
-def _seek(mount: Lx200Driver, command: str) -> Steps:
+def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
+    """:hF, and :hS, by which the telescope stores where its switches are."""
     yield from stop_current_motion(mount)
     mount.seeking = True  # from here on nothing is asked; what waits for the line already is answered first
     yield Wait(SETTLE)
     begins(mount, *MOUNT)
     try:
-        yield from ask(mount, command)
+        yield from ask(mount, "hS" if isinstance(operation, op.SetHome) else "hF")
     except Fault:
         mount.seeking = False
         raise

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 
@@ -72,7 +73,11 @@ def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
     return _best(
         [
             *_drives(able, west, drive),
-            *(_turned(speed, west) for speed in _arrows(able, abs(west)) if speed.command != "RG"),
+            *(
+                replace(speed, degrees=math.copysign(speed.degrees, west))
+                for speed in _arrows(able, abs(west))
+                if speed.command != "RG"
+            ),
         ],
         west,
     )
@@ -82,10 +87,6 @@ def _best(speeds: list[Speed], asked: float) -> Speed:
     """The first of those that come nearest."""
     least = min(off(asked, speed.degrees) for speed in speeds)
     return next(speed for speed in speeds if off(asked, speed.degrees) <= least + ALIKE)
-
-
-def _turned(speed: Speed, west: float) -> Speed:
-    return speed if west >= 0.0 else Speed(speed.command, -speed.degrees, speed.guide, speed.fastest, speed.free)
 
 
 def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:

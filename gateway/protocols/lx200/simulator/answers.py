@@ -42,11 +42,6 @@ def horizon(sim: Telescope, name: str, _: Values) -> bytes:
     return reply.replace(b":", b"'") if name == "GZ" and sim.classic else reply
 
 
-def target(sim: Telescope, name: str, _: Values) -> bytes:
-    """:Gr :Gd - zero after power-on."""
-    return form(sim, name, ra=sim.kept.get("ra", 0.0), dec=sim.kept.get("dec", 0.0))
-
-
 def bars(sim: Telescope, name: str, _: Values) -> bytes:
     """:D - one bar until a slew is over; on a classic 16 columns for each axis, as many bars as there is way to go."""
     going = sim.mechanics.slewing(sim.now)
@@ -92,16 +87,15 @@ def help_text(sim: Telescope, name: str, _: Values) -> bytes:
     return _HELP[sim.kept["help"]].encode() + b"#"
 
 
-def nothing(sim: Telescope, name: str, values: Values) -> None:
-    """Understood, without a reply or an effect that could be seen."""
-
-
+#: Understood, without a reply or an effect that could be seen.
 _SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
 HANDLERS: dict[str, Handler] = {
-    "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "Gr": target, "Gd": target, "D": bars,
+    "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "D": bars,
+    "Gr": lambda sim, name, _: form(sim, name, ra=sim.kept.get("ra", 0.0)),
+    "Gd": lambda sim, name, _: form(sim, name, dec=sim.kept.get("dec", 0.0)),
     "ACK": lambda sim, name, _: sim.letter.encode(), "GW": status, "GT": hertz, "G0": menu, "G1": menu, "G2": menu,
     **dict.fromkeys(_TEXTS, lambda sim, name, _: f"{sim.row[_TEXTS[name]]}#".encode()),
     "h?": lambda sim, name, _: b"2" if sim.seeking else str(sim.home).encode(),
     "gps": lambda sim, name, _: rmc(*sim.site, sim.now).encode() + b"#",
-    "??": help_text, "?+": help_text, "?-": help_text, **dict.fromkeys(_SILENT, nothing),
+    "??": help_text, "?+": help_text, "?-": help_text, **dict.fromkeys(_SILENT, lambda sim, name, _: None),
 }  # fmt: skip

@@ -165,11 +165,6 @@ def set_site_name(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def limit(sim: Telescope, name: str, _: Values) -> bytes:
-    """:Go :Gh"""
-    return form(sim, name, limit=sim.kept["lowest" if name == "Go" else "highest"])
-
-
 def set_limit(sim: Telescope, name: str, values: Values) -> bytes:
     """:So :Sh"""
     sim.kept["lowest" if name == "So" else "highest"] = float(values["limit"])
@@ -215,7 +210,9 @@ def toggle_hours(sim: Telescope, name: str, _: Values) -> None:
 HANDLERS: dict[str, Handler] = {
     "GL": clock, "Ga": clock, "GC": clock, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date,
     "SG": set_offset, "hI": stamp, "gT": gps_time, "Gt": latitude, "Gg": longitude, "St": set_half, "Sg": set_half,
-    "W": select, "Go": limit, "Gh": limit, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,
+    "W": select, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,
+    "Go": lambda sim, name, _: form(sim, name, limit=sim.kept["lowest"]),
+    "Gh": lambda sim, name, _: form(sim, name, limit=sim.kept["highest"]),
     "P": toggle_pointing, "H": toggle_hours, "SS": set_sidereal,
     "Gc": lambda sim, name, _: b"12#" if sim.kept.get("twelve") else b"24#", "SB": lambda sim, name, _: b"1",
     **dict.fromkeys(("GM", "GN", "GO", "GP"), site_name), **dict.fromkeys(("SM", "SN", "SO", "SP"), set_site_name),

@@ -172,11 +172,6 @@ def reticle(sim: Telescope, name: str, values: Values) -> None:
         sim.parts["reticle flash" if name == "B" else "reticle duty"] = next(iter(values.values()))
 
 
-def temperature(sim: Telescope, name: str, _: Values) -> bytes:
-    """:fT"""
-    return form(sim, name, value=12.5)
-
-
 HANDLERS: dict[str, Handler] = {
     "TQ": drive, "TS": drive, "TL": drive, "TM": drive, "ST": set_drive, "T": set_drive, "T+": step_drive,
     "T-": step_drive, "AA": align, "AP": align, "AL": align, "Aa": auto_align, "hP": park, "hS": seek_home,
@@ -184,5 +179,5 @@ HANDLERS: dict[str, Handler] = {
     **dict.fromkeys(("F+", "F-", "FQ"), focus), **dict.fromkeys(("FF", "FS", "F"), focus_speed),
     **dict.fromkeys(("f+", "f-", "r+", "r-", "g+", "g-"), switch), "$BA": backlash, "$BZ": backlash,
     **dict.fromkeys(("$Q", "$QA+", "$QA-", "$QZ+", "$QZ-"), correct), **dict.fromkeys(("B+", "B-", "B", "BD"), reticle),
-    "fT": temperature,
+    "fT": lambda sim, name, _: form(sim, name, value=12.5),
 }  # fmt: skip

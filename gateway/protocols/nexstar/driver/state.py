@@ -124,11 +124,8 @@ class NexStar(HandControl):
 
     def memory(self, moving: bool) -> Remembered:
         """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
-        lasting = Memory(home=self.home, parked=self.parked)
-        if moving:
-            lasting.model, lasting.version = self.model, self.version
-            lasting.tracking = self.suspended or self.tracking
-        return cast(Remembered, to_builtins(lasting))
+        speaks = (self.model, self.version, self.suspended or self.tracking) if moving else ()
+        return cast(Remembered, to_builtins(Memory(self.home, self.parked, *speaks)))
 
     def recall(self, memory: Remembered, moving: bool) -> None:
         """The rate of the drive is not among it: it ends with the gateway, as with a hand control's power."""

@@ -76,11 +76,6 @@ def cancel(sim: SimulatedMount, _: Values) -> None:
     sim.mechanics.cancel(sim.now)
 
 
-def get_mode(sim: SimulatedMount, _: Values) -> Values:
-    """``t``."""
-    return {"mode": sim.mode - 1 if sim.shifted and sim.mode else sim.mode}
-
-
 def set_mode(sim: SimulatedMount, values: Values) -> None:
     """``T``: EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
     mode = values["mode"]
@@ -172,8 +167,8 @@ def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
 
 COMMANDS: dict[str, Handler] = {
     "E": position, "e": position, "Z": axes, "z": axes, "R": goto, "r": goto, "B": goto_axes, "b": goto_axes,
-    "S": sync, "s": sync, "u": undo_sync, "M": cancel, "t": get_mode, "T": set_mode, "p": pier_side,
-    "x": hibernate, "y": wake,
+    "S": sync, "s": sync, "u": undo_sync, "M": cancel, "T": set_mode, "p": pier_side, "x": hibernate, "y": wake,
+    "t": lambda sim, _: {"mode": sim.mode - 1 if sim.shifted and sim.mode else sim.mode},
     "L": lambda sim, _: {"slewing": "1" if sim.mechanics.slewing(sim.now) else "0"},
     "J": lambda sim, _: {"aligned": int(sim.aligned)},
     "K": lambda sim, values: values,
