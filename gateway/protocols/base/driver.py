@@ -8,6 +8,7 @@ while), ``Schedule`` (do this operation after some seconds) and ``Remark`` (say 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -223,6 +224,7 @@ class Driver:
         Where the acknowledgement is lost ``moves`` tells whether it was begun. Raises NoAnswer while nobody can.
         """
         self.parked, self.goto = False, state
+        state.since = math.inf  # a mount that was not told yet stands still, and that is not its end
         try:
             yield from order
         except NoAnswer:
@@ -236,7 +238,8 @@ class Driver:
         except Fault:
             self.give_up_goto()
             raise
-        state.since = self.now()
+        finally:
+            state.since = self.now()
 
     def memory(self, moving: bool) -> Remembered:
         """What must outlive the gateway; while the mount moves, also what it takes to stop it."""

@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 
+from gateway.core import operations as op
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -56,5 +57,34 @@ def test_it_is_not_asked_for_ever_and_nobody_hears_it(presented: str, said: byte
             assert len([one for one in bridge.sent() if one[:3] in (b":MS", b":Sr")]) < 10
             await asyncio.sleep(20.0)
             assert not bridge.sim.slewing
+
+    run(program())
+
+
+@pytest.mark.parametrize("times", [1, 3, 5])
+def test_a_goto_that_is_taken_late_is_known_of(times: int) -> None:
+    """Programs look meanwhile whether it slews, and the bars of a mount that was not told yet are empty."""
+
+    async def program() -> None:
+        async with gps("lx200") as bridge:
+            client, left, feed = bridge.client(), times, bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+
+            def busy_for_gotos_alone(data: bytes) -> bytes:
+                nonlocal left
+                if data != b":MS#" or not left:
+                    return bytes(feed(data))
+                left -= 1
+                return NAK
+
+            bridge.controller.line.wire._feed = busy_for_gotos_alone  # type: ignore[attr-defined]
+            client.tell(b":Sr08:00:00#:Sd+30*00:00#:MS#")
+            while not bridge.sim.slewing:
+                await bridge.controller.read(op.Slewing())
+                await asyncio.sleep(0.1)
+            await asyncio.sleep(2.0)
+            assert bridge.sim.slewing
+            assert bridge.controller.slewing
+            assert bridge.controller.reconciler.busy  # else neither the marker on disk nor the watchdog knows of it
+            assert not any("it was ended at the mount" in entry.note for entry in bridge.entries)
 
     run(program())

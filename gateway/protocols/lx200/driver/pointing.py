@@ -87,7 +87,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     if moves:
         state.quiet = 0
         return True
-    state.quiet += 1
+    state.quiet += mount.now() >= state.since
     if mount.now() - state.since < START_GRACE or state.quiet < QUIET:
         return True
     mount.goto = None
