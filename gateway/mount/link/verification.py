@@ -58,12 +58,12 @@ class Heard(Struct):
 
 
 class ReplyVerifier:
-    """Sends requests to the line and verifies the replies for the drivers. ``hurry`` is how many times faster than a
-    real mount a simulated one slews.
+    """Sends requests to the line and verifies the replies for the drivers. A simulated mount slews ``speed_factor``
+    times faster than a real one.
     """
 
-    def __init__(self, line: MountLink, now: Callable[[], float], hurry: float = 1.0) -> None:
-        self._line, self._now, self._fastest = line, now, FASTEST * hurry
+    def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
+        self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
         self._late = line.talk.late
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
