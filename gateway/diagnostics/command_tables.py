@@ -184,7 +184,7 @@ def _cell(words: str) -> str:
 
 
 def write() -> str:
-    """Write ``mappings/README.md`` and return its path. Raises UserError in an installed copy, which must not change."""
+    """Write ``mappings/README.md`` and return its path. Raises UserError in an installed copy, which stays as it is."""
     path = mappings_folder() / "README.md"
     if path.parent.parent == PACKAGE:
         raise UserError(f"tables --write: {path} is part of an installation; run it in a checkout of the source")
