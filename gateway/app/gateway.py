@@ -157,7 +157,7 @@ class Gateway:
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = make_driver(self.mount, config, loop.time)
         if self.mount.where == "sim":
-            driver.hurry = config.speed
+            driver.speed_factor = config.speed
         shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
