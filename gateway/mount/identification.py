@@ -73,7 +73,7 @@ class Identification:
         self._driver.line_was_lost()
         if self._driver.goto_unconfirmed:  # it is looked at until it is seen to be over
             self._cache.put(op.Slewing, True, self._context.now())
-        self._gate.doubt()
+        self._gate.try_next_read()
         self._sync.doubt()
         if self._asking is not None:
             self._asking.cancel()
