@@ -180,7 +180,7 @@ def offset(value: float) -> str:
 
 
 def parse_offset(raw: bytes) -> float:
-    """Parse an offset ``sHH``, ``sHH.H``, ``s5`` or ``sHH:MM``; return hours. x.7 and x.8 mean x.75 (Nepal, Chatham)."""
+    """Parse an offset ``sHH``, ``sHH.H``, ``s5`` or ``sHH:MM``; return hours. x.7, x.8 mean x.75 (Nepal, Chatham)."""
     text = raw.replace(b" ", b"")
     value = parse(text, least=1)
     if b":" not in text:
