@@ -112,7 +112,7 @@ class EndWatch:
         return self.ending is not None
 
     def sent(self, axes: Iterable[int], speed: float) -> None:
-        """Watch an end that was sent; ``speed`` is the highest ordered or measured speed of its axes, degrees a second."""
+        """Watch an end that was sent; ``speed`` is the highest speed of its axes so far, degrees a second."""
         both, before = frozenset(axes), self.ending
         if before is not None and before.axes == both:
             self.ending = Ending(both, max(speed, before.speed), (*before.sent[:-1], self._now()))
