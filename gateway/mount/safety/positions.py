@@ -20,8 +20,8 @@ from gateway.mount.motion.wanted import Moving
 
 #: Seconds: the age of the last position at which a mount counts as silent, and the least time between two stops for it.
 BLIND = 1.0
-#: A motion is judged from this commanded speed on, degrees a second, and after so many seconds, which include its start;
-#: so large a part of the commanded way must be seen.
+#: A motion is judged from this commanded speed on, degrees a second, and after so many seconds, including its start; so
+#: large a part of the commanded way must be seen.
 FROM, AFTER, PART = 0.1, 3.0, 0.1
 #: Seconds; setting the clock by more than this changes the sky.
 SET_ANEW = 30.0

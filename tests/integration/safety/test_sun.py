@@ -242,7 +242,7 @@ def test_without_a_date_the_log_warns_once() -> None:
             client = bridge.client()
             for _ in range(2):
                 assert (await client.ask(TO_IT, until=b"Sun.#")).endswith(NO)
-            assert notes(bridge).count("WARNING: nobody has told a date") == 1
+            assert notes(bridge).count("WARNING: the mount has reported no date") == 1
 
     run(program())
 

@@ -227,7 +227,7 @@ def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None
                 client.tell(b"E")
                 await asyncio.sleep(1.0)
             assert len(missed) == 3
-            assert "it is not in force: No answer from mount. The mount's own is told again" in notes(bridge)
+            assert "it is not in force: No answer from mount. Clients get the mount's own again" in notes(bridge)
             shown = await client.ask(b"h" if command == b":SC" else b"w")
             if command == b":St":
                 assert shown[:2] == b"\x2d\x00"  # 45 degrees north
