@@ -95,7 +95,7 @@ class SyncSettings:
         self._begin()
 
     def heard(self, value: op.Place | op.Moment) -> bool:
-        """Take the mount's site or clock. Return whether it was changed at the mount; that replaces what clients set."""
+        """Take the mount's site or clock. Return whether it was changed at the mount; it replaces the client's."""
         told, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         owed, sent = self.owed.get(kind), self._sent.get(kind, ())

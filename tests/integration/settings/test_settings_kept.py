@@ -135,7 +135,7 @@ def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount: str, 
             assert where == pytest.approx((40.75, -74.5), abs=0.01)
             assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-15 01:00:00"), abs=2.0)
             assert await client.ask(b":Gg#") == b"+074*30#"
-            assert "is told when it can" in notes(bridge)
+            assert "the mount is not connected now; it is sent later" in notes(bridge)
 
     run(program())
 
