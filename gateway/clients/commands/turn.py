@@ -21,10 +21,8 @@ from gateway.protocols.base.wants import Handling
 #: keeps none alive.
 LONG_AGO = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
-#: next
-#: command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
-#: commands
-#: which arrived together with one that it does not answer are still answered.
+#: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
+#: commands which arrived together with one that it does not answer are still answered.
 ANSWER_WITHIN, WAIT_FOR_MOUNT = 3.5, 3.4
 #: Seconds after which a motion that has not begun is refused, while a reply is still possible.
 NO_IN_TIME = 3.0

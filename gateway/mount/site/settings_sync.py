@@ -41,8 +41,7 @@ class SyncSettings:
         self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
         #: The settings that the mount has not received yet.
         self.owed: Owed = {}
-        #: By kind: the settings sent since the mount last reported its value.
-        #: Then the kind that is being sent.
+        #: By kind: the settings sent since the mount last reported its value. Then the kind that is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
         self._telling: Kind | None = None
         self._ready = False

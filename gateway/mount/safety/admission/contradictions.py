@@ -22,8 +22,7 @@ from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site,
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
 #: Seconds; a computer clock that is off by more than a day (no wrong time zone or AM/PM) is ignored, because it is
-#: lost:
-#: many computers have no clock battery and no network.
+#: lost: many computers have no clock battery and no network.
 LOST = 86400.0
 #: Without the date the position of the Sun is unknown.
 UNKNOWN_TIME = (
