@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 
-#: Bytes read from a connection at a time: some hundred commands, half a second of a serial line, two milliseconds' work.
+#: Bytes of one read: about a hundred commands, half a second of a serial line, two milliseconds of work.
 SHARE = 512
 #: Seconds that a connection is paused after a whole share, and seconds between the shares of two connections.
 BREATH, APART = 0.05, 0.005

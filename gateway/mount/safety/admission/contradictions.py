@@ -137,7 +137,7 @@ def doubts(mount: Context) -> str:
 def _park(mount: Context) -> Iterator[str]:
     """Yield a warning if the mount can be parked and its park position is beyond the limits."""
     limits, status = mount.policy.limits, mount.cache.value(GetStatus)
-    if not mount.driver.way(Park) or status is None:
+    if not mount.driver.implementation(Park) or status is None:
         return
     there = mount.driver.destination(Park())
     try:
