@@ -205,18 +205,18 @@ def test_what_moves(surface: tuple[str, str | None], mount: tuple[str, str, str]
             await asyncio.sleep(3.0)
             assert sim.slewing
             await one.stop()
-            await asyncio.sleep(3.0)
+            await asyncio.sleep(2.5)
             stood = sim.truth()
-            await asyncio.sleep(5.0)
+            await asyncio.sleep(2.0)
             assert apart(sim.truth(), stood) < EXACT and sim.tracking
             # arrows on both axes
             await one.arrows()
-            await asyncio.sleep(3.0)
+            await asyncio.sleep(2.0)
             assert apart(sim.truth(), stood) > 1.0
             await one.stop()
-            await asyncio.sleep(4.0)
+            await asyncio.sleep(2.5)
             stood = sim.truth()
-            await asyncio.sleep(5.0)
+            await asyncio.sleep(2.0)
             assert apart(sim.truth(), stood) < EXACT and sim.tracking
             # a sync moves the sky at both ends, and not the tube
             ra, dec = await one.place()

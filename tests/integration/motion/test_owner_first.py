@@ -68,7 +68,7 @@ def test_a_goto_that_was_cancelled_at_the_keypad_stays_cancelled(mount: str, mot
             tracked = bridge.sim.tracking
             owner.keys("cancel")
             await asyncio.sleep(3.0)
-            assert await stands(owner, bridge, 20.0)
+            assert await stands(owner, bridge, 12.0)
             assert not owner.begun()
             assert not tracked or bridge.sim.tracking
             assert await client.ask(b":D#", until=b"#") == b"#", "the goto is told to be over"
@@ -149,7 +149,7 @@ def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str) -> No
             owner.keys("site")
             await asyncio.sleep(2.0)
             client.tell(b":Q#")
-            await asyncio.sleep(20.0)
+            await asyncio.sleep(10.0)
             assert not owner.told()
             assert await stands(owner, bridge, 1.0)
 
@@ -189,7 +189,7 @@ def test_after_a_power_cycle_nothing_moves_by_itself(mount: str, motion: str) ->
     async def program() -> None:
         async with at_the_mount(mount, motion) as (bridge, owner, _):
             await owner.power_cycle(6.0)
-            assert await stands(owner, bridge, 20.0)
+            assert await stands(owner, bridge, 12.0)
             assert not owner.begun()
 
     run(program())
@@ -200,7 +200,7 @@ def test_after_the_cable_was_out_nothing_is_begun_again(mount: str, motion: str)
     async def program() -> None:
         async with at_the_mount(mount, motion) as (_, owner, _):
             await owner.cable_out(4.0)
-            await asyncio.sleep(15.0)
+            await asyncio.sleep(10.0)
             assert not [sent for sent in owner.begun() if not sent.startswith((b"T", b":A"))]
 
     run(program())

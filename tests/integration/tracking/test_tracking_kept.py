@@ -28,9 +28,9 @@ async def polled(bridge: Any, seconds: int, question: bytes = b":GR#") -> None:
 
 
 async def drift(bridge: Any) -> float:
-    """Arcseconds a second that the tube's direction moves in right ascension, over a minute."""
+    """Arcseconds a second that the tube's direction moves in right ascension, over a quarter of a minute."""
     before, began = bridge.sim.truth()[0], bridge.clock()
-    await asyncio.sleep(60.0)
+    await asyncio.sleep(15.0)
     return float(wrap180(bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began))
 
 
