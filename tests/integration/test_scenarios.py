@@ -144,9 +144,9 @@ async def _evening(model: str, version: str, config: dict[str, Any], site: tuple
         for direction in b"nsew":
             before = await where(client)
             client.tell(b":RM#:M%c#" % direction)
-            await asyncio.sleep(3)
+            await asyncio.sleep(2)
             client.tell(b":Q%c#" % direction)
-            await asyncio.sleep(4)
+            await asyncio.sleep(3)
             after = await where(client)
             assert apart(before, after) > 0.2, chr(direction)
             _check_sense(bridge, direction, before, after)

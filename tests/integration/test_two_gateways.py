@@ -80,7 +80,9 @@ def test_sites_all_over_the_globe_reach_a_nexstar_mount() -> None:
             client = chain.client()
             chance = random.Random(7)
             corners = [(0.5, -0.5), (-0.5, 0.5), (89.99, 179.99), (-89.99, -179.99), (0.0, 180.0)]
-            sites = corners + [(chance.uniform(-90, 90), chance.uniform(-180, 180)) for _ in range(as_a_rule(15, whole=40))]
+            sites = corners + [
+                (chance.uniform(-90, 90), chance.uniform(-180, 180)) for _ in range(as_a_rule(15, whole=40))
+            ]
             for latitude, longitude in sites:
                 assert await client.ask(b"W" + _dms(latitude) + _dms(longitude)) == b"#"
                 await asyncio.sleep(3.0)

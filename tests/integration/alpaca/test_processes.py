@@ -87,7 +87,9 @@ def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
     """Not before: no start waits for it. The process says whether it is, when it is sent SIGUSR1 and at its end."""
     said = "say = lambda *_: print('aiohttp' in sys.modules, file=sys.stderr)"
     told = "atexit.register(say); signal.signal(signal.SIGUSR1, say)"
-    look = f"import atexit, signal, sys, runpy; sys.argv[0] = 'mount-gateway'\n{said}\n{told}\nrunpy.run_module('gateway')"
+    look = (
+        f"import atexit, signal, sys, runpy; sys.argv[0] = 'mount-gateway'\n{said}\n{told}\nrunpy.run_module('gateway')"
+    )
     own = Running(
         "run", "--mount", "nexstar@sim", "--no-discovery", "--state", str(tmp_path),
         "--surface", "alpaca@tcp://127.0.0.1:0", by=[sys.executable, "-c", look],

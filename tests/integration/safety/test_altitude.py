@@ -11,7 +11,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, TooHigh
-from gateway.protocols.mechanics.truth import truth_of
+from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -23,7 +23,7 @@ OFTEN, SELDOM = 0.05, 0.25
 
 def altitude(bridge: Any) -> float:
     """How high the tube really points, degrees."""
-    return truth_of(bridge.sim).altitude
+    return truth.altitude(bridge.sim)
 
 
 def notes(bridge: Any) -> list[str]:
@@ -32,12 +32,11 @@ def notes(bridge: Any) -> list[str]:
 
 async def extremes(bridge: Any, seconds: float) -> tuple[float, float]:
     """The lowest and the highest altitude that the tube really had meanwhile."""
-    end, seen = bridge.clock() + seconds, [truth_of(bridge.sim)]
+    end, seen = bridge.clock() + seconds, [altitude(bridge)]
     while (left := end - bridge.clock()) > 1e-6:
-        await asyncio.sleep(min(left, OFTEN if seen[-1].moving else SELDOM))
-        seen.append(truth_of(bridge.sim))
-    heights = [one.altitude for one in seen]
-    return min(heights), max(heights)
+        await asyncio.sleep(min(left, OFTEN if truth.moving(bridge.sim) else SELDOM))
+        seen.append(altitude(bridge))
+    return min(seen), max(seen)
 
 
 async def at_rest(bridge: Any, seconds: float = 3.0, most: float = 60.0) -> tuple[float, float]:
@@ -46,7 +45,7 @@ async def at_rest(bridge: Any, seconds: float = 3.0, most: float = 60.0) -> tupl
     while bridge.clock() < min(since + seconds, end):
         below, above = await extremes(bridge, 0.5)
         low, high = min(low, below), max(high, above)
-        if truth_of(bridge.sim).moving:
+        if truth.moving(bridge.sim):
             since = bridge.clock()
     return low, high
 

@@ -10,13 +10,14 @@ import pytest
 from gateway.core.errors import UserError
 from gateway.protocols.mechanics.truth import truth_of
 from tests.integration.safety.test_altitude import notes
+from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 from tests.unit.app.config.test_config import flags
 
 
 def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") -> tuple[float, bool, list[str]]:
-    """``:hP#`` until nothing has moved for 8 s -> where the tube truly points, whether the mount tracks, what was said."""
+    """``:hP#`` until nothing moves -> where the tube truly points, whether the mount tracks, what was said."""
     seen: list[Any] = []
 
     async def program() -> None:
@@ -28,7 +29,7 @@ def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") 
             for _ in range(60):
                 client.tell(b":D#")
                 await asyncio.sleep(1.0)
-                rested = 0 if truth_of(bridge.sim).moving else rested + 1
+                rested = 0 if truth.moving(bridge.sim) else rested + 1
                 if rested == 8:
                     break
             seen.append((truth_of(bridge.sim).altitude, truth_of(bridge.sim).tracking, notes(bridge)))

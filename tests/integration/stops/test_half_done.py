@@ -14,6 +14,7 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.protocols.mechanics.truth import truth_of
 from tests.integration.stops.test_lost_answers import swallow
+from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -33,7 +34,7 @@ async def arrived(bridge: Bridge, most: int = 60) -> None:
     rested = 0
     for _ in range(most):
         await polled(bridge, 1)
-        rested = 0 if truth_of(bridge.sim).moving else rested + 1
+        rested = 0 if truth.moving(bridge.sim) else rested + 1
         if rested == 3:
             return
     raise AssertionError("it never arrives")

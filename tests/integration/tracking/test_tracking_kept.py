@@ -219,7 +219,7 @@ def test_a_drive_rate_runs_on_after_whatever_interrupts_it(mount: str, polar: bo
                 await polled(bridge, 4)
             if "goto" in between:
                 await client.ask(b":Sr08:00:00#:Sd+20*00:00#:MS#", until=b"0")
-                await polled(bridge, 3 if between.endswith("stopped") else 60)
+                await polled(bridge, 3 if between.endswith("stopped") else 40)
             if between.endswith("stopped"):
                 client.tell(b":Q#")
             if between.endswith("on"):
@@ -230,7 +230,7 @@ def test_a_drive_rate_runs_on_after_whatever_interrupts_it(mount: str, polar: bo
                 client.tell(b":hW#")
             if between == "parked":
                 client.tell(b":hP#")
-                await polled(bridge, 100)
+                await polled(bridge, 60)
                 client.tell(b":I#")
             if between == "arrow":
                 client.tell(b":RM#:Mn#")
