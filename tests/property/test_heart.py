@@ -17,9 +17,9 @@ from tests.property.scripts import KNOWN, MOUNTS, Script
 from tests.support.sampling import as_a_rule
 
 EXAMPLES = as_a_rule(1, whole=8)
-#: The first play of some and the second of others: either protocol three times, and every way to end twice.
+#: The first play of some and the second of others: either protocol three times, and every way to end.
 SECOND = as_a_rule(1, whole=0)
-BEGINS = {"cpc": SECOND, "gt": SECOND, "lx200-16": SECOND}
+BEGINS = {"cpc": SECOND, "6-8se": SECOND, "gt": SECOND}
 ARROW = (Event(1.0, 1, "arrow", ("e", "max")),)
 
 
