@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import SurfaceRow, Version, Way
+from gateway.protocols.wireformat.rows import Implementation, SurfaceRow, Version
 
 MISSING = "missing"
 #: What each outcome stands for.
@@ -54,7 +54,7 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY, *, face
     return str(ways[0].outcome) if ways else row.without or MISSING
 
 
-def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[Way]:
+def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[Implementation]:
     """The ways by which a mount carries out the operations of a row: of each the first whose commands it has."""
     found = []
     model, version, aligned, wedge = kind
@@ -104,7 +104,7 @@ def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
             yield model, version, spec.counts_as(version) if version else None
 
 
-def remarks(row: SurfaceRow | None, ways: list[Way]) -> list[str]:
+def remarks(row: SurfaceRow | None, ways: list[Implementation]) -> list[str]:
     """What a user should know of a row, and of the ways that one mount takes; each once."""
     said = [row.why] if row is not None and row.why else []
     return list(dict.fromkeys(said + [way.why for way in ways if way.why]))

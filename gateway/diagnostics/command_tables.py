@@ -28,7 +28,7 @@ from gateway.diagnostics.command_outcomes import (
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, Source, SurfaceRow, Way
+from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, Implementation, Source, SurfaceRow
 
 _HEAD = (
     """# What becomes of every command
@@ -162,7 +162,7 @@ def _rows(client: str, mount: str, kind: Kind = ANY) -> list[str]:
     return lines
 
 
-def _remarks(command: Command, row: SurfaceRow | None, ways: list[Way]) -> str:
+def _remarks(command: Command, row: SurfaceRow | None, ways: list[Implementation]) -> str:
     """Who has it, and what a user should know."""
     about = []
     if command.models is not None and not command.beyond:

@@ -54,7 +54,7 @@ class MountController:
         self.astrometry = context.astrometry
         # Exchanges with the mount.
         gate = HibernationGate(context)
-        self.verifier = ReplyVerifier(line, self.now, self.driver.hurry)
+        self.verifier = ReplyVerifier(line, self.now, self.driver.speed_factor)
         runner = DriverRunner(context, self.verifier, gate)
         self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
         # Reading it.

@@ -71,9 +71,9 @@ class Identification:
         self._cache.clear()
         self._own.forget(everything=True)
         self._driver.line_was_lost()
-        if self._driver.unsure:  # it is looked at until it is seen to be over
+        if self._driver.goto_unconfirmed:  # it is looked at until it is seen to be over
             self._cache.put(op.Slewing, True, self._context.now())
-        self._gate.doubt()
+        self._gate.try_next_read()
         self._sync.doubt()
         if self._asking is not None:
             self._asking.cancel()
@@ -84,7 +84,7 @@ class Identification:
         if self._reconciler.wanted.owed:
             with contextlib.suppress(Fault):
                 if not self._context.known.is_set():
-                    await self._runner.drive(self._driver.greet(), STOP)
+                    await self._runner.drive(self._driver.probe(), STOP)
                 await self._reconciler.stop()
         met = False
         while self._cache.value(op.GetIdentity) is None:

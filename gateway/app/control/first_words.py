@@ -53,7 +53,7 @@ def first_words(controller: MountController, model: str | None, version: str | N
 
 def _another(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
     """A model or version that was named and that the mount says it is not."""
-    told = controller.driver.told_model(identity)
+    told = controller.driver.reported_model(identity)
     if model is not None and told is not None and told != model:
         return (
             f"the mount was named as {model}, and says that it is {told}: leave the model out, it is asked for, or "

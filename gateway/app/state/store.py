@@ -36,10 +36,10 @@ class PreviousRun(Struct, frozen=True):
 
 def recall(controller: MountController, past: PreviousRun) -> None:
     """Take up what an earlier run has remembered; what it left moving is stopped first."""
-    controller.driver.recall(past.kept.mount, moving=False)
+    controller.driver.restore_state(past.kept.mount, moving=False)
     controller.synced.value = past.kept.synced
     if past.left is not None:
-        controller.driver.recall(past.left.memory, moving=True)
+        controller.driver.restore_state(past.left.memory, moving=True)
         controller.reconciler.owe_stop()
 
 
@@ -135,7 +135,7 @@ class StateStore:
 
     def attach(self, controller: MountController) -> None:
         """Let the controller tell of motions and changes; stop first what the last run left moving."""
-        self._memory = controller.driver.memory
+        self._memory = controller.driver.saved_state
         self._synced = lambda: controller.synced.value
         recall(controller, self.past)
         controller.changed.connect(lambda _: self.changed())

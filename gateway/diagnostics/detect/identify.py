@@ -100,7 +100,8 @@ async def identify(protocol: str, ear: PortListener, model: str | None = None, v
         aligned=status.aligned if status else None,
         equatorial=status.equatorial if status else None,
         tells_model=identity.model in driver.protocol.models,
-        tells_place=driver.gps or any(driver.knows(name) for name in ("w", "Gt") if name in driver.protocol.commands),
+        tells_place=driver.gps
+        or any(driver.supports(name) for name in ("w", "Gt") if name in driver.protocol.commands),
         ways=ways(driver),
     )
 
@@ -135,10 +136,10 @@ def ways(driver: Driver) -> dict[str, str]:
     """What is done -> by which commands, or by what in their place. The driver must have identified its mount."""
     found = {}
     for row in ROWS:
-        way = driver.way(row.operation)
+        way = driver.implementation(row.operation)
         if way is not None:
             first = PROTOCOLS[driver.protocol.name].capabilities.get(row.name, {})
-            known = [name for name in first if name in way.commands and driver.knows(name)]
+            known = [name for name in first if name in way.commands and driver.supports(name)]
             found[row.name] = first[known[0]] if known else row.none
     if not getattr(driver, "tells_status", True):
         found["tracking"] = "left to the mount"  # a Meade without :GW# would lose its alignment over :AL#

@@ -82,7 +82,7 @@ class Poller:
 
     async def _keep_fresh(self, kind: Kind) -> None:
         while True:
-            if self._link.state != "up" or self._gate.deep:
+            if self._link.state != "up" or self._gate.closed:
                 await asyncio.sleep(0.2)
                 continue
             pause = self._pause(kind, self._context.now())

@@ -154,7 +154,7 @@ class Reader:
                 return met  # it was told where the mount was met
         kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None
-        if isinstance(operation, op.AxisPosition) and not self._driver.way(op.AxisPosition):
+        if isinstance(operation, op.AxisPosition) and not self._driver.implementation(op.AxisPosition):
             source, value = await self._axes_from_the_sky()
         elif isinstance(operation, op.HorizontalPosition) and self._driver.position_reads > 1:
             value = await self._while_it_rests(operation)
@@ -211,7 +211,7 @@ class Reader:
             value = self._astrometry.from_mount(value)
         if isinstance(value, op.Equatorial | op.Horizontal):
             half = self._link.typical / 2.0
-            first, second = self._driver.halves or (self._now(), self._now())
+            first, second = self._driver.read_at or (self._now(), self._now())
             self._told.came(type(operation), value, self._runner.asked_at, (first - half, second - half))
         return value
 

@@ -81,8 +81,8 @@ async def _look(context: Context, reader: Reader) -> Look:
     status: op.Status = await reader.read(op.GetStatus())
     seen: op.Equatorial = await reader.anew(op.Position())
     at = context.now()
-    if context.driver.way(op.AxisPosition) or not status.equatorial:
-        kind = op.AxisPosition if context.driver.way(op.AxisPosition) else op.HorizontalPosition
+    if context.driver.implementation(op.AxisPosition) or not status.equatorial:
+        kind = op.AxisPosition if context.driver.implementation(op.AxisPosition) else op.HorizontalPosition
         there: op.Horizontal = await reader.anew(kind())
         axes = (there.az, there.alt)
     else:

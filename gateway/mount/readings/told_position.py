@@ -184,7 +184,7 @@ class ToldPosition:
             self._courses[kind] = course(
                 before.reading if before is not None and same else None,
                 last.reading,
-                fastest=FASTEST * self._driver.hurry,
+                fastest=FASTEST * self._driver.speed_factor,
                 digit=self._driver.resolution,
                 goal=self._goal(kind),
                 polar=kind is not op.AxisPosition,

@@ -28,14 +28,14 @@ def told(reading: float) -> float:
     return degrees(asin(sin(radians(reading))))
 
 
-def corrected(tilt: float | None, difference: float, speed: float, hurry: float = 1.0) -> float:
+def corrected(tilt: float | None, difference: float, speed: float, speed_factor: float = 1.0) -> float:
     """How far what is reckoned is off, degrees, when the axis differs by so much from what was corrected so far.
 
     ``tilt`` is that correction, None where there was none yet; ``speed`` that of the mount in degrees a second. A
-    simulated mount that is in a ``hurry`` goes so many times farther before its speed was seen.
+    simulated mount with a ``speed_factor`` goes that many times farther before its speed was seen.
     """
     before = tilt or 0.0
-    if abs(difference) <= MATTERS * hurry + speed * APART and (speed or not before):
+    if abs(difference) <= MATTERS * speed_factor + speed * APART and (speed or not before):
         return before
     new = before + difference
     return new if abs(new) > MATTERS else 0.0
@@ -63,7 +63,9 @@ class AltitudeAxis:
         status = self._status = self._mount.cache.value(op.GetStatus) or self._status
         if status is None or status.equatorial or not status.aligned or driver.german:
             return False
-        return self._mount.astrometry.site_clock.site() is not None and driver.way(op.AxisPosition) is not None
+        return (
+            self._mount.astrometry.site_clock.site() is not None and driver.implementation(op.AxisPosition) is not None
+        )
 
     def every(self, moves: bool) -> float | None:
         """How often the axes are to be read, seconds; None where that is not needed."""
@@ -95,8 +97,8 @@ class AltitudeAxis:
             reckoned = last.altitude + _climb(seen) * (now - last.at)
         else:
             reckoned = (self._mount.astrometry.altitude(last.place.ra, last.place.dec) or 0.0) + before
-        speed, hurry = (seen.across, self._mount.driver.hurry) if moves else (0.0, 1.0)
-        tilt = corrected(self.tilt, told(axes.alt) - reckoned, speed, hurry)
+        speed, speed_factor = (seen.across, self._mount.driver.speed_factor) if moves else (0.0, 1.0)
+        tilt = corrected(self.tilt, told(axes.alt) - reckoned, speed, speed_factor)
         if tilt != before and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
             return None
         self.tilt, self.synced = tilt, False

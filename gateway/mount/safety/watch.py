@@ -246,7 +246,7 @@ class LimitWatch:
         status = mount.cache.value(op.GetStatus)
         here = fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, place)
         self._ends.look(here)
-        judged = status is not None and status.aligned and not mount.driver.stepping
+        judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
         ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
         stalled = self._stalls.look(here, ordered, mount.link.typical * mount.timing.reads)
         if stalled is not None:

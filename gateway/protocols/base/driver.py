@@ -17,13 +17,13 @@ from msgspec import Struct
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import Model, Version, Way
+from gateway.protocols.wireformat.rows import Implementation, Model, Version
 
 _T = TypeVar("_T")
 #: Outcomes of ways by which nothing is done.
-IN_VAIN = ("refused", "silent")
+WITHOUT_EFFECT = ("refused", "silent")
 #: Seconds between two looks whether a goto has begun whose acknowledgement was lost.
-LOOK_AGAIN = 0.5
+RECHECK_AFTER = 0.5
 #: Why there is no guide pulse.
 SLEWING = "The mount is slewing: the guide pulse is dropped."
 
@@ -82,18 +82,18 @@ Steps = Generator[Step, Any, Any]
 Handler = Callable[..., Steps]
 FollowUps = dict[type[op.Operation], Handler]
 #: What must outlive the gateway.
-Remembered = dict[str, Any]
+SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
     """A goto under way: since when, and what is done at its goal.
 
-    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
+    ``unconfirmed``: its acknowledgement was lost, and nobody has seen whether it was begun.
     """
 
     since: float
     then: str | None = None
-    unsure: bool = False
+    unconfirmed: bool = False
 
 
 class Driver:
@@ -109,19 +109,19 @@ class Driver:
     #: How many questions it takes to learn where the mount points.
     position_reads = 1
     #: When the two halves of the last place were told, where they come one after the other: loop times.
-    halves: tuple[float, float] | None = None
+    read_at: tuple[float, float] | None = None
     #: How finely it tells where it points, degrees: at rest two answers differ by no more.
     resolution = 20.0 / 3600.0
     #: How many times faster than a real one the mount slews: simulated ones may.
-    hurry = 1.0
+    speed_factor = 1.0
     #: The years that its clock, or what stands in for it here, can be set to.
     years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own.
     gps = False
     #: Whether a sync is kept here that the mount's own axes know nothing of.
-    displaced = False
+    has_sync_offset = False
     #: Whether motion by hand is a chain of small gotos, in right ascension and declination whatever the mount.
-    stepping = False
+    moves_by_gotos = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
     #: Whether a sync aligns the mount; else one that is not aligned takes none, and cannot be sent to the sky.
@@ -152,9 +152,9 @@ class Driver:
         self.handlers = handlers
 
     @property
-    def unsure(self) -> bool:
+    def goto_unconfirmed(self) -> bool:
         """Whether a goto may be under way that the mount was sent and has not acknowledged."""
-        return self.goto is not None and self.goto.unsure
+        return self.goto is not None and self.goto.unconfirmed
 
     @property
     def southern(self) -> bool:
@@ -166,21 +166,21 @@ class Driver:
         """The mode in which it tracks by one axis."""
         return op.Tracking.EQ_SOUTH if self.southern else op.Tracking.EQ_NORTH
 
-    def knows(self, name: str) -> bool:
+    def supports(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
         return self.protocol.commands[name].known_to(self.model, self.version)
 
-    def way(self, operation: type[op.Operation]) -> Way | None:
+    def implementation(self, operation: type[op.Operation]) -> Implementation | None:
         """The first way of carrying out an operation whose commands this mount has."""
         return next(filter(self._has, self.protocol.driver.get(operation.__name__, ())), None)
 
-    def _has(self, way: Way) -> bool:
-        return all(self.knows(name) for name in (*way.send, *way.needs))
+    def _has(self, way: Implementation) -> bool:
+        return all(self.supports(name) for name in (*way.send, *way.needs))
 
     @property
     def ends(self) -> frozenset[str]:
         """The commands that end a motion and do nothing else, where a stop consists of more."""
-        way = self.way(op.AbortMotion)
+        way = self.implementation(op.AbortMotion)
         return frozenset() if way is None else frozenset(way.ends)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
@@ -198,7 +198,7 @@ class Driver:
             name
             for name, ways in self.protocol.driver.items()
             for way in ways
-            if way.outcome not in IN_VAIN and (way.part is None or way.part in traits) and self._has(way)
+            if way.outcome not in WITHOUT_EFFECT and (way.part is None or way.part in traits) and self._has(way)
         )
         keys = sorted({self.speed(op.Rate(key=key)) for key in range(1, 10)})
         return op.Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
@@ -207,7 +207,7 @@ class Driver:
         """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
         return None
 
-    def not_sent_home(self) -> None:
+    def home_refused(self) -> None:
         """Park or Home was refused: where the mount does not tell of its home itself, that has failed."""
 
     def tube_side(self, told: str) -> str | None:
@@ -218,7 +218,7 @@ class Driver:
         """The goto under way is over before it came to its goal."""
         self.goto = None
 
-    def set_out(self, state: GotoUnderWay, order: Steps, moves: Handler) -> Steps:
+    def begin_goto(self, state: GotoUnderWay, order: Steps, moves: Handler) -> Steps:
         """Begin a goto by an order. It counts as under way before that is sent, for a stop must know of it.
 
         Where the acknowledgement is lost ``moves`` tells whether it was begun. Raises NoAnswer while nobody can.
@@ -228,30 +228,30 @@ class Driver:
         try:
             yield from order
         except NoAnswer:
-            state.unsure = True
+            state.unconfirmed = True
             if not (yield from moves(self)):
-                yield Wait(LOOK_AGAIN)
+                yield Wait(RECHECK_AFTER)
                 if not (yield from moves(self)):
                     self.give_up_goto()
                     raise
-            self.goto, state.unsure = state, False
+            self.goto, state.unconfirmed = state, False
         except Fault:
             self.give_up_goto()
             raise
         finally:
             state.since = self.now()
 
-    def memory(self, moving: bool) -> Remembered:
+    def saved_state(self, moving: bool) -> SavedValues:
         """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
         return {}
 
-    def recall(self, memory: Remembered, moving: bool) -> None:
+    def restore_state(self, saved: SavedValues, moving: bool) -> None:
         """Take up what an earlier run has remembered; nonsense is ignored."""
 
     def line_was_lost(self) -> None:
         """Nobody knows what has happened to the mount meanwhile: perhaps it was switched off and on."""
 
-    def greet(self) -> Steps:
+    def probe(self) -> Steps:
         """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
         yield from ()  # a generator like all others
 
@@ -266,26 +266,26 @@ class Driver:
         """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
         return {}
 
-    def told_model(self, identity: op.Identity) -> str | None:
+    def reported_model(self, identity: op.Identity) -> str | None:
         """The model that the mount itself says it is, whatever it was named; None where it does not say."""
         return None
 
     def own(self, operation: op.Own) -> Steps:
         """What the mount itself answers -> bytes. Raises Unsupported for a command that this mount has not."""
-        if not self.knows(operation.command):
+        if not self.supports(operation.command):
             raise Unsupported
         return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
 
     def perform(self, operation: op.Operation[_T]) -> Generator[Step, Any, _T]:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
         if isinstance(operation, op.PassThrough):
-            if not self.knows(operation.command):
+            if not self.supports(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
             return cast(_T, (yield Send(operation.command, dict(operation.fields), patience, once=True)))
         if isinstance(operation, op.Own):
             return cast(_T, (yield from self.own(operation)))
-        way = self.way(type(operation))
+        way = self.implementation(type(operation))
         if way is None:
             raise Unsupported
         if way.call:

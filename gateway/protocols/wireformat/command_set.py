@@ -24,7 +24,7 @@ from gateway.core import operations
 from gateway.core.errors import MappingError
 from gateway.core.tables import mappings_folder, read_table
 from gateway.protocols.wireformat.command import Command, FrameTemplate
-from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, CommandRow, Model, OwnRow, SurfaceRow, Way
+from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, CommandRow, Implementation, Model, OwnRow, SurfaceRow
 
 _T = TypeVar("_T")
 #: The words of ``urgent`` for what acts in the moment in which it comes.
@@ -102,9 +102,9 @@ class CommandSet:
         return rows
 
     @cached_property
-    def driver(self) -> dict[str, list[Way]]:
+    def driver(self) -> dict[str, list[Implementation]]:
         """Operation name -> the ways to carry it out, best first."""
-        where, rows = self._where("driver.toml"), self._read("driver.toml", list[Way])
+        where, rows = self._where("driver.toml"), self._read("driver.toml", list[Implementation])
         for key, ways in rows.items():
             if operations.named(key) is None:
                 raise MappingError(where, key, "no operation is called so")
@@ -112,7 +112,7 @@ class CommandSet:
                 self._check_way(where, key, way)
         return rows
 
-    def _check_way(self, where: str, key: str, way: Way) -> None:
+    def _check_way(self, where: str, key: str, way: Implementation) -> None:
         if bool(way.send) == bool(way.call):
             raise MappingError(where, key, "one of send, call is needed")
         if key == "AbortMotion" and not way.ends:

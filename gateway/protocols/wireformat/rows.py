@@ -162,7 +162,7 @@ class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     why: str | None = None
 
 
-class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
 
     A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some. ``part``

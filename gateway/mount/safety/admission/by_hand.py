@@ -91,7 +91,7 @@ def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatoria
 def _soon(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
     """Where so many degrees of the axes lead."""
     first, second = turns.get(1, 0.0), turns.get(2, 0.0)
-    if start.status.equatorial or mount.driver.stepping:
+    if start.status.equatorial or mount.driver.moves_by_gotos:
         return op.Equatorial(*fold_declination(start.seen.ra - first, start.seen.dec + second))
     here = mount.astrometry.horizon(start.seen)
     return mount.astrometry.equatorial(op.Horizontal(*fold_declination(here.az + first, here.alt + second)))
@@ -179,12 +179,12 @@ class HandAdmission:
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
         mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
-        if mount.driver.stepping:
+        if mount.driver.moves_by_gotos:
             return 1
         pole = -1 if status.equatorial and mount.astrometry.place().latitude < 0 else 1
         if operation.axis == 1:
             return pole if by_motor else 1
-        told_directions = not mount.driver.way(op.AxisPosition)  # a Meade
+        told_directions = not mount.driver.implementation(op.AxisPosition)  # a Meade
         if status.equatorial and not by_motor and not told_directions:
             return 1  # the driver sees to it
         return (1 if told_directions else pole) * (-1 if await over(mount, self._ask, self._watch) else 1)
@@ -192,7 +192,7 @@ class HandAdmission:
 
 async def over(mount: Context, ask: Reader, watch: LimitWatch) -> bool:
     """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way."""
-    if not mount.driver.way(op.AxisPosition):
+    if not mount.driver.implementation(op.AxisPosition):
         return not watch.seen.upright
     here: op.Horizontal = await ask.read(op.AxisPosition())
     return abs(wrap180(here.alt)) > 90.0

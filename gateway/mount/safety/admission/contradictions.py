@@ -136,7 +136,7 @@ def doubts(mount: Context) -> str:
 def _park(mount: Context) -> Iterator[str]:
     """Only where the mount can be parked at all."""
     limits, status = mount.policy.limits, mount.cache.value(GetStatus)
-    if not mount.driver.way(Park) or status is None:
+    if not mount.driver.implementation(Park) or status is None:
         return
     there = mount.driver.destination(Park())
     try:

@@ -61,12 +61,12 @@ class Admission:
             try:
                 await self._check_own_place(operation)
             except Fault:
-                self._mount.driver.not_sent_home()
+                self._mount.driver.home_refused()
                 raise
         elif isinstance(operation, op.GotoHorizontal):
             return await self._admit_horizontal(operation)
         elif isinstance(operation, op.GotoAxes):
-            if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
+            if not self._mount.driver.implementation(op.AxisPosition) and (await self._status()).equatorial:
                 goal = self._mount.astrometry.from_axes(operation, wedge=not self._mount.driver.german)
                 return await self._admit(op.Goto(goal.ra, goal.dec))
             await self._check_axes(operation, self._mount.policy.limits)
@@ -139,7 +139,7 @@ class Admission:
         mount = self._mount
         mount.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         fork = not (await self._status()).equatorial
-        if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
+        if fork and mount.driver.implementation(op.GotoAxes) and not mount.driver.has_sync_offset:
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
         goal = mount.astrometry.equatorial(operation)
         return await self._admit(op.Goto(goal.ra, goal.dec, fastest=operation.fastest))

@@ -104,9 +104,9 @@ class SimulatedLx200(Telescope):
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
         if isinstance(frame, Unterminated):
             name = frame.names[0]
-            return self._no(self.protocol.commands[name]) if name and self.knows(name) and not frame.late else b""
+            return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
         found = self.protocol.find(frame)
-        if found is None or not self.knows(found[0].name):
+        if found is None or not self.supports(found[0].name):
             return b""
         command, picture = found
         if self.busy and command.name not in WHILE_BUSY:
