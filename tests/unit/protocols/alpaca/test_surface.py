@@ -130,16 +130,16 @@ def test_parking(mount: tuple[str, str]) -> None:
     """Between Park and AtPark there is no moment at which it neither slews nor is parked."""
 
     async def program() -> None:
-        async with stage(*mount) as own:
+        async with stage(*mount, speed=4.0) as own:
             client = await connected(own)
             assert await ask(client, "put park") is None
-            for _ in range(300):
+            for _ in range(1200):
                 slews, parked = await ask(client, "get slewing"), await ask(client, "get atpark")
                 if parked:
                     assert await ask(client, "get slewing") is False, "what is parked is at rest"
                     break
                 assert slews or await ask(client, "get atpark")
-                await asyncio.sleep(0.4)
+                await asyncio.sleep(0.1)
             else:
                 raise AssertionError("it is never parked")
             assert await ask(client, "get tracking") is False
