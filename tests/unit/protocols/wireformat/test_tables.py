@@ -54,7 +54,7 @@ def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
             found = protocol.find(frame)
             assert found is not None, command
             # A frame may be written by a more general row, too; its own length and literal must win.
-            assert found[0] is command or len(found[1].literal) >= len(picture.literal), (command, frame, found)
+            assert found[0] is command or len(found[1].prefix) >= len(picture.prefix), (command, frame, found)
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
@@ -131,7 +131,7 @@ def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: 
     kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
     monkeypatch.setattr(load("lx200"), "surface", kept)
     assert command_tables.check() == 1
-    assert "mappings/lx200/surface.toml: [LM]: nothing answers it on a nexstar mount" in capsys.readouterr().err
+    assert "mappings/lx200/surface.toml: [LM]: it has no outcome on a nexstar mount" in capsys.readouterr().err
 
 
 def test_an_explanation_is_of_the_model_that_was_named() -> None:

@@ -250,6 +250,6 @@ def test_a_simulated_hand_control_waits_for_quiet_too() -> None:
 
 def test_the_typed_lengths_are_those_of_the_table() -> None:
     for command in load("nexstar").commands.values():
-        letter = chr(command.request.literal[0])
+        letter = chr(command.request.prefix[0])
         assert command.request.width == LENGTHS[letter]
         assert command.name == "v" or letter != command.name or command.since == SINCE[letter]
