@@ -187,23 +187,23 @@ class TurnRunner:
     # --- what is done later -----------------------------------------------------------------------------------------
 
     def _defer(self, wanted: Defer) -> None:
-        old = self._deferred.pop(wanted.special, None)
+        old = self._deferred.pop(wanted.handler, None)
         if old is not None:
             old.cancel()
-        self._deferred[wanted.special] = self._controller.loop.call_later(
-            wanted.seconds, lambda: self._controller.spawn(self._deferred_special(wanted.special))
+        self._deferred[wanted.handler] = self._controller.loop.call_later(
+            wanted.seconds, lambda: self._controller.spawn(self._deferred_handler(wanted.handler))
         )
 
-    async def _deferred_special(self, special: str) -> None:
-        """Run a special later; it has no reply, so it may also outlive its connection."""
-        steps = self._surface.call(special, self._session, None, {})
-        turn = Turn(special.encode(), steps, self._controller.stops, None, self._controller.now())
+    async def _deferred_handler(self, handler: str) -> None:
+        """Run a deferred handler: it has no reply, so it may run after the connection has ended."""
+        steps = self._surface.call(handler, self._session, None, {})
+        turn = Turn(handler.encode(), steps, self._controller.stops, None, self._controller.now())
         try:
             await self.finish(turn, self.advance(turn, None))
         except StopIteration:
             return
         except Fault as fault:
-            self._log.note(f"{special}: {fault}")
+            self._log.note(f"{handler}: {fault}")
         except Exception as error:
             self.defect(turn.frame, error)
 
