@@ -46,7 +46,7 @@ async def plugged_in(bridge: Any, cable: Cable) -> None:
     """Until the line is up again, and what follows has been done; programs poll meanwhile."""
     cable.plug()
     client = bridge.client("10.0.0.9")
-    for _ in range(40):
+    for _ in range(25):
         client.tell(b":GR#")
         await asyncio.sleep(1.0)
 
@@ -204,7 +204,7 @@ def test_what_was_lost_on_the_line_is_told_again(mount: str, lost: bytes, heard:
             await client.ask(SYDNEY)
             await client.ask(MARCH)
             set_at = bridge.clock()
-            for _ in range(60):
+            for _ in range(40):
                 client.tell(b"E")
                 await asyncio.sleep(1.0)
             assert missed
@@ -223,7 +223,7 @@ def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None
             client = bridge.client()
             await client.ask(SYDNEY)
             await client.ask(MARCH)
-            for _ in range(180):
+            for _ in range(90):
                 client.tell(b"E")
                 await asyncio.sleep(1.0)
             assert len(missed) == 3
