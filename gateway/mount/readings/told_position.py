@@ -153,7 +153,7 @@ class ToldPosition:
         if not self.told_old:
             self.told_old = True
             self._context.note(
-                f"the mount has not replied in time: clients get its last position, up to {LAST_POSITION:.0f} s old"
+                f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
             )
         return type(last.value)(*place(self._course(kind), self._now())) if self._movement.anything else last.value
 
