@@ -54,7 +54,7 @@ def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
             found = protocol.find(frame)
             assert found is not None, command
             # A frame may be written by a more general row, too; its own length and literal must win.
-            assert found[0] is command or len(found[1].literal) >= len(picture.literal), (command, frame, found)
+            assert found[0] is command or len(found[1].prefix) >= len(picture.prefix), (command, frame, found)
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)

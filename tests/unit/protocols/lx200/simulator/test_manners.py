@@ -7,6 +7,7 @@ import random
 import pytest
 
 from gateway.protocols.wireformat.command_set import load
+from tests.support.sampling import as_a_rule
 from tests.support.simulated_meade import MODELS, SITES, Line, meade, overhead
 
 # --- what takes its time ------------------------------------------------------------------------------------------
@@ -94,7 +95,7 @@ def test_every_connection_has_its_own_half_commands() -> None:
 def test_nothing_that_is_sent_breaks_it(model: str) -> None:
     dice = random.Random(model)
     names = [*load("lx200").commands, "", "Xy"]
-    for _ in range(30):
+    for _ in range(as_a_rule(12, whole=30)):
         sim, clock = meade(model, dice.choice([*SITES, (90.0, 0.0), (0.0, 180.0)]), aligned=dice.random() < 0.5)
         line = Line(sim)
         for _ in range(100):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from gateway.core import operations as op
 from tests.support.each import each
+from tests.support.examples import some
 from tests.support.fake_mount import Talk
 
 
@@ -47,6 +48,7 @@ def test_longitude(sent: bytes, east: float, told: bytes) -> None:
     assert _place(talk) == (None, pytest.approx(east))
 
 
+@some
 @given(st.integers(0, 21599))
 def test_signed_and_unsigned_longitudes_are_one_place(west: int) -> None:
     """In arcminutes; a longitude of 180 degrees has two signs."""
@@ -57,6 +59,7 @@ def test_signed_and_unsigned_longitudes_are_one_place(west: int) -> None:
     assert _place(one)[1] == pytest.approx(_place(other)[1])
 
 
+@some
 @given(st.integers(-5400, 5400))
 def test_latitude(north: int) -> None:
     text = b"%s%02d*%02d" % (b"-" if north < 0 else b"+", *divmod(abs(north), 60))

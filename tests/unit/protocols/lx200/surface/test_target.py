@@ -11,6 +11,7 @@ from gateway.core import errors
 from gateway.core import operations as op
 from gateway.mount.policy import Limits
 from tests.support.each import each
+from tests.support.examples import some
 from tests.support.fake_mount import Mount, Talk
 
 TARGET = b":Sr05:34:32#:Sd+22*00:52#"
@@ -46,6 +47,7 @@ def test_a_refused_horizontal_half_clears_that_target_alone(half: bytes) -> None
     assert talk.send(b":MS#") == b"0"
 
 
+@some
 @given(st.integers(0, 86399), st.integers(-324000, 324000))
 def test_a_target_is_read_back_as_it_was_set(ra: int, dec: int) -> None:
     hours = b"%02d:%02d:%02d" % (ra // 3600, ra // 60 % 60, ra % 60)
@@ -149,6 +151,7 @@ def test_a_client_narrows_the_operators_limits() -> None:
     assert talk.send(b":Sz000*00#:Sa+24*00#:MA#:Sa+25*00#:Sz000*00#:MA#:Sa+61*00#:MA#") == b"10111001"
 
 
+@some
 @given(st.integers(0, 90), st.integers(1000, 5400))
 def test_no_client_widens_the_operators_limits(lowest: int, highest: int) -> None:
     talk = _limited(10, 80)

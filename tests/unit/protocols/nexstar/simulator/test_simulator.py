@@ -14,6 +14,7 @@ from gateway.core.errors import UserError
 from gateway.protocols.nexstar.simulator.hand_control import HANDLERS, SimulatedHandControl
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
+from tests.support.examples import some
 
 #: 19:26:00 UT, 6 April 2005: the manual's example, 3:26 PM in New York in summer.
 APRIL = 1112815560.0
@@ -232,7 +233,7 @@ def forms() -> list[list[str]]:
     return [line.split(" | ") for line in lines if line and not line.startswith(";;")]
 
 
-@pytest.mark.parametrize("form", forms(), ids=lambda form: form[0])
+@each("form", forms())
 def test_the_manuals_forms(form: list[str]) -> None:
     _, request, _, reply = form
     answer = manual_state()(typed(request)).decode("latin-1")
@@ -559,6 +560,7 @@ _BYTES = st.one_of(
 )
 
 
+@some
 @given(
     st.sampled_from(["6-8se", "cge", "cgx", "nexstar-gps"]),
     st.sampled_from([-90.0, -34.0, 0.0, 45.0, 90.0]),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gateway.core import operations as op
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
+from tests.support.examples import some
 from tests.support.fake_mount import Mount, Talk, unix
 
 #: Hours east: every offset that is law somewhere.
@@ -131,6 +132,7 @@ def test_the_manuals_example() -> None:
     assert talk.mount.clock == op.Moment(unix("2005-04-06 19:26:00"), -4.0)
 
 
+@some
 @given(st.binary(min_size=8, max_size=8))
 def test_no_eight_bytes_upset_the_clock(data: bytes) -> None:
     for command, version in ((b"H", "4.21"), (b"I", "5.31")):
@@ -174,6 +176,7 @@ def test_one_w_is_one_site() -> None:
     assert place.longitude == pytest.approx(-118.338055555556)
 
 
+@some
 @given(st.binary(min_size=8, max_size=8))
 def test_no_eight_bytes_upset_the_site(data: bytes) -> None:
     talk = talk_to()
