@@ -139,7 +139,9 @@ def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
             hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
             bridge.controller.line.wire._feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
             answer = await stopped(bridge.controller)
-            assert answer.startswith("failed the stop was sent, and nobody can see whether it rests: ")
+            assert answer.startswith(
+                "failed the stop was sent, but the gateway cannot see whether the mount is at rest: "
+            )
 
     run(program())
 
