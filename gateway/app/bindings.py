@@ -185,7 +185,7 @@ def policy(config: MountConfig) -> Policy:
 
 
 def access(surface: SurfaceConfig, config: MountConfig) -> Access:
-    """Return who may connect to a surface, who may only read, and what is allowed to nobody. Raises UserError."""
+    """Return the access rules of a surface: networks, read-only, connection limit, hibernation. Raises UserError."""
     return Access(*admission(surface), surface.max_clients, config.hibernate)
 
 
