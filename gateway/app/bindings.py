@@ -185,7 +185,7 @@ def policy(config: MountConfig) -> Policy:
 
 
 def access(surface: SurfaceConfig, config: MountConfig) -> Access:
-    """Return the access rules of a surface: networks, read-only ones, connection limit, hibernation. Raises UserError."""
+    """Return the access rules of a surface: networks, read-only, connection limit, hibernation. Raises UserError."""
     return Access(*admission(surface), surface.max_clients, config.hibernate)
 
 
