@@ -19,7 +19,7 @@ from gateway.core import errors
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, kind
+from gateway.protocols.base.reply_rules import Expected, answer_kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 NAK = 0x15
@@ -127,7 +127,7 @@ class Lx200ReplyRules:
     def as_written(self, command: str, reply: bytes) -> bytes:
         return self._hand.write(command, reply)
 
-    def alike(self, one: Send, other: Send) -> bool:
+    def ambiguous_with(self, one: Send, other: Send) -> bool:
         """Whether the reply to the one could be taken for a reply to the other, by their forms."""
         first, second = _shapes(_sources(one.command)), _shapes(_sources(other.command))
         either = first | second
@@ -154,47 +154,47 @@ class Lx200ReplyRules:
             return {}, 0
         if not buffer:
             return None
-        for reply, picture in replies:
-            found = _exact(str(picture.source)).match(buffer)
+        for reply, template in replies:
+            found = _exact(str(template.source)).match(buffer)
             if found is None:
                 continue
             length = found.end()
-            if "#" not in str(picture.source) and buffer[length:] == b"#":
+            if "#" not in str(template.source) and buffer[length:] == b"#":
                 buffer, length = buffer[:length], length + 1  # some put one behind everything
-            values = picture.decode(found[0])
+            values = template.decode(found[0])
             if reply.fault is not None:
                 return _fault(reply.fault, values), length
             self._hand.learn(ask.command, found[0])
             return {**values, "length": length}, length
         hashes = max(source.count("#") for source in _sources(ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
-            whole = hashes or len(buffer) >= max(picture.width or 1 for _, picture in replies)
+            whole = hashes or len(buffer) >= max(template.width or 1 for _, template in replies)
             return (Garbled(), len(buffer)) if whole else None
         return None
 
-    def proof(self, number: int) -> Iterator[Send]:
+    def resync_commands(self, number: int) -> Iterator[Send]:
         """After quiet time: a right ascension and a declination, whose forms differ."""
         yield Send("GR")
         yield Send("GD")
 
-    def proven(self, ask: Send, values: Values) -> bool:
+    def is_resync_reply(self, ask: Send, values: Values) -> bool:
         return "ra" in values or "dec" in values
 
 
 @cache
 def _sources(command: str) -> tuple[str, ...]:
     """The pictures of a command's replies."""
-    return tuple([str(picture.source) for _, picture in Lx200ReplyRules.protocol.commands[command].replies])
+    return tuple([str(template.source) for _, template in Lx200ReplyRules.protocol.commands[command].replies])
 
 
 @cache
 def _expected(command: str, once: bool, raw: bool) -> Expected:
     protocol, sources = Lx200ReplyRules.protocol, _sources(command)
     return Expected(
-        kind(protocol, command, once, raw),
+        answer_kind(protocol, command, once, raw),
         TIMEOUT,
-        bare=any("#" not in source for source in sources),
-        pace=0.0 if sources else PACE,
+        unterminated=any("#" not in source for source in sources),
+        delay_after=0.0 if sources else PACE,
         silent=not sources,
         leaves_open=command == "ACK",
     )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from gateway.core.errors import Fault, Garbled, NoDevice, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, kind
+from gateway.protocols.base.reply_rules import Expected, answer_kind
 from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -43,7 +43,7 @@ def _reply(command: str) -> _Reply:
     row = PROTOCOL.commands[command]
     template = row.replies[0][1]
     assert template.width is not None
-    passed_through = row.request.literal.startswith(b"P")
+    passed_through = row.request.prefix.startswith(b"P")
     longest = template.width + (1 if passed_through else EXTRA.get(command, 0))
     return _Reply(template, template.width, longest, passed_through)
 
@@ -58,7 +58,7 @@ class NexStarReplyRules:
         """Return what reply to expect: every command has one; it may be ``#`` alone."""
         return _expected(ask.command, ask.once, ask.raw)
 
-    def alike(self, one: Send, other: Send) -> bool:
+    def ambiguous_with(self, one: Send, other: Send) -> bool:
         """Whether the replies to two commands could be confused. Only their lengths distinguish them."""
         first, second = _reply(one.command), _reply(other.command)
         return first.width <= second.longest and second.width <= first.longest
@@ -91,15 +91,15 @@ class NexStarReplyRules:
             return NoDevice(), end + 1
         return template.decode(buffer[: width - 1] + b"#"), end + 1
 
-    def proof(self, number: int) -> Iterator[Send]:
+    def resync_commands(self, number: int) -> Iterator[Send]:
         """Yield the exchanges that prove the line to be in step again: two echoes of bytes not used recently."""
         for step in (2 * number, 2 * number + 1):
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 
-    def proven(self, ask: Send, values: Values) -> bool:
+    def is_resync_reply(self, ask: Send, values: Values) -> bool:
         return bool(values.get("echo") == ask.values["echo"])
 
 
 @cache
 def _expected(command: str, once: bool, raw: bool) -> Expected:
-    return Expected(kind(PROTOCOL, command, once, raw), TIMEOUT, bare=_reply(command).width == 1)
+    return Expected(answer_kind(PROTOCOL, command, once, raw), TIMEOUT, unterminated=_reply(command).width == 1)

@@ -17,7 +17,7 @@ from gateway.app.gateway import Gateway
 from gateway.clients.commands.turn_runner import BEGUN
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
-from gateway.transport.intake import BREATH, SHARE
+from gateway.transport.intake import PAUSE, SHARE
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import precise, up
 from tests.support.two_gateways import equatorial
@@ -254,7 +254,7 @@ def test_a_burst_is_answered_to_the_last() -> None:
         link[1].write(b":GR#" * 1000)
         async with asyncio.timeout(5):
             assert len(await link[0].readexactly(9000)) == 9000
-        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * BREATH * 0.8, "others had their turn"
+        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * PAUSE * 0.8, "others had their turn"
         link[1].close()
 
     serve(program, "lx200@tcp://127.0.0.1:0")
@@ -264,7 +264,7 @@ def test_who_does_not_read_is_let_go_without_a_word(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
-    monkeypatch.setattr(pace, "BREATH", 0.001)  # else it takes two seconds to say enough
+    monkeypatch.setattr(pace, "PAUSE", 0.001)  # else it takes two seconds to say enough
 
     async def program(gateway: Gateway) -> None:
         deaf = socket.create_connection(address(gateway))

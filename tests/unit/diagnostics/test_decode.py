@@ -38,7 +38,7 @@ def test_ten_megabytes_of_junk_take_little(protocol: str, tmp_path: Path) -> Non
     )
     *said, memory = done.stderr.splitlines()
     assert done.returncode == 2
-    assert "no conversation in the" in said[-1] and "--protocol names the other" in said[-1]
+    assert "no conversation in the" in said[-1] and "name that with --protocol" in said[-1]
     assert int(memory) < 60_000
     assert len(done.stdout) < 250_000
 
@@ -101,7 +101,7 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
     code, lines, _ = _decode(capsys, str(path))
     assert code == 0
     assert len(lines) == 1 + 1000 + 1 + 1 + 1
-    assert "2000 more that are no commands" in lines[-2]
+    assert "2000 more unknown commands" in lines[-2]
     assert ":GR#" in lines[-3]
 
 

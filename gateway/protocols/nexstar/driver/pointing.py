@@ -24,7 +24,7 @@ MOTORS, FOUND = (16, 17), 255
 
 def position(mount: NexStar, _: op.Position) -> Steps:
     """Return the Equatorial position by ``e`` or ``E``, folded at the pole, plus the offset of an emulated sync."""
-    answer = yield Send("e" if mount.knows("e") else "E")
+    answer = yield Send("e" if mount.supports("e") else "E")
     mount.beyond_pole = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
@@ -34,13 +34,13 @@ def position(mount: NexStar, _: op.Position) -> Steps:
 
 def axis_readings(mount: NexStar) -> Send:
     """Return the command that reads the axes with the best precision this version has."""
-    return Send("z" if mount.knows("z") else "Z")
+    return Send("z" if mount.supports("z") else "Z")
 
 
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
     """Return a fork's own Horizontal position; None if the axes are equatorial (then the controller calculates it)."""
     mode = tracking.native_mode(mount)
-    if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
+    if mount.german or (mode is not None and mode.equatorial) or mount.has_sync_offset:
         return None
     answer = yield axis_readings(mount)
     return op.Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
@@ -54,7 +54,7 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
     """
     if not mount.german:
         return "E"
-    if mount.knows("p"):
+    if mount.supports("p"):
         answer = yield Send("p")
         return answer["side"]
     answer = yield axis_readings(mount)
@@ -63,10 +63,10 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
 
 def sync(mount: NexStar, operation: op.Sync) -> Steps:
     """Send ``s``; before 4.10 keep an offset instead, which is added to every position that the mount reports."""
-    if mount.knows("s"):
+    if mount.supports("s"):
         yield Send("s", {"ra": operation.ra, "dec": operation.dec})
         return
-    answer = yield Send("e" if mount.knows("e") else "E")
+    answer = yield Send("e" if mount.supports("e") else "E")
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     mount.offset = (wrap180(wrap360(operation.ra) - ra), operation.dec - dec)
 
@@ -78,10 +78,10 @@ def goto(mount: NexStar, operation: op.Goto) -> Steps:
     """Slew by ``r`` or ``R``, less the offset of an emulated sync. Raises NotAligned."""
     yield from need_alignment(mount)
     yield from stop_current_motion(mount)
-    if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
+    if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.supports("T"):
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))
     ra, dec = fold_declination(operation.ra - mount.offset[0], operation.dec - mount.offset[1])
-    yield from _begin(mount, Send("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}))
+    yield from _begin(mount, Send("r" if mount.supports("r") else "R", {"ra": ra, "dec": dec}))
 
 
 def need_alignment(mount: NexStar) -> Steps:
@@ -99,14 +99,14 @@ def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
 
 
 def to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
-    yield from _begin(mount, Send("b" if mount.knows("b") else "B", {"az": az, "alt": alt}), then)
+    yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then)
 
 
 def _begin(mount: NexStar, command: Send, then: str | None = None) -> Steps:
     def sent() -> Steps:
         yield command
 
-    yield from mount.set_out(GotoState(since=mount.now(), then=then), sent(), _slews)
+    yield from mount.begin_goto(GotoState(since=mount.now(), then=then), sent(), _slews)
 
 
 def _slews(_: NexStar) -> Steps:
@@ -171,13 +171,13 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     if state is None:
         return moving
     if moving:
-        state.seen, state.unsure = True, False
+        state.seen, state.unconfirmed = True, False
         return True
     if not state.seen and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
         return True
     if mount.goto is not state:
         return mount.goto is not None
-    if state.unsure:  # it was never seen to move: leave out what follows its end, such as turning tracking off
+    if state.unconfirmed:  # it was never seen to move: leave out what follows its end, such as turning tracking off
         mount.give_up_goto()
         return False
     mount.goto = None
@@ -222,7 +222,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
     if mount.goto is not None or mount.moving or (again and not mount.parked):
         return
     if operation.then == "park":
-        if not mount.knows("T"):
+        if not mount.supports("T"):
             raise Unsupported("The mount is at its park position, but this hand control cannot turn tracking off.")
         mount.parked, mount.suspended = True, None
         try:

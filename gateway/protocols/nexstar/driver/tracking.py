@@ -41,9 +41,9 @@ def read_status(mount: NexStar) -> Steps:
     if mount.aligned and not answer["aligned"]:
         _forget(mount)
     mount.aligned = bool(answer["aligned"])
-    if not mount.aligned or mount.knows("s"):
+    if not mount.aligned or mount.supports("s"):
         mount.offset = (0.0, 0.0)
-    if mount.knows("t"):
+    if mount.supports("t"):
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     elif mount.tracking is None and mount.settings.mode is not None:
@@ -68,7 +68,7 @@ def native_mode(mount: NexStar) -> op.Tracking | None:
     """Return the mode this mount tracks in: the last one that was not off, else by its build; None if unknown."""
     if mount.native_mode is not None:
         return mount.native_mode
-    if not mount.knows("t") and mount.settings.mode is None:
+    if not mount.supports("t") and mount.settings.mode is None:
         return None
     return _built_for(mount)
 
@@ -91,7 +91,7 @@ def status(mount: NexStar, _: op.GetStatus) -> Steps:
 
 def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     """Send ``T``, and restore a special drive rate if the mode is equatorial. Raises Unsupported."""
-    if not mount.knows("T"):
+    if not mount.supports("T"):
         raise Unsupported("Tracking cannot be turned on or off on this hand control.")
     if mode is not op.Tracking.OFF and native_mode(mount) is None:
         yield Remark(_ASSUMED.format(mode.value))
@@ -127,9 +127,9 @@ def suspend(mount: NexStar) -> Steps:
 
     Return the seconds that the command took; None if there was nothing to turn off.
     """
-    if mount.suspended is not None or not mount.knows("T"):
+    if mount.suspended is not None or not mount.supports("T"):
         return None
-    if mount.knows("t"):
+    if mount.supports("t"):
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else op.Tracking.OFF)
@@ -154,7 +154,7 @@ def resume(mount: NexStar) -> Steps:
     mount.in_doubt = False
     mount.suspended = None  # not before ``T`` has succeeded: else the next call must try again
     mount.checks_left = 1
-    if mount.knows("t"):
+    if mount.supports("t"):
         yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value))
 
 
@@ -193,7 +193,7 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     While a goto is under way or tracking is off, the rate is kept and sent later. Raises Unsupported in alt-az.
     """
     mode = native_mode(mount)
-    if mode is None or not mode.equatorial or not mount.knows("rate_azm_pos"):
+    if mode is None or not mode.equatorial or not mount.supports("rate_azm_pos"):
         if operation.name == "sidereal":
             mount.rate = operation
             return

@@ -283,7 +283,7 @@ def test_closing_while_nothing_is_known() -> None:
             caller = bridge.call()
             if sent:
                 caller.tell(sent)
-            caller._guest.gone()
+            caller._guest.peer_closed()
             assert caller._guest.answered and not caller._guest.ended
             caller._guest.close()
         await asyncio.sleep(10.0)

@@ -78,7 +78,7 @@ async def _program(recorded: Recorded, number: int, words: tuple[bytes, ...], un
             guest.feed(random.choice(words))
             await asyncio.sleep(random.choice((0.0, 0.01, 0.04, 0.1)))
         if number % 2:
-            guest.gone()  # it sends no more, and is still told what is due to it
+            guest.peer_closed()  # it sends no more, and is still told what is due to it
             await asyncio.sleep(0.05)
         guest.close()
 
@@ -136,7 +136,7 @@ def test_every_part_of_a_recording_replays_up_to_its_end(tmp_path: Path, capsys:
     assert replies == sorted(replies)
     assert len(set(replies)) >= 3
     assert main(["replay", str(parts[0])]) == 0
-    assert "the recording goes on after" in capsys.readouterr().out
+    assert "the recording continues after" in capsys.readouterr().out
     parts[0].unlink()
     assert main(["replay", str(path)]) == 2
     assert "beginning is missing" in capsys.readouterr().err
