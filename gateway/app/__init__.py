@@ -1,1 +1,1 @@
-"""A gateway put together: configuration, state on disk, control from outside, discovery on the network."""
+"""A whole gateway: its configuration, state on disk, control by other processes, discovery on the network."""

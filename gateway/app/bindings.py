@@ -1,4 +1,4 @@
-"""From what the user has set to what the protocols are given: drivers for mounts, surfaces for ports."""
+"""Builds the parts of a gateway from its configuration: drivers and transports for mounts, surfaces for ports."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Cutting = Callable[[], Framer]
 
 
 def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
-    """Raises UserError where the protocol of the mount has no driver, or that of a surface no surface."""
+    """Raise UserError if the mount's protocol has no driver, or the protocol of a surface endpoint no surface."""
     if mount.protocol not in mounts():
         raise UserError(f"{mount}: {mount.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     for endpoint in endpoints:
@@ -47,7 +47,7 @@ def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
 
 
 def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> MadeDriver:
-    """The driver of a mount. Raises UserError where its protocol has none."""
+    """Make the driver of a mount. Raises UserError if its protocol has none."""
     make = PROTOCOLS[endpoint.protocol].make_driver
     if make is None:
         raise UserError(f"{endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
@@ -66,7 +66,7 @@ def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float
 
 
 def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
-    """The surface for a port. Raises UserError where its protocol has none."""
+    """Make the surface for a port. Raises UserError if its protocol has none."""
     spec = PROTOCOLS[endpoint.protocol]
     if spec.make_surface is None:
         raise UserError(f"no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
@@ -88,7 +88,7 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
 
 
 async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str) -> Listener:
-    """The port of a surface; programs that speak HTTP are told the mount by its ``title``. Raises UserError."""
+    """Open the port of a surface; HTTP clients see the mount under its ``title``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
         return Elsewhere()
@@ -98,17 +98,17 @@ async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, tit
 
 
 def _nobody(words: str) -> None:
-    """Which type was chosen in a program does not matter where every protocol is spoken: nobody is told."""
+    """Drop warnings about a telescope type that does not fit the port: on a port for every protocol any type fits."""
 
 
-#: What accepts the connections of a surface.
+#: Accepts the connections of one surface.
 Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor | LateAcceptor"
 
 
 class Acceptors:
-    """Makes what accepts the connections of each surface of one gateway.
+    """Makes the acceptor for each surface of one gateway.
 
-    ``warn`` is told what the user should know at once, ``web`` has what speaks HTTP where every protocol is spoken.
+    ``warn`` gets messages for the user, ``web`` serves the HTTP protocols on a surface for every protocol.
     """
 
     def __init__(
@@ -125,12 +125,12 @@ class Acceptors:
         self._controller, self._mount, self._config = controller, mount, config
         self._shared, self._clock, self._warn, self._web = shared, clock, warn, web
         self._j2000 = J2000(sky, controller.site_clock.unix)
-        #: Everything that is presented, and that of it which is the mount itself.
+        #: The bindings of all surfaces with their protocols, and those that present the mount itself.
         self.faces: list[tuple[str, SurfaceBinding]] = []
         self.own: list[SurfaceBinding] = []
 
     def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
-        """For a surface, counted from 1. Raises UserError."""
+        """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
         if endpoint.where == SERVED:
             entry = access(surface, self._config)
             return LateAcceptor(number, entry, lambda: self._one(number, endpoint, surface, self._warn))
@@ -166,13 +166,13 @@ class Acceptors:
 
 
 def speech(protocol: str) -> tuple[Cutting, Replies]:
-    """How a protocol's commands are cut out of bytes, and how its replies are taken apart."""
+    """Return what makes a protocol's framer, and the parser of its replies."""
     spec = PROTOCOLS[protocol]
     return spec.framing, PlainReplies(spec.commands) if spec.reply_rules is None else spec.reply_rules()
 
 
 def policy(config: MountConfig) -> Policy:
-    """What the operator has decided, as the controller takes it."""
+    """Return the operator's settings in the form that the controller takes."""
     return Policy(
         config.limits,
         config.site_time,
@@ -185,19 +185,22 @@ def policy(config: MountConfig) -> Policy:
 
 
 def access(surface: SurfaceConfig, config: MountConfig) -> Access:
-    """Who may come in, who may only look, and what nobody may, as the operator has it. Raises UserError."""
+    """Return the access rules of a surface: networks, read-only, connection limit, hibernation. Raises UserError."""
     return Access(*admission(surface), surface.max_clients, config.hibernate)
 
 
 def admission(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
-    """Of a surface or the console: who may come in, None for everybody, and who may only look. Raises UserError."""
+    """Return the networks that may connect to a surface or the console (None: all), and those that may only read.
+
+    Raises UserError.
+    """
     looks = place.read_only
     allowed = None if place.allow is None else networks(place.allow)
     return allowed, looks if isinstance(looks, bool) else networks(looks)
 
 
 def exposure(where: str, surface: SurfaceConfig) -> str:
-    """What the user should know of a port that others reach; empty where nobody moves the mount through it."""
+    """Return the warning for a port that other computers reach; empty if no stranger can move the mount through it."""
     if not exposed(where) or surface.allow is not None or surface.read_only is True:
         return ""
     return (
@@ -207,7 +210,7 @@ def exposure(where: str, surface: SurfaceConfig) -> str:
 
 
 def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[ClientProfile]:
-    """The programs that are told by their first bytes on a surface, and what is different for them."""
+    """Yield a profile for each program that a surface recognises by its first bytes."""
     for first, program in recognisable(surface).items():
         needs = as_settings(wanted_by(surface, program))
         equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
@@ -215,7 +218,7 @@ def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Cli
 
 
 def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
-    """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
+    """Tell the watchdog before each motion, and renew the stop commands that it holds whenever they may change."""
     before = controller.order_runner.announce
 
     async def before_motion() -> None:
@@ -227,18 +230,18 @@ def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
 
 
 def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
-    """Whether what is presented on a surface is the mount itself: the same protocol, and no model was named."""
+    """Whether a surface presents the mount itself: it has the mount's protocol, and the user named no model."""
     return mount.protocol == surface.protocol and surface.model is None and surface.version is None
 
 
 def own_face(controller: MountController, face: SurfaceBinding) -> None:
-    """Present the mount itself, as it has told what it is."""
+    """Present the mount itself on a surface, as the mount has identified itself."""
     face.model.update(controller.driver.presented())
     face.surface.as_written = controller.line.dialogue.as_written
 
 
 def make_wire(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
-    """The way to a mount, which the watchdog process may use, too."""
+    """Make the transport to a mount; the watchdog process may use the same port."""
     if mount.where == "sim":
         from gateway.app.simulated import simulated_wire
 

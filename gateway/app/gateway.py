@@ -1,4 +1,4 @@
-"""Puts a gateway together: one mount, its controller, and the ports on which its surfaces are presented."""
+"""Assembles one gateway: a mount, its controller, and the ports of its surfaces."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ if TYPE_CHECKING:
 
 
 class Gateway:
-    """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky.
+    """One mount and its surfaces, open for clients until it is closed. Gateways share nothing but the sky.
 
-    ``warn`` is told what the user should know at once.
+    ``warn`` gets messages that the user should see at once.
     """
 
     def __init__(
@@ -82,27 +82,27 @@ class Gateway:
         self.receptions: list[Acceptor] = []
         self.ports: list[Listener] = []
         self.faces: list[tuple[str, SurfaceBinding]] = []
-        #: What speaks HTTP where every protocol is spoken.
+        #: Serves the HTTP protocols on a surface for every protocol.
         self.web = Web()
         self.fitted = asyncio.Event()
         self._controller: MountController | None = None
-        #: What an earlier run has kept, and the files it is kept in; a replay has none.
+        #: What the previous run saved, and the store of this run; a replay has no store.
         self.past = PreviousRun(SavedState(FORMAT))
         self.keeping: StateStore | None = None
         self.control: Control | None = None
         self.claim: Claim | None = None
-        #: How everything comes in that comes from outside.
+        #: Everything from outside enters through this, so that it can be recorded.
         self.entrance = Entrance()
 
     def remember(self) -> None:
-        """Take up what an earlier run has kept on disk, and keep it on. Raises UserError for a mount that is taken."""
+        """Read the state that the previous run saved, and open the store. Raises UserError if the mount is in use."""
         self.claim = claim(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
         self.keeping = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
         self.past = self.keeping.past
 
     async def open(self) -> None:
-        """Open the ports and the line. Raises UserError."""
+        """Open the ports of the surfaces and the line to the mount. Raises UserError."""
         if self.keeping is None:
             self.remember()
         self._watch()
@@ -116,7 +116,7 @@ class Gateway:
                 await self.close()
                 raise
         for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
-            reception.located(port.where)  # with the number of the port that was taken
+            reception.located(port.where)  # with the number of the port that was really opened
             if words := exposure(port.where, surface):
                 self.warn(words)
         if self.controller.hold.on:
@@ -125,7 +125,7 @@ class Gateway:
         await self._admit()
 
     def _watch(self) -> None:
-        """Have the watchdog process stop the mount when this one cannot. A simulated mount here ends with this one."""
+        """Let the watchdog process stop the mount if this process cannot. A simulated mount ends with this process."""
         if self.watchdog is None or self.mount.where == "sim":
             return
 
@@ -140,24 +140,24 @@ class Gateway:
         self.watched = self.watchdog.mount(self.title, lock, commands, lambda: self.busy, self._was_stopped)
 
     def _was_stopped(self) -> None:
-        """The watchdog process has stopped the mount while this one did not run: go on from what is seen."""
+        """Continue after the watchdog process has stopped the mount because this process did not run for a while."""
         self.warn(
             f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
-            "the gateway goes on from where the mount is now"
+            "the gateway continues from where the mount is now"
         )
         self.entrance.tell("d", self.was_stopped)
 
     def was_stopped(self) -> None:
-        """Another process has stopped the mount."""
+        """Resynchronise the line and repeat the stop, because another process has sent one on the same port."""
         self.controller.line.distrust()
         self.controller.begin_stop()
 
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
-        """Put everything together; nothing is opened yet."""
+        """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = make_driver(self.mount, config, loop.time)
         if self.mount.where == "sim":
-            driver.hurry = config.speed
+            driver.speed_factor = config.speed
         shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
@@ -178,17 +178,17 @@ class Gateway:
             self.receptions.append(made.make(number, endpoint, surface))
 
     def _show_itself(self, faces: list[SurfaceBinding]) -> None:
-        """The mount has said what it is, for the first time or anew."""
+        """Present the mount itself after it has identified itself, for the first time or again."""
         for face in faces:
             own_face(self.controller, face)
 
     def begin(self, refresh: bool = True) -> None:
-        """Open the line and find out what is on it; ``refresh``: keep what clients ask for fresh."""
+        """Open the line and identify the mount; ``refresh``: keep polling the readings that clients ask for."""
         self.controller.start(refresh)
         self.controller.spawn(self.fit())
 
     async def _admit(self) -> None:
-        """Let ``mount-gateway stop`` and its like in."""
+        """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
         assert self.keeping is not None
         where = [self.keeping.directory, *folders()[0]]
         self.control = Control(
@@ -208,7 +208,7 @@ class Gateway:
             )
 
     async def fit(self) -> None:
-        """Present what fits the mount, where the user named no model."""
+        """Once the mount is identified, present a model that fits it on surfaces for which the user named none."""
         await self.controller.identified.wait()
         while True:
             try:
@@ -223,17 +223,17 @@ class Gateway:
 
     @cached_property
     def desk(self) -> Desk:
-        """Where wishes from the command line are taken: made when the first one comes, not at the start."""
+        """Carries out requests from the command line; made at the first request, so that the start is faster."""
         from gateway.app.control.requests import Desk
 
         return Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
 
     def programs(self) -> list[str]:
-        """The hosts of the programs that are here."""
+        """Return the hosts of the connected programs."""
         return [host for reception in self.receptions for host in reception.here()]
 
     def names(self) -> list[str]:
-        """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
+        """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
             f"{shown(endpoint.protocol, reception.model)}@{port.where}{name}"
@@ -242,7 +242,7 @@ class Gateway:
         ]
 
     def served(self) -> dict[str, WebDevice]:
-        """What a web server of somebody else's is to serve, by protocol."""
+        """Return the devices that another web server (the console's) is to serve, by protocol."""
         return {
             endpoint.protocol: WebDevice(self.entrance.arrive(reception), self.title)
             for endpoint, reception in zip(self.endpoints, self.receptions, strict=True)
@@ -251,27 +251,27 @@ class Gateway:
 
     @property
     def prepared(self) -> bool:
-        """Whether it has been put together."""
+        """Whether ``prepare`` has assembled the gateway."""
         return self._controller is not None
 
     @property
     def controller(self) -> MountController:
-        """What looks after the mount, from ``prepare`` on."""
+        """The controller of the mount; exists from ``prepare`` on."""
         assert self._controller is not None
         return self._controller
 
     @property
     def busy(self) -> bool:
-        """Whether the mount moves or is about to, as far as this gateway has to do with it."""
+        """Whether the mount moves or is about to move by an order of this gateway."""
         return self.prepared and self.controller.reconciler.busy
 
     @property
     def title(self) -> str:
-        """What messages call the mount."""
+        """The name of the mount in messages."""
         return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
 
     async def found(self, seconds: float) -> bool:
-        """Wait until the mount has said who it is -> whether it did in time."""
+        """Wait until the mount is identified; return whether that happened within ``seconds``."""
         try:
             async with asyncio.timeout(seconds):
                 await self.fitted.wait()
@@ -280,11 +280,11 @@ class Gateway:
         return True
 
     async def close(self) -> None:
-        """Stop motion, close the ports and the line."""
+        """Stop motion, and close the ports and the line."""
         try:
             while self.ports:
                 await self.ports.pop().close()
-        finally:  # whatever went wrong there, the mount is stopped
+        finally:  # the mount is stopped even if closing a port failed
             if self.prepared:
                 await self.entrance.do("q", self.controller.close)
             if self.keeping is not None:

@@ -1,8 +1,8 @@
-"""Reaching the gateways of this computer: which run, which mounts were left moving, what cannot be known; asking one.
+"""Finds the gateways of this computer and the mounts that killed gateways left moving, and sends requests to gateways.
 
-``stop`` may say that there is nothing to stop only after it has looked everywhere: in the state folder, in the runtime
-folders, and at the processes of this computer. Whatever it could not see is reported as a doubt, in a whole sentence
-that says what can be done about it. A request is repeated until it is answered or the time is up.
+``stop`` may say that there is nothing to stop only after it has searched the state folder, the runtime folders and the
+processes of this computer. Whatever it could not see is reported as a doubt: a whole sentence that says what the user
+can do about it. A request is repeated until it is answered or times out.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from gateway.system import processes
 from gateway.system.files import directory
 from gateway.system.runtime_folders import folders, of_others, user, user_name
 
-#: Seconds from one time that a question is sent to the next: a datagram may be lost.
+#: Seconds until a request is sent again: a datagram may be lost.
 AGAIN = 0.5
-#: Seconds within which a gateway that is well has said that it heard.
+#: Seconds within which a healthy gateway has confirmed that it received the request.
 HEARD = 3.0
 
 
 class Found(Struct):
-    """``gateways`` can be asked; the gateways that left ``marks`` were killed in motion."""
+    """The result of a search: gateways that can be asked, motion markers of killed gateways, and doubts."""
 
     gateways: list[tuple[Path, ControlEndpoint]]
     marks: list[MarkerContent]
@@ -35,19 +35,19 @@ class Found(Struct):
 
 
 class Scope(Struct, frozen=True):
-    """A state folder; without ``alone`` also the gateways of this user (root: of all users) that have another one."""
+    """Where to search: a state folder; unless ``alone``, also other gateways of this user (root: of all users)."""
 
     folder: Path
     alone: bool = False
 
 
 def scope_of(state: str | None) -> Scope:
-    """The folder that somebody has named, or systemd, and no other then; else the usual one of this user."""
+    """Return the scope of a state folder named by ``--state`` or systemd, else of this user's default folder."""
     return Scope(directory(state), alone=bool(state or os.environ.get("STATE_DIRECTORY")))
 
 
 def unseen(scope: Scope) -> list[processes.Process]:
-    """The gateways among the processes that cannot be asked, and may be meant."""
+    """Return the gateway processes that belong to the scope, or may belong to it, and cannot be asked."""
     if scope.alone and _sure_of(scope.folder):
         return []
     known = {door.pid for _, door in _all_doors(scope.folder)[0]}
@@ -55,12 +55,12 @@ def unseen(scope: Scope) -> list[processes.Process]:
 
 
 def reachable(process: processes.Process) -> bool:
-    """Whether this user should be able to ask a gateway, once it is ready for that."""
+    """Whether this user should be able to ask a gateway once its control endpoint is open."""
     return user() in (0, process.user)
 
 
 def look(scope: Scope) -> Found:
-    """Look into every folder. Nothing is sent to anybody."""
+    """Search the folders of the scope; this sends nothing to any gateway."""
     seen, doubts = _all_doors(scope.folder)
     here = os.path.realpath(scope.folder)
     gateways: dict[tuple[int, int], tuple[Path, ControlEndpoint]] = {}
@@ -72,7 +72,7 @@ def look(scope: Scope) -> Found:
 
 
 def _all_doors(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:
-    """Of every gateway that this user may ask, and what could not be looked into."""
+    """Return the control endpoints of every gateway that this user may ask, and what could not be searched."""
     found: list[tuple[Path, ControlEndpoint]] = []
     doubts = []
     try:
@@ -99,9 +99,9 @@ def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEn
 
 
 def _sure_of(folder: Path) -> bool:
-    """Whether a gateway with this state folder would have left its endpoint there, for this user to see.
+    """Whether a gateway with this state folder must have left an endpoint file in it that this user can read.
 
-    The folder is this user's (to root all are), and takes files.
+    That is so if the folder belongs to this user (every folder counts as root's) and can be written to.
     """
     try:
         if os.name != "posix":
@@ -114,7 +114,7 @@ def _sure_of(folder: Path) -> bool:
 
 
 def doubt(process: processes.Process) -> str:
-    """A gateway that cannot be asked, in words."""
+    """Return a sentence about a gateway that cannot be asked: what it is, and how to stop its mount."""
     if reachable(process):
         return (
             f"a gateway runs as process {process.pid} and cannot be asked: it is of an older version, or had no "
@@ -125,7 +125,7 @@ def doubt(process: processes.Process) -> str:
 
 
 class _Asking(asyncio.DatagramProtocol):
-    """``done`` is the answer, or what the system said; ``heard`` whether anything came from the gateway."""
+    """One request. ``done`` is the answer or the system's error; ``heard``: any datagram of the gateway came."""
 
     def __init__(self, secret: str, number: str) -> None:
         self._secret, self._number, self._parts = secret, number, Parts()
@@ -133,7 +133,7 @@ class _Asking(asyncio.DatagramProtocol):
         self.done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
     def datagram_received(self, data: bytes, addr: object) -> None:
-        """A part of the answer, or noise."""
+        """Take a part of the answer; ignore a datagram that does not belong to this request."""
         found = unseal(self._secret, data)
         if found is not None and found[0] == self._number:
             self.heard = True
@@ -142,20 +142,20 @@ class _Asking(asyncio.DatagramProtocol):
                 self.done.set_result(answer)
 
     def error_received(self, exc: Exception) -> None:
-        """Nobody has that port."""
+        """End the request: no process listens on the port."""
         if not self.done.done():
             self.done.set_exception(exc)
 
 
 def silent(pid: int) -> str:
-    """What a gateway that does not answer may be, and what to do about it."""
+    """Return a sentence about a gateway that does not answer: what the reason may be, and what to do."""
     ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
     goes_on = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} lets it go on; or " if processes.suspended(pid) else ""
     return f"the gateway (process {pid}) does not answer: {goes_on}{ended}"
 
 
 async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
-    """-> the gateway's answer, or ``failed REASON``; None where no gateway is at this endpoint any more."""
+    """Send a request and return the answer, or ``failed REASON``; None if no gateway has this endpoint any more."""
     number = draw()
     loop = asyncio.get_running_loop()
     try:

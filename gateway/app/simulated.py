@@ -1,4 +1,4 @@
-"""Simulated mounts, in this process or for other programs to connect to."""
+"""Simulated mounts: inside this process, or on ports to which other programs connect."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.wires import BAUD, SimulatedTransport
 
 DEFAULT_SITE = (45.0, 10.0)
-#: Places whose bytes take no time of their own.
+#: Endpoints without a baud rate, where bytes take no time.
 NETWORK = ("tcp:", "rfc2217:")
 
 
 def parse_time(text: str) -> float:
-    """ISO 8601 -> Unix seconds; without a zone it is UTC. Raises UserError."""
+    """Return the Unix seconds of an ISO 8601 time, UTC if it names no zone. Raises UserError."""
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
@@ -31,7 +31,7 @@ def parse_time(text: str) -> float:
 
 
 def running_clock(start: float | None) -> Callable[[], float]:
-    """This computer's clock, or one that began at ``start`` just now."""
+    """Return this computer's clock, or one that starts now at ``start`` (Unix seconds)."""
     if start is None:
         return time.time
     began = time.monotonic()
@@ -47,9 +47,9 @@ def make_simulator(
     speed: float = 1.0,
     **settings: object,
 ) -> Simulated:
-    """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
+    """Make the simulated mount that an endpoint names; ``settings`` are those of only one protocol's simulator.
 
-    Raises UserError for a version the model never had, and for a protocol whose mounts nobody can play.
+    Raises UserError for a version that the model never had, and for a protocol that has no simulator.
     """
     make = PROTOCOLS[endpoint.protocol].make_simulator
     if make is None:
@@ -58,15 +58,15 @@ def make_simulator(
 
 
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatedTransport:
-    """A mount ``…@sim`` as the wire of a gateway."""
+    """Make the transport to a simulated mount ``…@sim`` in this process."""
     simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
     return SimulatedTransport(f"sim {endpoint.protocol}", simulator.connection, config.latency)
 
 
 class _Caller:
-    """One connection to a simulated mount: all of them talk to the same one, each answer after the latency.
+    """One connection to a simulated mount, which all connections share; each reply is sent after the latency.
 
-    With ``baud`` its bytes take their time in both directions.
+    With ``baud`` the bytes are paced at that rate in both directions.
     """
 
     ended = False
@@ -75,7 +75,7 @@ class _Caller:
         self, simulator: Simulated, latency: float, baud: int | None, write: Callable[[bytes], object]
     ) -> None:
         self._latency, self._write = latency, write
-        #: Answers that are under way.
+        #: How many replies are delayed and not sent yet.
         self._owed = 0
         self._answer: Callable[[bytes], bytes] = simulator.connection(self._later)
         self.feed: Callable[[bytes], None] = self._heard
@@ -85,7 +85,7 @@ class _Caller:
             self.feed, self._write = self._paces[0].send, self._paces[1].send
 
     def _later(self, seconds: float, answer: bytes) -> None:
-        """Some answers come after a while."""
+        """Send a reply after the latency and ``seconds`` more."""
         self._owed += 1
         asyncio.get_running_loop().call_later(self._latency + seconds, self._give, answer)
 
@@ -102,17 +102,17 @@ class _Caller:
 
     @property
     def answered(self) -> bool:
-        """Whether no answer is under way."""
+        """Whether every reply has been sent."""
         return not self._owed
 
     def gone(self) -> None:
-        """A mount does not know who listens."""
+        """Do nothing: a mount does not notice who is connected."""
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
-        """A simulated mount stays at the rate it was opened with."""
+        """Do nothing: a simulated mount stays at the rate it was opened with."""
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """A mount listens to whoever speaks to it."""
+        """Do nothing: a mount answers every connection."""
 
     def close(self) -> None:
         self._write = lambda data: None
@@ -123,10 +123,10 @@ class _Caller:
 async def serve_simulator(
     simulator: Simulated, places: list[str], latency: float, baud: int | None = None
 ) -> list[Listener]:
-    """Open a simulated mount for other programs, as many at once as come; all of them see the same one.
+    """Open ports on which any number of programs connect to one simulated mount.
 
-    Serial ports and pseudo-terminals have the pace of 9600 baud, or of ``baud``: then they understand that rate only.
-    TCP ports have the pace of ``baud``, else none.
+    Serial ports and pseudo-terminals are paced at 9600 baud, or at ``baud``: then they understand that rate only.
+    TCP ports are paced at ``baud`` if it is given, else not at all.
     """
 
     def arrivals(pace: int | None) -> Arrive:

@@ -1,7 +1,7 @@
-"""The status line: which mount, where it points, what it does, who is connected, how busy its connection is.
+"""The status line: which mount it is, where it points, what it does, how many programs are connected, how busy it is.
 
-Values in, text out; nothing here asks the mount. Where the terminal is too narrow, the least important parts are left
-out first, for every mount alike.
+Functions turn values into text; nothing here asks the mount. If the terminal is too narrow, the least important parts
+are left out first, the same ones for every mount.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from msgspec import Struct
 from gateway.core.operations import Equatorial, Status
 from gateway.protocols.wireformat.sexagesimal import hours, signed
 
-#: A position older than this many seconds is told with its age.
+#: A position older than this many seconds is shown with its age.
 OLD = 10.0
-#: The name and the position stay, whatever the width.
+#: The first two parts, name and position, are shown at any width.
 LEAST = 2
 
 
 class StatusLine(Struct, frozen=True):
-    """One mount as it was seen last. ``state`` is the line's, ``age`` that of the position in seconds.
+    """The last known state of one mount. ``state`` is that of the line, ``age`` that of the position in seconds.
 
-    ``rate`` is in exchanges with the mount per second.
+    ``rate`` is exchanges with the mount per second.
     """
 
     name: str
@@ -41,11 +41,10 @@ class StatusLine(Struct, frozen=True):
 
 
 class State(Struct, frozen=True):
-    """All that is known of a mount: what is seen, what is wanted of it, what it is allowed, and how its line is.
+    """All that is known of a mount: what it does, what was asked of it, its limits, and the state of its line.
 
-    Sentences are as a person reads them, empty where nothing is known. ``reply`` is how long it takes to answer in
-    seconds, ``answers`` how many it has given; ``lately`` is what was refused, or done
-    by the gateway itself, in the last minute.
+    Texts are for the user, and empty if nothing is known. ``reply`` is the typical reply time in seconds, ``answers``
+    the number of replies so far; ``lately`` is what was refused, or done by the gateway itself, in the last minute.
     """
 
     look: StatusLine
@@ -64,26 +63,26 @@ class State(Struct, frozen=True):
 
     @property
     def found(self) -> str:
-        """Which mount this is, in its own words; empty before it has said so."""
+        """What the mount identified itself as; empty before that."""
         version = f", version {self.version}" if self.version and self.version != "?" else ""
         return f"{self.product}, {self.model}{version}" if self.product else ""
 
 
 class Rate:
-    """How often something happens, from a count that is looked at now and then: over the last ``looks`` looks."""
+    """The rate of a counter that is sampled now and then, averaged over the last ``looks`` samples."""
 
     def __init__(self, looks: int = 5) -> None:
         self._seen: deque[tuple[float, int]] = deque(maxlen=looks + 1)
 
     def per_second(self, now: float, count: int) -> float:
-        """The count has come to this at ``now`` (seconds) -> times per second; 0 at the first look."""
+        """Add a sample, ``count`` at the time ``now`` (seconds), and return the rate per second; 0 at first."""
         self._seen.append((now, count))
         then, before = self._seen[0]
         return (count - before) / (now - then) if now > then else 0.0
 
 
 def status(looks: Sequence[StatusLine], columns: int | None = None) -> str:
-    """All mounts on one line, no longer than ``columns`` where that is given."""
+    """Return all mounts on one line of at most ``columns`` characters; None: of any length."""
     parts = [_parts(look) for look in looks]
     text = ""
     for kept in range(len(parts[0]), LEAST - 1, -1):
@@ -95,7 +94,7 @@ def status(looks: Sequence[StatusLine], columns: int | None = None) -> str:
 
 
 def _parts(look: StatusLine) -> list[str]:
-    """Name, position, activity, programs, rate; what is not known is empty."""
+    """Return name, position, activity, programs and rate; a part that is not known is empty."""
     if look.state in ("opening", "down"):
         points, is_doing = f"{look.state}{': ' if look.reason else ''}{look.reason}", ""
     else:
@@ -105,7 +104,7 @@ def _parts(look: StatusLine) -> list[str]:
 
 
 def where(look: StatusLine) -> str:
-    """Where it points, in words."""
+    """Return where the mount points, as text."""
     if look.position is None:
         return "no position yet"
     old = f" {look.age:.0f} s ago" if look.age > OLD else ""
@@ -113,18 +112,18 @@ def where(look: StatusLine) -> str:
 
 
 def on_the_sky(place: Equatorial) -> str:
-    """A place as people write it: ``05:34:32 +22°00'52"``."""
+    """Return a position as people write it: ``05:34:32 +22°00'52"``."""
     degrees, minutes, seconds = signed(place.dec).replace("*", ":").split(":")
     return f"{hours(place.ra)} {degrees}°{minutes}'{seconds}\""
 
 
 def does(look: StatusLine) -> str:
-    """A few words: whether it is held from being moved, and how it is."""
+    """Return a few words: ``held`` if nothing may move the mount, and its activity."""
     return "held, " * look.held + _is(look) if _is(look) else "held" * look.held
 
 
 def _is(look: StatusLine) -> str:
-    """One word or two, the most urgent ones: what it is busy with, else how it was left."""
+    """Return the most important activity or condition of the mount in one to three words; empty if not known."""
     if look.slewing:
         return "slewing"
     if look.by_hand:

@@ -1,7 +1,7 @@
 """``mount-gateway stop``: stops every mount of a state folder, with or without a running gateway.
 
-A running gateway is asked to. If none runs and the last one ended while its mount moved, the mount's port is opened and
-the stop is sent from here. Either way the mount counts as stopped only when it has been seen at rest.
+A running gateway is asked to stop its mount. If none runs and the last one ended while its mount moved, this process
+opens the mount's port and sends the stop itself. Either way the mount counts as stopped only once it is seen at rest.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from gateway.core.errors import Fault, UserError
 from gateway.mount.readings.rest import come_to_rest
 from gateway.system.runtime_folders import user
 
-#: A gateway that is seen and cannot be asked may be just beginning, or ending: so many looks, so many seconds apart.
+#: A process that cannot be asked may be just starting or ending: search so many times, so many seconds apart.
 LOOKS, BETWEEN = 5, 0.25
 
 
 class Report(Struct):
-    """For each mount its endpoint (empty: not known any more) and what was answered; what could not be known."""
+    """The results: (endpoint of the mount, answer) pairs, the endpoint empty if it is not known; and the doubts."""
 
     outcomes: list[tuple[str, str]]
     doubts: list[str]
 
 
 async def order_all(scope: Scope, only: str | None, word: str) -> Report:
-    """Give an order to every gateway in the scope; what was left in motion is stopped, but not at ``release``.
+    """Send an order to every gateway in the scope; unless it is ``release``, also stop mounts left moving.
 
-    All at once: one that does not answer must not keep another one moving, nor must whatever cannot be known.
+    All mounts are served at once: a gateway that does not answer, or a doubt, must not keep another mount moving.
     """
     report = Report([], [])
     asked: set[tuple[int, int]] = set()
@@ -70,7 +70,7 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
 async def _of_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], word: str, left: MarkerContent | None, folder: Path
 ) -> list[str]:
-    """The answers of a mount's gateways; where none is there any more, what comes of stopping it from here."""
+    """Return the answers of a mount's gateways; if none exists any more, stop the mount from here and return that."""
     asked = await asyncio.gather(*(ask(door, word, LONGEST) for _, door in gateways))
     for (path, _), answer in zip(gateways, asked, strict=True):
         if answer is None:
@@ -80,21 +80,21 @@ async def _of_mount(
 
 
 def _meant(mount: str, only: str | None) -> bool:
-    """An endpoint by its whole text or by where it is; one that is not known could be any."""
+    """Whether ``only`` names this mount, by its endpoint or only its port; an unknown mount ("") may be any."""
     return only is None or not mount or only in (mount, mount.partition("@")[2])
 
 
 def _take_away(path: Path) -> None:
-    """What a gateway has left that is gone; in a folder of somebody else's nothing is touched."""
+    """Delete the endpoint file of a gateway that has ended, unless the folder belongs to another user."""
     with contextlib.suppress(OSError):
         if user() is None or os.lstat(path.parent).st_uid == user():
             path.unlink()
 
 
 async def _rescue(mark: MarkerContent, where: Path) -> str:
-    """Open the port of a mount that a killed gateway has left moving -> ``stopped`` or ``failed REASON``.
+    """Stop a mount that a killed gateway has left moving; return ``stopped`` or ``failed REASON``.
 
-    A gateway without clients does it: whatever begins on such a marker sends the stop before anything else.
+    This opens a gateway without surfaces: a gateway that finds a marker sends the stop before anything else.
     """
     from gateway.app.config import MountConfig
     from gateway.app.gateway import Gateway

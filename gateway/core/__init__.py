@@ -1,1 +1,1 @@
-"""Values that every other part speaks in: operations, errors, and the log of the wire."""
+"""Values that all other layers share: operations, errors, signals, and the log of the wire."""

@@ -1,9 +1,9 @@
-"""This program: its version, and the folder that its package lies in."""
+"""The version of this program and the folder of its package."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 VERSION = "0.1.0"
-#: ``gateway/`` itself, in a checkout or where it is installed.
+#: The folder ``gateway/``, in a checkout or as installed.
 PACKAGE = Path(__file__).resolve().parents[1]

@@ -1,8 +1,8 @@
-"""Everything that can go wrong has a name here.
+"""The exceptions that the gateway raises on purpose, in two families.
 
-Two families and no more: a ``UserError`` is a mistake in what a person typed (one line on stderr, exit code 2);
-a ``Fault`` is an operation the mount did not carry out (its class name is what a reply variant in
-``commands.toml`` names with ``fault = "…"``, its text is what the client's user reads).
+A ``UserError`` is a mistake in what a person typed (one line on stderr, exit code 2). A ``Fault`` is an operation that
+was not carried out: a reply variant in ``commands.toml`` names its class with ``fault = "…"``, and the client's user
+reads its text.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ class GatewayError(Exception):
 
 
 class UserError(GatewayError):
-    """Bad input from a person: says what, where, and what would be right."""
+    """Bad input from a person. The text says what is wrong, where, and what would be right."""
 
 
 def about_file(path: Path | str, error: OSError) -> str:
-    """Why a file cannot be read or written, and what to do about it."""
+    """Return why a file cannot be read or written, and what to do about it."""
     folder = Path(path).parent
     if error.errno == errno.ENOENT and not folder.is_dir():
         return f"there is no folder {folder}; make it first, or name another one"
@@ -35,29 +35,29 @@ def about_file(path: Path | str, error: OSError) -> str:
 
 
 def alike(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:
-    """The words that are most like a mistyped one: ``most`` at most, the nearest first.
+    """Return up to ``most`` words similar to a mistyped one, the nearest first.
 
-    ``least`` from 0 to 1 is how much alike they must be.
+    ``least`` is the similarity that they need, from 0 to 1.
     """
-    from difflib import get_close_matches  # needed after a mistake, and not loaded at every start
+    from difflib import get_close_matches  # imported here because only a mistake needs it
 
     return get_close_matches(word, list(among), most, least)
 
 
 class MappingError(UserError):
-    """A row of ``mappings/`` that cannot be used: names the file, the row and the reason."""
+    """A row of ``mappings/`` that cannot be used. The text names the file, the row and the reason."""
 
     def __init__(self, where: str, row: str, reason: str) -> None:
         super().__init__(f"{where}: [{row}]: {reason}")
 
 
 class Fault(GatewayError):
-    """An operation that was not carried out; ``str(fault)`` is the words for the client's user."""
+    """An operation that was not carried out; ``str(fault)`` is the text for the client's user."""
 
     words = "Not possible."
-    #: Seconds that the mount took to say so, where it was the mount.
+    #: Seconds that the mount took to reply, if the refusal is the mount's.
     took = 0.0
-    #: Whether the mount may have heard of the operation all the same.
+    #: Whether the command may have reached the mount.
     sent = True
 
     def __init__(self, words: str | None = None) -> None:
@@ -71,7 +71,7 @@ class Invalid(Fault):
 
 
 class Disturbed(Fault):
-    """A motion asked for together with a command that lost its end: nobody knows what else was lost."""
+    """A motion command that arrived together with a truncated command: more bytes may have been lost."""
 
     words = "A command before this one was damaged."
 
@@ -95,7 +95,7 @@ class TooHigh(Fault):
 
 
 class NearSun(Fault):
-    """The target, or the way to it, comes nearer to the Sun than the operator allows."""
+    """The target, or the path to it, is nearer to the Sun than the operator allows."""
 
     words = "Too close to the Sun."
 
@@ -113,7 +113,7 @@ class NotAligned(Fault):
 
 
 class SyncTooFar(Fault):
-    """A sync further from the present position than ``sync_limit``."""
+    """A sync farther from the present position than ``sync_limit``."""
 
     words = "Sync too far from present position."
 
@@ -125,37 +125,37 @@ class Stopped(Fault):
 
 
 class Unsupported(Fault):
-    """This mount, or this version of its hand control, has no way to do it."""
+    """This mount, or this version of its hand control, cannot do it."""
 
     words = "Not possible on this mount."
 
 
 class NoAnswer(Fault):
-    """The mount's line is silent or gone."""
+    """The mount did not reply, or its line is lost."""
 
     words = "No answer from mount."
 
 
 class Asleep(NoAnswer):
-    """The mount hibernates: it was not asked, for it would not answer."""
+    """The mount hibernates: the command was not sent, because the mount would not answer."""
 
     words = "The mount is asleep."
 
 
 class Garbled(NoAnswer):
-    """Bytes came that are no answer to what was asked."""
+    """Bytes came that are no reply to the request."""
 
     words = "Garbled answer from the mount."
 
 
 class Silence(Fault):
-    """A question that a mount of this kind may leave unanswered."""
+    """No reply to a request that a mount of this kind may leave unanswered."""
 
     words = "The mount does not know this question."
 
 
 class Held(Fault):
-    """Somebody at the keyboard holds the mount: no program moves it until he lets it go."""
+    """The user holds the mount with ``mount-gateway stop --hold``: no client moves it until the user releases it."""
 
     words = "The mount is held: mount-gateway stop --release"
 
@@ -173,18 +173,18 @@ class NoDevice(Fault):
 
 
 class ReadOnly(Fault):
-    """The client may look, and stop the mount, but neither move it nor set anything."""
+    """The client may read, and stop the mount, but neither move it nor set anything."""
 
     words = "Read only."
 
 
 class NotFromNetwork(Fault):
-    """A client that came over a network asked for what only the operator may allow there."""
+    """A network client sent a command that clients there may send only if the operator allows it."""
 
     words = "Not allowed over a network."
 
 
 class Refused(Fault):
-    """The mount itself said no."""
+    """The mount itself, or a check of the gateway, refused the operation."""
 
     words = "Refused by the mount."

@@ -1,7 +1,7 @@
-"""A typed signal: how a part tells what has happened, without knowing who needs to know.
+"""A typed signal: a part reports an event without knowing which parts listen.
 
-It is synchronous: every listener has acted, in the order in which they were connected, when ``emit`` returns. A limit
-can so be kept in the turn of the loop in which the position came. What a listener raises reaches whoever emits.
+It is synchronous: when ``emit`` returns, all listeners have been called, in the order in which they were connected.
+Thus a limit is enforced in the same event loop iteration as the reading. A listener's exception reaches the emitter.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ T = TypeVar("T")
 
 
 class Signal(Generic[T]):
-    """Something that happens, with a value that says what."""
+    """An event that listeners subscribe to; ``emit`` passes them a value."""
 
     __slots__ = ("_listeners", "count")
 
     def __init__(self) -> None:
         self._listeners: tuple[Callable[[T], object], ...] = ()
-        #: How often it has happened.
+        #: How often it was emitted.
         self.count = 0
 
     def connect(self, listener: Callable[[T], object]) -> None:
-        """Have this called, with the value, whenever it happens from now on."""
+        """Call the listener, with the value, at every ``emit`` from now on."""
         self._listeners = (*self._listeners, listener)
 
     def disconnect(self, listener: Callable[[T], object]) -> None:

@@ -1,7 +1,7 @@
-"""The tables of ``mappings/``: what can be said without code.
+"""Reads the TOML tables of ``mappings/``.
 
-Whatever cannot be read raises MappingError with the file and the reason. (tomli is the standard library's own parser,
-compiled: starting takes 20 ms less.)
+A file that cannot be read raises MappingError with the file and the reason. (tomli is the parser of the standard
+library, compiled: the start takes 20 ms less.)
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from gateway.core.errors import MappingError
 
 
 def mappings_folder() -> Path:
-    """Where ``mappings/`` lies: inside the installed package, or beside it in a checkout."""
+    """Return the folder ``mappings/``: inside the installed package, or beside it in a checkout."""
     inside = PACKAGE / "mappings"
     return inside if inside.is_dir() else PACKAGE.parent / "mappings"
 
 
 def read_table(file: str, folder: Path | None = None) -> dict[str, Any]:
-    """One file, as ``lx200/commands.toml``; ``folder`` is where it lies when that is elsewhere. Raises MappingError."""
+    """Return the tables of a file such as ``lx200/commands.toml``, from ``mappings/`` or ``folder``. Raises
+    MappingError.
+    """
     path = mappings_folder() / file if folder is None else folder / Path(file).name
     try:
         return tomli.loads(path.read_text("utf-8"))

@@ -1,8 +1,8 @@
-"""Waiting, and work on the event loop, where asyncio alone does not do it as the gateway needs it.
+"""Waiting and background work on the event loop, for needs that asyncio alone does not meet.
 
-An event is waited for with a time limit several times in every exchange, so that must be cheap. Work that others wait
-for goes on when one of them gives up. Of a crowd that waits for the same thing a few go on in each turn of the loop, so
-that a stop is heard among them. What runs in the background is held on to, and is over at the end.
+`TimedEvent` waits with a timeout cheaply, because every exchange does so several times. `result_of` shares work between
+several callers: it continues if one of them is cancelled. `FairScheduler` resumes only a few clients per event loop
+iteration, so that a stop is not delayed. `BackgroundTasks` keeps references to tasks and ends them at shutdown.
 """
 
 from __future__ import annotations
@@ -17,21 +17,20 @@ from gateway.core.errors import NoAnswer
 _T = TypeVar("_T")
 Outcome = asyncio.Future[Any]
 
-#: How many of a crowd go on in one turn of the event loop: together they take a quarter of a millisecond.
+#: How many of many waiting clients continue in one event loop iteration: together they take a quarter of a millisecond.
 FEW = 2
-#: Turns of the event loop in which a stop comes to the line from anywhere; more than that nobody is held up for it.
+#: Event loop iterations within which any stop reaches the line; waiting clients are held back for it no longer.
 WAY = 20
 
 
 class TimedEvent(asyncio.Event):
-    """Whoever waits goes on when it is ``set``, and at once while it is, until ``clear``.
+    """An `asyncio.Event` with a cheap timeout.
 
-    With a time limit that costs a third of what ``asyncio.timeout`` does, which cancels its task and takes the
-    cancellation back.
+    `within` costs a third of ``asyncio.timeout``, which cancels its task and takes the cancellation back.
     """
 
     async def within(self, seconds: float) -> bool:
-        """Until it is set, for so many seconds at most -> whether it was."""
+        """Wait until the event is set, for so many seconds at most; return whether it was."""
         if self.is_set():
             return True
         loop = asyncio.get_running_loop()
@@ -51,10 +50,11 @@ def _go_on(waiter: asyncio.Future[bool]) -> None:
 
 
 async def result_of(work: asyncio.Future[_T]) -> _T:
-    """Wait for work -> its result; who gives up ends it for nobody. Raises what the work raises, or CancelledError.
+    """Wait for shared work and return its result. Cancelling one caller does not cancel the work. Raises what the work
+    raises, or CancelledError.
 
-    ``asyncio.shield`` does the same, but from Python 3.14 on it reports what such work raises later to the event loop,
-    which writes it on the terminal of a user who can do nothing about it. Here only those are told who still wait.
+    ``asyncio.shield`` does the same, but from Python 3.14 on it reports a later exception of such work to the event
+    loop, which prints it to a user who can do nothing about it. Here only the callers that still wait get it.
     """
     if not work.done():
         try:
@@ -66,46 +66,46 @@ async def result_of(work: asyncio.Future[_T]) -> _T:
 
 
 def heed(outcome: asyncio.Future[_T]) -> None:
-    """Mark the exception as retrieved, so that asyncio does not log one for which nobody waits."""
+    """Mark the exception as retrieved, so that asyncio does not log it if no caller waits."""
     if not outcome.cancelled():
         outcome.exception()
 
 
 def outcome() -> Outcome:
-    """What whoever asks for something waits for: one that is not wanted any more is cancelled."""
+    """Return a new future for the result of an order; it is cancelled if the order is superseded."""
     work: Outcome = asyncio.get_running_loop().create_future()
     work.add_done_callback(heed)
     return work
 
 
 def done() -> Outcome:
-    """That of what needs nothing to be done."""
+    """Return the outcome of an order that needs no action."""
     work = outcome()
     work.set_result(None)
     return work
 
 
 def refused(fault: Exception) -> Outcome:
-    """That of what is not taken."""
+    """Return the outcome of an order that is refused."""
     work = outcome()
     work.set_exception(fault)
     return work
 
 
 def over_before() -> Outcome:
-    """That of what was over before it came."""
+    """Return the outcome of an order that was superseded before it arrived."""
     work = outcome()
     work.cancel()
     return work
 
 
 class FairScheduler:
-    """A turnstile: hundreds of programs that poll ask in step, and wait for the same position.
+    """Lets only a few clients continue in each event loop iteration.
 
-    Were they all to go on at once, a stop that comes meanwhile would be heard after them; so between a few and the next
-    few the event loop looks at what has come in, and while a stop makes its way to the line nobody of a crowd goes on.
-    ``open`` and ``enter`` are for whoever comes, ``outcome`` for who waits for an answer, and ``stopping`` says whether
-    a motion is being ended.
+    Hundreds of polling clients may wait for the same position. If they all continued at once, a stop that arrives
+    meanwhile would be handled after them. So the event loop reads its sockets between a few and the next few, and while
+    a stop is on its way to the line none of many waiting clients continues. ``open`` and ``enter`` are for clients with
+    a command, ``outcome`` for those that wait for a reply; ``stopping`` returns whether a motion is being ended.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, stopping: Callable[[], bool]) -> None:
@@ -114,7 +114,7 @@ class FairScheduler:
         self._waiting: deque[Callable[[], object]] = deque()
 
     def open(self) -> bool:
-        """Whether somebody may go on at once, who then counts as one of this turn."""
+        """Whether a client may continue in this event loop iteration; if so, it is counted."""
         if self._left <= 0:
             return False
         self._left -= 1
@@ -122,19 +122,21 @@ class FairScheduler:
         return True
 
     def enter(self, go_on: Callable[[], object]) -> None:
-        """Have it called: at once, or in its turn."""
+        """Call the function now if possible, else in a later iteration, in order of arrival."""
         if self.open():
             go_on()
         else:
             self._waiting.append(go_on)
 
     async def outcome(self, task: asyncio.Task[Any]) -> Any:
-        """What the task returns. Raises what it raises, NoAnswer if it was cancelled; who gives up does not end it."""
+        """Return the result of a shared task. Raises what the task raises, or NoAnswer if it was cancelled. Cancelling
+        one caller does not cancel the task.
+        """
         if not task.done():
             place = self._loop.create_future()
             task.add_done_callback(lambda _: self.enter(lambda: _go_on(place)))
             await place
-        if task.cancelled():  # that must not look as if whoever waits had been
+        if task.cancelled():  # CancelledError would look as if the caller had been cancelled
             raise NoAnswer
         return task.result()
 
@@ -144,7 +146,7 @@ class FairScheduler:
             self._loop.call_soon(self._turn)
 
     def _turn(self) -> None:
-        """The next turn of the event loop: those who wait go first."""
+        """Let the next few waiting clients continue; they go before new ones."""
         self._turning = False
         crowd = len(self._waiting) > FEW
         self._held = self._held + 1 if crowd and self._stopping() else 0
@@ -152,14 +154,16 @@ class FairScheduler:
         try:
             for _ in range(0 if held else min(FEW, len(self._waiting))):
                 self._waiting.popleft()()
-        finally:  # whatever one of them comes to grief about, the others go on
+        finally:  # an exception of one client must not hold up the others
             self._left = 0 if self._waiting else FEW
             if self._waiting:
                 self._turn_later()
 
 
 class BackgroundTasks:
-    """``spawn`` begins one, which the loop alone would not hold on to; ``cancel`` and ``close`` end them all."""
+    """Background tasks: ``spawn`` starts one and keeps the reference that the event loop does not keep, ``cancel`` and
+    ``close`` end all of them.
+    """
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -169,18 +173,18 @@ class BackgroundTasks:
         return len(self._tasks)
 
     def spawn(self, work: Coroutine[Any, Any, _T]) -> asyncio.Task[_T]:
-        """Run something in the background and hold on to it."""
+        """Start a background task and keep a reference to it."""
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
 
     def cancel(self) -> None:
-        """End what still runs, and wait for none of it."""
+        """Cancel all tasks without waiting for them to end."""
         for task in self._tasks:
             task.cancel()
 
     async def close(self) -> None:
-        """End what still runs, and wait until it is over."""
+        """Cancel all tasks and wait until they have ended."""
         self.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)

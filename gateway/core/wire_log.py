@@ -1,6 +1,6 @@
-"""The wire log: every command, reply and fault on either side, as it happened.
+"""The wire log: every command, reply and note on either side, as it happens.
 
-Entries are values, and sinks are functions that take them. Without a sink nothing is recorded and nothing is spent.
+Entries are values, sinks are functions that take them. Without a sink no entry is made, which costs nothing.
 """
 
 from __future__ import annotations
@@ -9,20 +9,19 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-#: Different things that are said once; with more than that somebody sends noise, and no more is said.
+#: How many different notes are logged once; more of them mean that a client sends noise, and are dropped.
 MOST = 1000
-#: Refusals, and notes on the mount, that are remembered for whoever asks what has happened lately.
+#: How many refusals and notes on the mount are remembered, for clients that ask for recent events.
 REMEMBERED = 64
 
 
 class Entry(NamedTuple):
-    """One thing that happened.
+    """One event on one side.
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
-    a note, ``+`` and ``-`` for a connection that comes and goes, ``~`` for the protocol
-    that it turns out to speak (with the reason behind a comma), ``^`` and ``v`` for the mount's port opened and lost,
-    ``r`` for the controller's decision to read something anew, ``x`` for bytes of a program that are dropped, with the
-    reason.
+    a note, ``+`` and ``-`` for a connection opened and closed, ``~`` for the protocol that was recognised on it (with
+    the reason after a comma), ``^`` and ``v`` for the mount's port opened and lost, ``r`` for the controller's decision
+    to read something again, ``x`` for bytes of a client that are dropped, with the reason.
     """
 
     time: float
@@ -33,21 +32,21 @@ class Entry(NamedTuple):
 
 
 class Word(NamedTuple):
-    """Something was refused, or done with the mount for a reason: when (Unix seconds), whose it is, and in words."""
+    """A refusal or a note on the mount: its time in Unix seconds, its side, and its text."""
 
     time: float
     side: str
     text: str
 
 
-#: The side of the mount. Any other side is a program, or a part of the gateway itself.
+#: The side of the mount. Any other side is a client, or a part of the gateway itself.
 MOUNT = "mount"
-#: The note that says from when on the sky is no longer approximate.
+#: The note that marks the end of approximate astronomy.
 SKY_READY = "astronomy is exact from now on"
 
 
 def show(data: bytes) -> str:
-    """Bytes with everything unprintable as ``\\xHH``."""
+    """Return the bytes as text, everything unprintable as ``\\xHH``."""
     return "".join(chr(byte) if 32 <= byte < 127 and byte != 92 else f"\\x{byte:02x}" for byte in data)
 
 
@@ -55,30 +54,30 @@ Sink = Callable[[Entry], None]
 
 
 class WireLog:
-    """Hands entries to its sinks. ``clock`` gives Unix seconds."""
+    """Passes entries to its sinks. ``clock`` returns Unix seconds."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self.sinks: list[Sink] = []
         self._said: set[tuple[str, str]] = set()
-        #: The last of them, with a log or without one.
+        #: The latest refusals and notes on the mount; they are kept even without a sink.
         self.lately: deque[Word] = deque(maxlen=REMEMBERED)
-        #: How many refusals there were, said or not.
+        #: The number of refusals, logged or not.
         self.refusals = 0
 
     def leave(self, sink: Sink) -> None:
-        """Take a sink out, if it is still there: one that fails is taken out by itself."""
+        """Remove a sink, if it is still there: a sink that fails has been removed already."""
         if sink in self.sinks:
             self.sinks.remove(sink)
 
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
-        """Record bytes that passed, or a note."""
+        """Pass bytes or a note to the sinks."""
         if self.sinks:
             entry = Entry(self.clock(), side, arrow, data, note)
             for sink in list(self.sinks):
                 try:
                     sink(entry)
-                except OSError:  # a log that cannot be written any more must not cost the mount its line
+                except OSError:  # a log that can no longer be written must not disturb the line to the mount
                     self.leave(sink)
 
     def note(self, side: str, text: str) -> None:
@@ -88,13 +87,13 @@ class WireLog:
         self.put(side, "!", note=text)
 
     def note_once(self, side: str, text: str, of: str = "") -> None:
-        """The same, but only the first time these words are said of somebody."""
+        """Like `note`, but only the first time that this text is logged for the subject ``of``."""
         if (of, text) not in self._said and len(self._said) < MOST:
             self._said.add((of, text))
             self.note(side, text)
 
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
-        """Something that a program asked for is not done; ``once_of`` names who hears of it once only."""
+        """Record that a client's command was refused; with ``once_of`` (a host) it is logged once per text and host."""
         self.lately.append(Word(self.clock(), side, text))
         self.refusals += 1
         if once_of is None:
@@ -104,9 +103,9 @@ class WireLog:
 
 
 class ClientLog:
-    """The wire log for the client of this name, which is its host and its port.
+    """The wire log as seen by one client; ``name`` is its host and port.
 
-    Without ``sinks`` nobody listens, and nothing need be worked out for it.
+    If ``sinks`` is empty, nothing is logged, and callers need not prepare entries.
     """
 
     def __init__(self, name: str, wire_log: WireLog) -> None:
@@ -120,12 +119,12 @@ class ClientLog:
         self.wire_log.note(self.name, text)
 
     def note_once(self, text: str) -> None:
-        """For every host."""
+        """Like `note`, but once per text and host."""
         self.wire_log.note_once(self.name, text, self._host)
 
     def refused(self, text: str) -> None:
         self.wire_log.refused(self.name, text)
 
     def refused_once(self, text: str) -> None:
-        """The same, noted once for every host."""
+        """Like `refused`, but logged once per text and host."""
         self.wire_log.refused(self.name, text, self._host)

@@ -1,1 +1,1 @@
-"""Looking at a gateway from outside: the tables, rehearsals, recordings, captures, detection."""
+"""Tools that examine a gateway from outside: command tables, rehearsals, recordings, captures and port detection."""

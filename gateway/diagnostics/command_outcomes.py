@@ -1,4 +1,4 @@
-"""What becomes of a command on a mount: of any, or of one model and version; worked out from the mappings alone."""
+"""The outcome of a command on a mount, on any mount or on one model and version, derived from the mappings alone."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import NamedTuple
 
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import SurfaceRow, Version, Way
+from gateway.protocols.wireformat.rows import Implementation, SurfaceRow, Version
 
 MISSING = "missing"
-#: What each outcome stands for.
+#: What each outcome means.
 STANDS_FOR = {
-    "translated": "carried out on the mount by that mount's own commands",
-    "derived": "answered from other things the mount tells",
-    "kept": "the gateway keeps it: a target, a format, a name, a search limit, what a mount is not told",
-    "synthesised": "the mount has no such thing; a syntactically right reply stands in",
-    "refused": "no is said in the protocol's form for it; where it has none, the log says so",
-    "silent": "nothing is said, and nothing needs doing",
+    "translated": "the mount carries it out, by commands of its own protocol",
+    "derived": "the reply is computed from other readings of the mount",
+    "kept": "the gateway keeps it: a target, a format, a name, a search limit, a setting that the mount cannot take",
+    "synthesised": "the mount has nothing like it; the gateway sends a well-formed reply of its own",
+    "refused": "the reply is the protocol's refusal; if it has none, the refusal is only logged",
+    "silent": "there is no reply, and nothing needs to be done",
 }
 
 
 class Kind(NamedTuple):
-    """Which mounts are asked about: any, or those of a model and version.
+    """Which mounts a question is about: any, or those of a model and version.
 
-    ``aligned`` asks for an aligned mount or for one before its alignment; without it the best of both is told.
-    ``wedge`` asks for a fork on a wedge.
+    ``aligned`` selects mounts after or before their alignment; None means the better outcome of the two. ``wedge``
+    selects a fork on a wedge.
     """
 
     model: str | None = None
@@ -39,7 +39,7 @@ ANY = Kind()
 
 
 def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY, *, face: frozenset[str] | None = None) -> str:
-    """What becomes of a command on such a mount; ``face``: the presented one's traits."""
+    """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model."""
     if row is None:
         return MISSING
     if row.models is not None and face is not None and face.isdisjoint(row.models):
@@ -54,8 +54,8 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY, *, face
     return str(ways[0].outcome) if ways else row.without or MISSING
 
 
-def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[Way]:
-    """The ways by which a mount carries out the operations of a row: of each the first whose commands it has."""
+def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[Implementation]:
+    """Return how a mount carries out the operations of a row: for each the first way whose commands it has."""
     found = []
     model, version, aligned, wedge = kind
     for name in [] if row is None else row.operations:
@@ -73,21 +73,21 @@ def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[W
 
 
 def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[str]:
-    """The mount commands a row may send (to one model and version, those that it has), each once."""
+    """Return the mount commands that a row may send, each once; for a model and version only those that it has."""
     has = mount.commands
     commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
     return list(dict.fromkeys(commands))
 
 
 def counts(client: str, mount: str, kind: Kind = ANY) -> Counter[str]:
-    """Outcome -> number of commands, beyond-the-manual ones included."""
+    """Count the commands by outcome, including those beyond the manual."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
     return Counter(outcome(rows.get(name), driven, kind) for name in protocol.commands)
 
 
 def missing(client: str, mount: str) -> list[str]:
-    """The commands that have no outcome, on the newest mount or on one of the models and versions."""
+    """Return the commands without an outcome on the newest mount or on any model and version."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
     kinds = [ANY, *(Kind(model, version) for model, _, version in versions(driven))]
@@ -97,14 +97,14 @@ def missing(client: str, mount: str) -> list[str]:
 
 
 def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
-    """Every model with each of its versions: name, version as written (empty without one), what it counts as."""
+    """Yield every model with each of its versions: name, version as written (empty if none), version as compared."""
     spec = PROTOCOLS[protocol.name]
     for model, facts in protocol.models.items():
         for version in spec.made_with(facts) or [""]:
             yield model, version, spec.counts_as(version) if version else None
 
 
-def remarks(row: SurfaceRow | None, ways: list[Way]) -> list[str]:
-    """What a user should know of a row, and of the ways that one mount takes; each once."""
+def remarks(row: SurfaceRow | None, ways: list[Implementation]) -> list[str]:
+    """Return what users should know about a row and about how a mount carries it out, each remark once."""
     said = [row.why] if row is not None and row.why else []
     return list(dict.fromkeys(said + [way.why for way in ways if way.why]))

@@ -1,8 +1,8 @@
-"""A capture of a serial line as a conversation: every command named, every reply taken apart, in order of time.
+"""Decode a capture of a serial line as a conversation: every command named, every reply parsed, in order of time.
 
-Known are our own recordings, pyserial's ``spy://`` logs, ``socat -x`` (with or without ``-v``) and, failing that, the
-bare bytes of one direction. A capture is read piece by piece: however long it is, it needs no more memory. Commands are
-cut out of the bytes as a surface does it, replies as a driver does it: by the commands they answer.
+Supported are our own recordings, logs of pyserial's ``spy://`` and of ``socat -x`` (with or without ``-v``), and raw
+bytes of one direction. A capture is read in pieces, so that memory use does not depend on its length. Commands are
+split as a surface does it, replies as a driver does it: according to the commands that they answer.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.layout import Row, plain
 from gateway.diagnostics.log.printing import happened
 
-#: Bytes of a file that are looked at together, and of what was sent that tell which protocol it is.
+#: Bytes that are read from a file at once, and bytes of client data that suffice to recognise the protocol.
 PIECE = 16_384
 _SPY = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9A-F]{2}){0,15})")
 _SOCAT = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
 _HEX = re.compile(rb"((?: [0-9a-f]{2})+)")
 _COMMANDS = re.compile(rb":[^#\r\n]{1,24}#")
-#: So many commands that no protocol has are shown of one side.
+#: How many unknown commands of one connection are shown.
 NOISE = 1000
-#: Bytes by which it is told whether a capture is a conversation.
+#: How many bytes decide whether a capture is a conversation.
 ENOUGH = 4096
 
 
 class Chunk(NamedTuple):
-    """Bytes that passed: ``at`` in seconds (None: not told), ``arrow`` ``>`` to the mount or ``<`` from it."""
+    """Captured bytes: ``at`` in seconds (None if unknown), ``arrow`` is ``>`` to the mount or ``<`` from it."""
 
     at: float | None
     side: str
@@ -41,9 +41,9 @@ class Chunk(NamedTuple):
 
 
 class Capture:
-    """A capture: ``recording`` is the recording that it is, or None; ``bare`` tells whether it is bytes and no more.
+    """A capture. ``recording`` is set if it is a recording of ours; ``bare`` if it consists of raw bytes only.
 
-    Raises UserError when the file cannot be read.
+    Raises UserError if the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,13 +55,13 @@ class Capture:
             raise UserError(f"{path}: the file is empty")
 
     def __iter__(self) -> Iterator[Chunk]:
-        """Everything in it, in order. Raises UserError for what is no line of a recording."""
+        """Yield everything in it, in order. Raises UserError for an invalid line of a recording."""
         if self.recording is not None:
             return (Chunk(*event) for event in self.recording)
         return _bare(self._path) if self.bare else _spy(self._path) if self._kind == "spy" else _socat(self._path)
 
     def sample(self) -> bytes:
-        """The first bytes that were sent by a client."""
+        """Return the first bytes that clients sent."""
         sent = b""
         for chunk in self:
             if chunk.arrow == ">":
@@ -72,7 +72,7 @@ class Capture:
 
 
 def is_text(sent: bytes) -> bool:
-    """Whether bytes are lines and words that somebody has written, rather than what a program says to a mount."""
+    """Whether bytes are ordinary text rather than the commands of a program."""
     if b"\n" not in sent or b" " not in sent:
         return False
     if any(byte < 32 and byte not in b"\t\r\n\x0c" for byte in sent):
@@ -87,7 +87,7 @@ def _lines(path: Path) -> Iterator[bytes]:
 
 
 def _kind(path: Path) -> str:
-    """Which program made it: ``spy``, ``socat``; empty when no line looks like any."""
+    """Return which tool wrote the capture, ``spy`` or ``socat``; empty if no line looks like either."""
     return next(
         ("spy" if _SPY.search(line) else "socat" for line in _lines(path) if _SPY.search(line) or _SOCAT.match(line)),
         "",
@@ -95,14 +95,14 @@ def _kind(path: Path) -> str:
 
 
 def _spy(path: Path) -> Iterator[Chunk]:
-    """pyserial's ``spy://``: ``000000.002 TX   0000  3A 47 52 23  :GR#``."""
+    """Read a log of pyserial's ``spy://``: ``000000.002 TX   0000  3A 47 52 23  :GR#``."""
     for line in _lines(path):
         for at, way, octets in _SPY.findall(line):
             yield Chunk(float(at), "client", ">" if way == b"TX" else "<", bytes.fromhex(octets.decode()))
 
 
 def _socat(path: Path) -> Iterator[Chunk]:
-    """``socat -x``: a line with the direction and the time, then lines of bytes; the first side is the client."""
+    """Read a log of ``socat -x``: a line with direction and time, then lines of bytes; the first side is the client."""
     chunk: Chunk | None = None
     data = bytearray()
     for line in chain(_lines(path), (b"> 0/0/0 0:0:0.0 length=0",)):
@@ -124,13 +124,13 @@ def _bare(path: Path) -> Iterator[Chunk]:
 
 
 class NoConversation(UserError):
-    """What was to be decoded is nothing that a client says to a mount."""
+    """The capture contains no conversation between a client and a mount."""
 
 
 def decode(found: Iterable[Chunk], of: Callable[[str], Side], began: float | None) -> Iterator[str]:
-    """Lines of text. ``of`` makes what understands a side, by its name; ``began`` is Unix seconds.
+    """Yield lines of text. ``of`` makes the decoder of a connection by its name; ``began`` is in Unix seconds.
 
-    Of what is no command only so much is shown. Raises NoConversation where that is most of a capture without times.
+    Only ``NOISE`` unknown commands are shown. Raises NoConversation if a capture without times is mostly unknown.
     """
     talks: dict[str, Side] = {}
     for chunk in found:
@@ -154,8 +154,8 @@ def decode(found: Iterable[Chunk], of: Callable[[str], Side], began: float | Non
         if chunk.at is None and side.heard >= ENOUGH and side.understood < side.heard / 2:
             raise NoConversation(
                 f"this is no conversation in the {side.protocol} protocol: of its first {side.heard} "
-                f"bytes only {side.understood} are commands; --protocol names the other protocol, if "
-                "it is one in that"
+                f"bytes only {side.understood} are commands; if it is in the other protocol, name that "
+                "with --protocol"
             )
         yield from lines
     for name, left in talks.items():
@@ -163,18 +163,18 @@ def decode(found: Iterable[Chunk], of: Callable[[str], Side], began: float | Non
 
 
 def _left_out(side: Side, chunk: Chunk, began: float | None) -> Iterator[str]:
-    """How much of what was no command has not been shown."""
+    """Say how many unknown commands were not shown."""
     if side.unknown > NOISE:
         yield _line(
             chunk._replace(arrow="!"),
             began,
             b"",
-            f"{side.unknown - NOISE} more that are no commands of the {side.protocol} protocol are not shown",
+            f"{side.unknown - NOISE} more unknown commands (not in the {side.protocol} protocol) are not shown",
         )
 
 
 def folded(lines: Iterable[str]) -> Iterator[str]:
-    """The same, with lines that are repeated told once and counted: of a capture without times they say no more."""
+    """Replace repeated lines by one line and a count; without times, repetitions carry no information."""
     for line, same in groupby(lines):
         yield line
         times = sum(1 for _ in same) - 1

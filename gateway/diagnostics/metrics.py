@@ -1,7 +1,7 @@
-"""Figures of a running gateway for Prometheus: exchanges, faults by kind, how long answers and stops take.
+"""Metrics of a running gateway for Prometheus: exchanges, faults by kind, durations of replies and stops.
 
-They are counted by listening to each mount's own signals; no mount is asked anything. The text that Prometheus reads is
-made when it is asked for, and prometheus-client is loaded for the first of them, on a thread of its own.
+They are counted by subscribing to each mount's signals; nothing is sent to a mount. The text is generated on request,
+and prometheus-client is imported at the first request, on a thread of its own.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Wanted
 from gateway.system.own_commands import how_to_add
 
-#: Upper bounds of what is told apart, seconds.
+#: Upper bounds of the histogram's buckets, seconds.
 BOUNDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.5, 5.0)
 NAME = "mount_gateway"
 
 
 class Histogram:
-    """How many values were no more than each bound; the last count is of those above all of them."""
+    """Counts values by upper bound; the last count is for values above all bounds."""
 
     def __init__(self, bounds: Sequence[float] = BOUNDS) -> None:
         self.bounds, self.counts, self.sum = bounds, [0] * (len(bounds) + 1), 0.0
 
     def add(self, value: float) -> None:
-        """One more."""
+        """Count a value."""
         self.counts[bisect_left(self.bounds, value)] += 1
         self.sum += value
 
     def buckets(self) -> list[tuple[str, float]]:
-        """As Prometheus has them: every bound with the count of all that are no more."""
+        """Return Prometheus' cumulative buckets: every bound with the number of values up to it."""
         total, found = 0, []
         for bound, count in zip((*map(str, self.bounds), "+Inf"), self.counts, strict=True):
             total += count
@@ -47,8 +47,8 @@ class Histogram:
 
 
 class Counts:
-    """From when it is made until it is closed. ``stops`` are those that were asked for, ``stopping`` how long each took
-    from then until the mount had acknowledged it.
+    """Counts the events of one mount until it is closed. ``stops`` counts the stops requested; ``stopping`` is the time
+    from a request until the mount has acknowledged the stop.
     """
 
     def __init__(self, controller: MountController) -> None:
@@ -63,7 +63,7 @@ class Counts:
         controller.reconciler.at_rest.connect(self._at_rest)
 
     def close(self) -> None:
-        """Nothing is counted any more."""
+        """Stop counting."""
         controller = self._controller
         controller.line.exchanged.disconnect(self._exchanged)
         controller.wanted.changed.disconnect(self._changed)
@@ -89,11 +89,11 @@ class Counts:
             self._since = None
 
 
-#: Name, what it says, how it is read off a gateway and its counts.
+#: Name, help text, and how to get the value from a gateway and its counts.
 Row = tuple[str, str, Callable[[Gateway, Counts], float]]
 COUNTERS: tuple[Row, ...] = (
     ("exchanges", "Commands that were sent to the mount and answered, or not.", lambda _, counts: counts.exchanges),
-    ("stops", "Stops that were asked for, by whomever.", lambda _, counts: counts.stops),
+    ("stops", "Stops that were requested, by any client or by the gateway.", lambda _, counts: counts.stops),
     ("refusals", "Commands and orders that were refused.", lambda gateway, _: gateway.wire_log.refusals),
 )
 GAUGES: tuple[Row, ...] = (
@@ -107,7 +107,7 @@ HISTOGRAMS: tuple[tuple[str, str, Callable[[Counts], Histogram]], ...] = (
 
 
 class Metrics:
-    """Counts from when it is made. ``text`` is None, and nothing is counted, where prometheus-client is missing."""
+    """The metrics of all mounts. Nothing is counted, and ``text`` is None, if prometheus-client is not installed."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
         there = find_spec("prometheus_client") is not None
@@ -115,10 +115,10 @@ class Metrics:
         self._registry: Any = None
 
     async def text(self) -> bytes | None:
-        """What Prometheus reads."""
+        """Return the text for Prometheus."""
         if not self._mounts:
             return None
-        client: Any = await asyncio.to_thread(import_module, "prometheus_client")  # a stop is not to wait for that
+        client: Any = await asyncio.to_thread(import_module, "prometheus_client")  # stops must not wait for the import
         if self._registry is None:
             self._registry = client.CollectorRegistry()
             self._registry.register(self)
@@ -126,7 +126,7 @@ class Metrics:
         return bytes(client.generate_latest(self._registry))
 
     def collect(self) -> Iterator[Any]:
-        """What prometheus-client calls."""
+        """Yield the metric families; prometheus-client calls this."""
         from prometheus_client.core import (
             CounterMetricFamily,
             GaugeMetricFamily,
@@ -153,13 +153,13 @@ class Metrics:
             yield times
 
     def close(self) -> None:
-        """Nothing is counted any more."""
+        """Stop counting."""
         for _, counts in self._mounts:
             counts.close()
 
 
 def missing() -> str:
-    """What to do where there are no figures."""
+    """Say what to do if prometheus-client is not installed."""
     return f"for this page prometheus-client is needed; to install it, {how_to_add('metrics')}"
 
 

@@ -1,4 +1,4 @@
-"""Who speaks which protocol in a recording: the mount as the settings say, a connection as the surface it came to."""
+"""The protocol of each connection in a recording: the mount's from the settings, a client's from its surface."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ _T = TypeVar("_T", bound=_Said)
 
 
 class RecordedSides:
-    """``surfaces`` are the protocols of the surfaces, the first one first."""
+    """``surfaces`` are the protocols of the surfaces, in their order."""
 
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
         self.surfaces = [protocol_of(surface) for surface in config["surface"]]
-        #: The numbers of the surfaces that connections have come to.
+        #: The number of the surface of each connection.
         self.surface: dict[str, int] = {}
         self.protocols = {MOUNT: protocol_of(config["mount"])}
 
     def _come(self, side: str, words: bytes) -> int:
-        """A connection has come: ``surface 2, host 192.168.1.7`` -> the number of its surface."""
+        """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
         number = int(words.split(b",")[0].split()[-1])
         self.surface[side] = number
         self.protocols[side] = spoken(self.surfaces[number - 1])[0]
         return number
 
     def introduced(self, lines: Iterable[_T]) -> Iterator[_T]:
-        """The same lines, each once it is known here what its side speaks: where first bytes have told that, they come
-        after the line that says so."""
+        """Yield the same lines, each after the protocol of its connection is known: if the first bytes were needed to
+        recognise it, they are yielded after the line that names the protocol."""
         held: dict[str, list[_T]] = {}
         for line in lines:
             side, waiting = line.side, held.get(line.side)
@@ -66,26 +66,26 @@ class RecordedSides:
                     del held[side]
                 continue
             elif waiting:
-                yield from waiting  # it has gone on in what it began with, or is gone
+                yield from waiting  # it continues with its first protocol, or has disconnected
                 del held[side]
             yield line
         for waiting in held.values():
             yield from waiting
 
     def _speaks(self, side: str, words: bytes) -> str:
-        """It has turned out what a connection speaks: ``nexstar, and why`` -> the protocol."""
+        """Register the recognised protocol of a connection, as in ``nexstar, and why``, and return it."""
         self.protocols[side] = protocol = words.split(b",")[0].decode()
         return protocol
 
     def protocol(self, side: str) -> str:
-        """The mount's for whoever was there before the recording began."""
+        """Return a connection's protocol; the mount's if it was connected before the recording began."""
         return self.protocols.get(side, self.protocols[MOUNT])
 
     def side(self, name: str) -> Side:
-        """Somebody whose bytes are to be understood."""
+        """Return a decoder for a connection."""
         return Side(self.protocol(name))
 
 
 def protocol_of(settings: dict[str, Any]) -> str:
-    """Of a mount or a surface in the settings of a recording."""
+    """Return the protocol of a mount or a surface in the settings of a recording."""
     return parse_endpoint(settings["at"]).protocol

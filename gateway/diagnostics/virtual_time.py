@@ -1,8 +1,8 @@
-"""An event loop whose time is virtual: waiting costs nothing, so a night passes in seconds.
+"""An event loop with virtual time: waiting takes no real time, so a night passes in seconds.
 
-Whenever nothing is ready, time jumps to the next timer. Only for programs that live in one process without real I/O.
-Most of what such a program costs is its turns: they are leaner here than asyncio's own, and timers of the same moment
-come in the order in which they were set.
+Whenever nothing is ready, time jumps to the next timer. It is only for programs within one process without real I/O.
+Such programs spend most of their time in loop iterations, so these are leaner than asyncio's own; timers that are due
+at the same moment run in the order in which they were set.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from collections.abc import Callable, Coroutine
 from contextvars import Context, copy_context
 from typing import Any, TypeVar
 
-#: Timers less than this apart are due together, seconds.
+#: Timers less than this apart run in the same iteration, seconds.
 RESOLUTION = 1e-9
-#: With more timers than this those that were cancelled are taken out before their time.
+#: With more timers than this, cancelled ones are removed early.
 MANY = 500
 
 _T = TypeVar("_T")
 
 
 class _Due(list[Any]):
-    """When, number, callback, arguments, context of what is due: a list, made and compared without a line of Python."""
+    """A handle: time, number, callback, arguments, context. A list is created and compared without Python code."""
 
     __slots__ = ()
-    __hash__ = object.__hash__  # type: ignore[assignment]  # who asks for it means this one
+    __hash__ = object.__hash__  # type: ignore[assignment]  # handles are hashed by identity
 
     def cancel(self) -> None:
         self[2] = None
@@ -59,10 +59,10 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         return self.elapsed
 
     def get_debug(self) -> bool:
-        """Never: asyncio asks for it with every future."""
+        """Return False without a lookup: asyncio calls this for every future."""
         return False
 
-    # asyncio's own signatures of these three need a newer Python to be written down
+    # the exact signatures of these three in asyncio cannot be written for this version of Python
 
     def call_soon(  # type: ignore[override]
         self, callback: Callable[..., object], *args: object, context: Context | None = None
@@ -96,11 +96,11 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         return self.call_at(self.elapsed + delay, callback, *args, context=context)
 
     def _add_callback(self, handle: asyncio.Handle) -> None:
-        """What the system has something for, in asyncio's own form."""
+        """Schedule asyncio's own handle of a file descriptor that is ready."""
         self.call_soon(_run, handle)
 
     def _run_once(self) -> None:
-        """Turn after turn, until the loop is stopped: all that is ready, or else what comes at the next moment."""
+        """Run iterations until the loop is stopped: whatever is ready, or else the next timers."""
         soon, timers = self._soon, self._timers
         take, pop = soon.popleft, heapq.heappop
         while True:
@@ -125,13 +125,13 @@ class VirtualLoop(asyncio.SelectorEventLoop):
                 return
 
     def _wait(self) -> None:
-        """Nothing is ready: go on to the next timer, or take what the system has."""
+        """As nothing is ready, advance to the next timer, or without timers to what the system has ready."""
         timers = self._timers
         if len(timers) > self._many:
             timers[:] = [due for due in timers if due[2] is not None]
             heapq.heapify(timers)
             self._many = max(MANY, 2 * len(timers))
-        if timers:  # nothing is asked of the system: that would take longer than most of what is then done
+        if timers:  # without a system call, which would take longer than most callbacks
             self.elapsed += max(0.0, timers[0][0] - self.elapsed)
             return
         ready = self._selector.select(0)  # type: ignore[attr-defined]

@@ -1,11 +1,11 @@
-"""A virtual serial port: a raw pseudo-terminal behind a name that stays.
+"""A virtual serial port: a raw pseudo-terminal behind a name that stays the same.
 
-Programs open and close it at will, and every opening is a connection of its own: it begins with the first byte, and
-ends when the last program has closed its end. That moment a pseudo-terminal tells by hanging up, but only as long as
-the gateway does not hold that end open itself; and it goes on to say so, which is why Linux's edge-triggered epoll is
-asked. Elsewhere the gateway holds it open, and all of it is one connection.
+Programs open and close it at will. Each opening is a connection of its own: it begins with the first byte, and ends
+when the last program has closed its end. A pseudo-terminal reports that by a hang-up, but only while the gateway itself
+does not hold that end open. The hang-up is reported continuously, therefore Linux's edge-triggered epoll is used. On
+other systems the gateway holds the end open, and everything is one connection.
 
-What one program leaves behind never reaches the next: replies nobody read, settings, exclusive use.
+What one program leaves behind never reaches the next: unread replies, settings, exclusive use.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from gateway.transport.baud import misread
 from gateway.transport.device_link import DeviceLink, like_a_serial_port
 from gateway.transport.handler import Arrive, ConnectionHandler
 
-#: Linux: struct termios2, whose last number is the output rate itself.
+#: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
-#: So much is read at a time, so many times before others have their turn.
+#: Bytes of one read, and reads before other connections get their turn.
 CHUNK, TURNS = 4096, 8
 
 
 class PtyPort:
-    """A virtual serial port. Raises UserError when there is none on this system, or the name cannot be had.
+    """A virtual serial port. Raises UserError if the system has none, or the name cannot be used.
 
-    It takes every baud rate and every setting a program asks for, and heeds none. With ``baud`` it is as picky as a
-    real one: a program that has set its end to another rate is not understood, and understands nothing.
+    It accepts every baud rate and setting, without effect. With ``baud`` it behaves like a real port: a program that
+    has set another rate is not understood and understands nothing.
     """
 
     def __init__(self, path: str, arrive: Arrive, baud: int | None = None) -> None:
@@ -44,7 +44,7 @@ class PtyPort:
         self.baud = baud
         self._arrive = arrive
         self._guest: ConnectionHandler | None = None
-        #: Whoever has said what is heard just now has closed it: the answers would be read by the next.
+        #: Whether the sender of these bytes has closed its end already: the next program would read the replies.
         self._gone = False
         self._link = DeviceLink(path)
         self.path = self._link.path
@@ -68,7 +68,7 @@ class PtyPort:
         return pair
 
     def _read(self) -> None:
-        """Take everything that is there; notice that the last program has closed its end."""
+        """Read everything that is available, and notice that the last program has closed its end."""
         pair = self._pair
         for _ in range(TURNS):
             try:
@@ -81,7 +81,7 @@ class PtyPort:
             gone = pair.hung_up()
             if gone:
                 data += pair.last_words()
-                gone = pair.hung_up()  # else some of it may be the next program's already, who waits for an answer
+                gone = pair.hung_up()  # else the next program may have sent some of it
             if self.baud is not None:
                 data = misread(data, speed(pair.master), self.baud)
             if self._guest is None:
@@ -95,7 +95,7 @@ class PtyPort:
         pair.look_again()
 
     def _write(self, data: bytes) -> None:
-        """Nobody may be reading: what does not fit is lost, as on a wire."""
+        """Write without blocking. If no program reads, what does not fit is lost, as on a wire."""
         if self._guest is None or self._gone:
             return
         if self.baud is not None:
@@ -104,7 +104,7 @@ class PtyPort:
             os.write(self._pair.master, data)
 
     def _leave(self) -> None:
-        """Nobody has it open any more: the connection ends, and the port is as new for the next."""
+        """The last program has closed its end: end the connection, and reset the port for the next one."""
         guest, self._guest, self._gone = self._guest, None, False
         if guest is not None:
             guest.close()
@@ -121,7 +121,7 @@ class PtyPort:
 
 
 class _Pair:
-    """The two ends of a pseudo-terminal: ``master`` is read when ``look`` is called, ``device`` is for programs."""
+    """The two ends of a pseudo-terminal: ``master``, which ``look`` is called to read, and ``device`` for programs."""
 
     def __init__(self, look: Callable[[], None]) -> None:
         import tty
@@ -138,7 +138,7 @@ class _Pair:
             os.close(slave)
             self._held, self._epoll = -1, select.epoll()
             self._epoll.register(self.master, select.EPOLLIN | select.EPOLLET)
-            self._epoll.poll(0)  # that nobody has opened it yet is no news
+            self._epoll.poll(0)  # discard the event that it is not open yet
             self._open = select.poll()
             self._open.register(self.master, 0)
         asyncio.get_running_loop().add_reader(self._watched, self._wake)
@@ -151,15 +151,15 @@ class _Pair:
         if self._closed:
             return
         if self._epoll is not None:
-            self._epoll.poll(0)  # else it goes on to tell the same
+            self._epoll.poll(0)  # consume the event
         self._look()
 
     def look_again(self) -> None:
-        """There is more; it will not be told once more."""
+        """Schedule another read: epoll does not report remaining bytes again."""
         asyncio.get_running_loop().call_soon(self._wake)
 
     def hung_up(self) -> bool:
-        """Whether no program has it open; always False where that is not told."""
+        """Whether no program has it open; always False on systems that do not report it."""
         return self._epoll is not None and any(event & select.POLLHUP for _, event in self._open.poll(0))
 
     def last_words(self) -> bytes:
@@ -171,10 +171,10 @@ class _Pair:
                 return words
 
     def freshen(self) -> bool:
-        """Forget what the last program has left -> False when it has left it locked.
+        """Discard what the last program has left. Return False if it has left the device locked.
 
-        Exclusive use (TIOCEXCL, which INDI asks for) ends with the last closing of a real port. A pseudo-terminal that
-        lives on keeps it, and only root may open that one ever again.
+        Exclusive use (TIOCEXCL, which INDI requests) of a real port ends when the port is closed. A pseudo-terminal
+        that stays open keeps it, and then only root can open it.
         """
         import fcntl
         import termios
@@ -185,11 +185,11 @@ class _Pair:
         except OSError as error:
             return error.errno != errno.EBUSY
         fcntl.ioctl(slave, termios.TIOCNXCL)
-        tty.setraw(slave)  # and throws away what was not read
-        termios.tcflush(slave, termios.TCIFLUSH)  # also what had no room to be read yet
+        tty.setraw(slave)  # this also discards unread bytes
+        termios.tcflush(slave, termios.TCIFLUSH)  # also bytes that had no room in the buffer
         os.close(slave)
         if self._epoll is not None and any(event & select.EPOLLIN for _, event in self._epoll.poll(0)):
-            self.look_again()  # the next program was quick
+            self.look_again()  # the next program has written already
         return True
 
     def close(self) -> None:
@@ -203,7 +203,7 @@ class _Pair:
 
 
 def speed(terminal: int) -> int:
-    """The baud rate that a terminal is set to; 0 when it cannot be told. Rates without a name count, too (Linux)."""
+    """Return the baud rate of a terminal, also a non-standard one (Linux); 0 if it is unknown."""
     import fcntl
     import termios
 

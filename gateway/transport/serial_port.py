@@ -1,4 +1,4 @@
-"""A real serial port, or any pyserial URL, with one client behind it; a lost one is opened again."""
+"""A real serial port, or any pyserial URL, with one client. A lost port is opened again."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from gateway.core.errors import UserError
 from gateway.transport.handler import Arrive, ConnectionHandler
 from gateway.transport.wires import SerialTransport
 
-#: Seconds between two tries to open a lost port again.
+#: Seconds between two attempts to open a lost port.
 AGAIN = 1.0
 
 
 class SerialPort:
-    """A real serial port, or any pyserial URL, with one client behind it."""
+    """Listens on a serial port or pyserial URL; it has one connection, which lasts until ``close``."""
 
     def __init__(self, url: str, baud: int) -> None:
         self.where, self._baud = url, baud
@@ -25,7 +25,7 @@ class SerialPort:
 
     @classmethod
     async def open(cls, url: str, arrive: Arrive, baud: int = 9600) -> SerialPort:
-        """Raises UserError when the port cannot be opened now; later losses are waited out."""
+        """Open the port. Raises UserError if that is not possible now; if it is lost later, it is opened again."""
         self = cls(url, baud)
         self._guest = arrive(url, url, self._write)
         self._guest.serial(self._change_rate)
@@ -40,13 +40,13 @@ class SerialPort:
             self._wire.write(data)
 
     def _change_rate(self, baud: int) -> int:
-        """Another baud rate, once what was written has left; the present one is returned."""
+        """Change the baud rate after everything was sent. Return the previous rate."""
         former, self._wire.baud = self._wire.baud, baud
         self._changing = asyncio.get_running_loop().create_task(self._wire.change_rate())
         return former
 
     def _lost(self, reason: str) -> None:
-        self._wire.baud = self._baud  # whoever comes back has been switched off meanwhile
+        self._wire.baud = self._baud  # a device that comes back has been switched off meanwhile
         self._reopening = asyncio.get_running_loop().create_task(self._reopen())
 
     async def _reopen(self) -> None:

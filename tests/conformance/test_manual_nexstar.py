@@ -55,7 +55,7 @@ def test_number_on_the_wire(way: str, form: str, data: str, value: str, toleranc
 
 @each("command", NEXSTAR.commands.values())
 def test_one_first_byte_has_one_length(command: object) -> None:
-    name = command.request.literal[:1]  # type: ignore[attr-defined]
-    lengths = {c.request.width for c in NEXSTAR.commands.values() if c.request.literal[:1] == name}
+    name = command.request.prefix[:1]  # type: ignore[attr-defined]
+    lengths = {c.request.width for c in NEXSTAR.commands.values() if c.request.prefix[:1] == name}
     assert len(lengths) == 1
     assert None not in lengths

@@ -130,7 +130,9 @@ class Judge:
 
     def by_axis(self) -> bool:
         """Whether the altitude axis decides, whatever was synced: an alt-az NexStar that tells where its axes are."""
-        return self.protocol == "nexstar" and self.sim.mechanics.build.name == "ALTAZ" and self.bridge.driver.knows("z")
+        return (
+            self.protocol == "nexstar" and self.sim.mechanics.build.name == "ALTAZ" and self.bridge.driver.supports("z")
+        )
 
     def turned(self, before: tuple[float, float], after: tuple[float, float]) -> float:
         """How far the axis turned that turned most."""

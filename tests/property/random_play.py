@@ -112,7 +112,7 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
     name = f"{here.name}{', wild' if wild else ''}{'' if aligned else ', not aligned'}"
     driven = mount[0]
     async with Bridge(**here.bridge) as bridge:
-        synced = driven == "lx200" or bridge.driver.knows("s")  # else what is synced is what the gateway believes
+        synced = driven == "lx200" or bridge.driver.supports("s")  # else what is synced is what the gateway believes
         unsettles = random_commands.SITE_AND_CLOCK if synced else random_commands.SITE_CLOCK_AND_SYNC
         judge = Judge(bridge, driven, here.lowest, here.highest, CIRCLE, unsettles, here.latency)
         player = _Player(bridge, random, driven, presented, here.face, wild, judge, synced)

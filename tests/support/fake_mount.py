@@ -165,8 +165,8 @@ class Talk:
                     fault = self.mount.fault if isinstance(self.mount.fault, NoAnswer) else None
                     continue
                 if isinstance(wanted, Defer):
-                    self.deferred = [item for item in self.deferred if item[1:] != (session, wanted.special)]
-                    self.deferred.append((self.now + wanted.seconds, session, wanted.special))
+                    self.deferred = [item for item in self.deferred if item[1:] != (session, wanted.handler)]
+                    self.deferred.append((self.now + wanted.seconds, session, wanted.handler))
                     continue
                 try:
                     operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
@@ -191,10 +191,10 @@ class Talk:
         """Let time pass, on the host and on the mount: what was deferred until then is done, each at its time."""
         until = self.now + seconds
         while due := sorted((item for item in self.deferred if item[0] <= until), key=lambda item: item[0]):
-            at, session, special = due[0]
+            at, session, handler = due[0]
             self.deferred.remove(due[0])
             self._pass(at - self.now)
-            self._run(self.face.surface.handlers[special](session, None, {}), session)  # type: ignore[arg-type]
+            self._run(self.face.surface.handlers[handler](session, None, {}), session)  # type: ignore[arg-type]
         self._pass(until - self.now)
 
     def _pass(self, seconds: float) -> None:

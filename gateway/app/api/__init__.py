@@ -1,1 +1,1 @@
-"""What other programs may use of this package: frames of both protocols, and a gateway inside a program."""
+"""The Python interface of this package: frames of both protocols, and a gateway inside another program."""

@@ -1,9 +1,9 @@
 """A gateway inside another Python program.
 
-``open_gateway`` does what ``mount-gateway run`` does for one mount: it opens the mount's port and the surfaces, stops
-the mount when it is closed, and starts the watchdog process for a real mount. Limits, refusals and the order in which
-commands reach the mount are the same for the program as for its clients. Everything runs on the caller's event loop;
-only the astronomy is loaded on a thread.
+``open_gateway`` does what ``mount-gateway run`` does for one mount: it opens the mount's port and the surfaces, starts
+the watchdog process for a real mount, and stops the mount at the end. The embedding program gets the same limits,
+refusals and command order as the clients of the surfaces. Everything runs on the caller's event loop; only the
+astronomy is loaded on a thread.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from gateway.core.wire_log import Entry, WireLog
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
-#: Seconds between two looks at whether a goto has ended.
+#: Seconds between two checks whether a goto has ended.
 LOOK = 0.25
-#: Seconds that a mount may take to say what it is.
+#: Seconds that a mount may take to identify itself.
 FIND_MOUNT = 20.0
 
 
 class RunningGateway:
     """One mount whose surfaces are open. Made by ``open_gateway``.
 
-    Places are right ascension and declination of the equinox of date, in degrees. Every method that reaches the mount
-    raises ``Fault`` when it is refused or fails; ``str(fault)`` is one sentence for a person.
+    Positions are right ascension and declination of the equinox of date, in degrees. Every method that reaches the
+    mount raises ``Fault`` if the operation is refused or fails; ``str(fault)`` is one sentence for the user.
     """
 
     def __init__(self, gateway: Gateway) -> None:
@@ -41,26 +41,29 @@ class RunningGateway:
 
     @property
     def addresses(self) -> list[str]:
-        """Where programs connect, ``PROTOCOL:MODEL@WHERE`` each, with the TCP port that was really taken."""
+        """The endpoints of the surfaces as ``PROTOCOL:MODEL@WHERE``, each with the TCP port that was really opened."""
         return self._gateway.names()
 
     async def ready(self, seconds: float = FIND_MOUNT) -> None:
-        """Wait until the mount has said what it is. Raises NoAnswer after so many seconds."""
+        """Wait until the mount has identified itself. Raises NoAnswer if it has not within ``seconds``."""
         if not await self._gateway.found(seconds):
             raise NoAnswer(f"{self._gateway.title} has not answered within {seconds:g} s.")
 
     async def position(self) -> tuple[float, float]:
-        """Where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
+        """Return where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
         position = await self.perform(op.Position())
         assert isinstance(position, op.Equatorial)
         return position.ra, position.dec
 
     async def goto(self, ra: float, dec: float) -> None:
-        """Slew there and track; returns when the mount has accepted it. Limits apply as to every program."""
+        """Slew to a position and track it; return when the mount has accepted the goto. All limits apply."""
         await self.perform(op.Goto(ra % 360.0, dec))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until no goto is under way -> the position. Raises Stopped when a stop came, TimeoutError."""
+        """Wait until no goto is in progress and return the position.
+
+        Raises Stopped if the mount was stopped meanwhile, TimeoutError after ``seconds``.
+        """
         stops = self._controller.stops
         async with asyncio.timeout(seconds):
             while await self.perform(op.Slewing()):
@@ -70,19 +73,19 @@ class RunningGateway:
         return await self.position()
 
     async def sync(self, ra: float, dec: float) -> None:
-        """Tell the mount that it points there now. Raises SyncTooFar beyond ``sync_limit``."""
+        """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
         await self.perform(op.Sync(ra % 360.0, dec))
 
     async def stop(self) -> None:
-        """End every motion, before everything else; returns when the mount has acknowledged it."""
+        """Stop every motion, ahead of all other commands; return when the mount has acknowledged the stop."""
         await self._controller.stop()
 
     async def perform(self, operation: op.Operation) -> object:
-        """Carry out any operation of ``gateway.core.operations`` -> its answer, as its docstring says.
+        """Carry out any operation of ``gateway.core.operations`` and return its answer; see its docstring.
 
-        What ``Move`` begins ends when the program performs nothing for ``dead_man`` seconds, as for every program.
+        A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds.
         """
-        self._host.heard = True  # the program is there: a motion by hand that it has begun may go on
+        self._host.heard = True  # the program is alive: a motion by hand that it has begun may continue
         answer: object = await self._controller.perform(operation, self._controller.stops, self._host)
         return answer
 
@@ -100,10 +103,10 @@ async def open_gateway(
     """Open a mount (``"nexstar@/dev/ttyUSB0"``, ``"nexstar@sim"``) and the surfaces on which programs reach it.
 
     ``settings`` are the keys of ``[mount]`` in docs/configuration.md with ``_`` for ``-``: ``site=(48.1, 11.6)``,
-    ``lowest=15``. A surface is an endpoint such as ``"lx200@tcp://127.0.0.1:4030"`` (port 0 takes any), or a mapping of
-    the keys of ``[[surface]]``. ``warn`` is called with whole sentences that a person should read, and ``watch`` with
-    every exchange on either side. Both are called on the event loop and must return quickly. Raises UserError for a
-    setting that cannot be used and for a port that cannot be opened. Leaving the block stops the mount and closes all.
+    ``lowest=15``. A surface is an endpoint such as ``"lx200@tcp://127.0.0.1:4030"`` (port 0: any free port), or a
+    mapping of the keys of ``[[surface]]``. ``warn`` is called with whole sentences for the user, and ``watch`` with
+    every entry of the wire log. Both are called on the event loop and must return quickly. Raises UserError for an
+    invalid setting and for a port that cannot be opened. Leaving the block stops the mount and closes everything.
     """
     tables: dict[str, object] = {
         "mount": [_keys({"at": mount, **settings})],
@@ -123,7 +126,7 @@ async def open_gateway(
     opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
 
     def exact() -> None:
-        with contextlib.suppress(RuntimeError):  # the loop is closed already: nobody needs the sky any more
+        with contextlib.suppress(RuntimeError):  # the loop is closed already: the sky is not needed any more
             loop.call_soon_threadsafe(sky.use)
 
     try:
@@ -137,5 +140,5 @@ async def open_gateway(
 
 
 def _keys(settings: Mapping[str, object]) -> dict[str, object]:
-    """Keyword arguments as the keys of ``gateway.toml``."""
+    """Return keyword arguments under the key names of ``gateway.toml``."""
     return {name.replace("_", "-"): value for name, value in settings.items()}

@@ -1,9 +1,9 @@
-"""Frames of both protocols as named values, and named values as frames.
+"""Decode frames of both protocols to named values, and encode named values as frames.
 
-Commands and their fields are called as in ``mappings/PROTOCOL/commands.toml``, which has them from the manufacturers'
-manuals. Angles are degrees, right ascension and sidereal time too; times of day are seconds since midnight; longitudes
-are positive to the west in LX200 frames, as Meade has it. Nothing here opens a port or keeps a state between calls,
-except ``Splitter``, which remembers the half command that it has been given.
+Commands and their fields have the names of ``mappings/PROTOCOL/commands.toml``, which follow the manufacturers'
+manuals. Angles are in degrees, also right ascension and sidereal time; times of day are seconds since midnight;
+longitudes in LX200 frames are positive to the west, as Meade defines them. Nothing here opens a port or keeps state
+between calls, except ``Splitter``, which buffers an incomplete command.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from gateway.protocols.wireformat.command_set import load
 
 
 class FrameError(GatewayError, ValueError):
-    """These bytes are no such frame, or these values do not fit into one; the text says which and why."""
+    """The bytes are not a valid frame, or the values do not fit into one; the text says which and why."""
 
 
 class Frame(Struct, frozen=True):
     """One command of a program, or one reply of a mount.
 
-    ``name`` is the row of ``commands.toml``, ``values`` are its fields in the order of the wire, and ``help`` says what
-    the command is for. A reply that says no has in ``fault`` the name of the error it stands for, such as
+    ``name`` is the row of ``commands.toml``, ``values`` are its fields in the order of the bytes, and ``help`` says
+    what the command is for. In a reply that refuses the command, ``fault`` is the name of the error, such as
     ``BelowHorizon``.
     """
 
@@ -39,7 +39,7 @@ class Frame(Struct, frozen=True):
 
 
 def decode(protocol: str, frame: bytes, /) -> Frame:
-    """One whole command, such as ``b":Sr05:34:32#"``, taken apart. Raises FrameError.
+    """Decode one whole command, such as ``b":Sr05:34:32#"``. Raises FrameError.
 
     >>> decode("lx200", b":Sr05:34:32#").values
     {'ra': 83.63333333333333}
@@ -55,7 +55,7 @@ def decode(protocol: str, frame: bytes, /) -> Frame:
 
 
 def encode(protocol: str, name: str, /, **values: object) -> bytes:
-    """The command of this name with these values, in the form that the gateway sends. Raises FrameError.
+    """Encode the command of this name with these values, as the gateway sends it. Raises FrameError.
 
     >>> encode("lx200", "Sr", ra=83.6333)
     b':Sr05:34:32#'
@@ -69,7 +69,7 @@ def encode(protocol: str, name: str, /, **values: object) -> bytes:
 
 
 def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
-    """A whole reply to the command of this name, taken apart; a no is told by ``fault``. Raises FrameError.
+    """Decode a whole reply to the command of this name; a refusal sets ``fault``. Raises FrameError.
 
     >>> decode_reply("lx200", "GD", b"+22*00:52#").values
     {'dec': 22.014444444444443}
@@ -87,9 +87,9 @@ def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
 
 
 def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **values: object) -> bytes:
-    """The reply to the command of this name that carries these values. Raises FrameError.
+    """Encode the reply to the command of this name that carries these values. Raises FrameError.
 
-    ``precision`` is ``high`` or ``low``; it chooses between the two forms that an LX200 has for most angles.
+    ``precision`` is ``high`` or ``low``: an LX200 has two forms of reply for most angles.
 
     >>> encode_reply("lx200", "GR", ra=83.6333, precision="low")
     b'05:34.5#'
@@ -103,22 +103,22 @@ def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **valu
 
 
 class Splitter:
-    """Cuts what a program sends into whole commands, whatever pieces the bytes come in.
+    """Splits the bytes that a program sends into whole commands, whatever pieces they arrive in.
 
     Damaged and unknown bytes are dropped by the rules of the protocol: an LX200 command ends with ``#``, a NexStar
-    command with its length, and a pause ends what is half. ``now`` gives seconds of any clock that never goes back.
+    command at its length, and a pause discards an incomplete command. ``now`` returns the seconds of a monotonic clock.
     """
 
     def __init__(self, protocol: str, now: Callable[[], float] = time.monotonic) -> None:
         self._framer, self._now = PROTOCOLS[_known(protocol)].framing(), now
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they arrived -> the commands that are complete now, in order; ``decode`` takes each of them."""
+        """Take received bytes and return the commands that are now complete, in order, each ready for ``decode``."""
         return self._framer.feed(data, self._now())
 
 
 def _known(protocol: str) -> str:
-    """Raises FrameError for what the registry does not have."""
+    """Return ``protocol``. Raises FrameError if the registry does not have it."""
     if protocol not in PROTOCOLS:
         raise FrameError(f"{protocol!r} is no protocol; there are {_listed(PROTOCOLS)}")
     return protocol
@@ -134,7 +134,7 @@ def _command(protocol: str, name: str) -> Command:
 
 
 def _filled(command: Command, template: FrameTemplate, values: Mapping[str, object]) -> bytes:
-    """Fill in a form, and say in words what is missing or does not fit."""
+    """Encode a template with values. Raises FrameError that names the value that is missing or does not fit."""
     try:
         return template.encode(values)
     except KeyError as missing:

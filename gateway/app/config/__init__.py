@@ -1,8 +1,8 @@
-"""What a user sets: on the command line or in ``gateway.toml``, under the same names.
+"""The user's settings: on the command line or in ``gateway.toml``, under the same names.
 
-A key is declared and described once, in ``keys.py`` or ``tables.py``: its reading, its flag, ``--help``, the example
-and the table of docs/configuration.md all follow from there. Every mistake is one line that says where it is and what
-would be right.
+A key is declared and described once, in ``keys.py`` or ``tables.py``: the parser, the flag, ``--help``, the example and
+the table of docs/configuration.md are all derived from that. Every mistake is reported in one line that says where it
+is and what would be right.
 """
 
 from __future__ import annotations

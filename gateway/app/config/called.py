@@ -1,7 +1,7 @@
-"""What owners call a mount: ``6se``, ``CPC 1100``, ``Celestron AVX``, ``lx90``, besides a protocol and a model.
+"""Names that owners call their mounts: ``6se``, ``CPC 1100``, ``Celestron AVX``, ``lx90``, besides protocol and model.
 
-The words are data: ``called.toml`` of each protocol. They are understood wherever a protocol or a model is written.
-What a word leaves open stays open: ``celestron`` is a protocol without a model.
+The names are data: ``called.toml`` of each protocol. They are understood wherever a protocol or a model is written.
+A name may leave the model open: ``celestron`` stands for a protocol without a model.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from gateway.core.errors import alike
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 
-#: The row of what leaves the model open.
+#: The row of names that leave the model open.
 ANY = "any"
 
 
 def named(text: str) -> str | None:
-    """``PROTOCOL[:MODEL]`` for what a person wrote in its place, without a version; None for no mount's name."""
+    """Return ``PROTOCOL[:MODEL]`` for a name as a user writes it, without a version; None for an unknown name."""
     head, colon, rest = text.partition(":")
     if not colon:
         return head if head in PROTOCOLS else _found(_every(), head)
@@ -33,7 +33,7 @@ def named(text: str) -> str | None:
 
 
 def suggestion(word: str) -> str:
-    """What a word was probably meant to be; else what each maker's mounts speak."""
+    """Return a hint for an unknown word: the name that is most like it, else the protocol of each maker."""
     known = [*PROTOCOLS, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
     plain = _plain(word)
     for choices in (known, sorted(_every())):
@@ -47,7 +47,7 @@ def suggestion(word: str) -> str:
 
 @cache
 def _every() -> Mapping[str, str]:
-    """Every word without blanks and marks, and what it stands for."""
+    """Return every name, without blanks and punctuation, with the ``PROTOCOL[:MODEL]`` it stands for."""
     rows = {_plain(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
     for protocol in PROTOCOLS:
         for model, words in called(protocol).items():
@@ -56,7 +56,7 @@ def _every() -> Mapping[str, str]:
 
 
 def called(protocol: str) -> dict[str, Sequence[str]]:
-    """The words for each model of a protocol. Raises MappingError."""
+    """Return the names of each model of a protocol. Raises MappingError."""
     return {model: row["words"] for model, row in load(protocol).extra("called.toml").items()}
 
 
@@ -67,7 +67,7 @@ def _found(words: Mapping[str, str], written: str) -> str | None:
 
 @cache
 def _makers() -> re.Pattern[str]:
-    """What may stand before the word that tells the mount."""
+    """Return the pattern of a maker or brand that may stand before the name of a mount."""
     specs = PROTOCOLS.values()
     makers = "|".join(maker for spec in specs for maker in spec.makers)
     brands = "|".join(brand for spec in specs for brand in spec.brands)

@@ -1,7 +1,7 @@
 """Checks that need more than one value of the configuration.
 
-Endpoints must name a protocol, a model and a place that exist; limits must be in order; names must be unique and refer
-to something; nothing may be used twice.
+Endpoints must name a protocol, a model and a port that exist; limits must be in order; names must be unique and refer
+to something that exists; no port may be used twice.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken
 from gateway.transport.listening import LISTENING, split_address
 from gateway.transport.tcp import exposed
 
-#: What stands in the place of a gateway's name where all of them are meant.
+#: The name that stands for all gateways on a broker.
 EVERY = "all"
 _EVERY_ADDRESS = ("0.0.0.0", "::")
 
 
 class Mistake(NamedTuple):
-    """Where it is, and the rest of the line."""
+    """Where a mistake is, and the words that say what is wrong and what would be right."""
 
     place: Place
     words: str
 
 
 def mistakes(config: Config) -> Iterator[Mistake]:
-    """What is wrong with a configuration whose values are all of the right kind, most telling first."""
+    """Yield the mistakes of a configuration whose values all have the right types, the most important first."""
     yield from _endpoints(config)
     for number, mount in enumerate(config.mount):
         if mount.lowest >= mount.highest:
@@ -55,11 +55,11 @@ def mistakes(config: Config) -> Iterator[Mistake]:
 
 
 def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
-    """Some mounts have a park position of their own, and no other; the others have none."""
+    """Check that ``park`` fits the mount: a mount with its own park position takes no other, the others need one."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
     except (UserError, KeyError):
-        return  # that is told of the endpoint
+        return  # the check of the endpoint reports it
     if mount.park == "mount" and not spec.parks_itself:
         words = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
         yield Mistake(("mount", number, "park"), words)
@@ -94,13 +94,13 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
 
 
 def _all(config: Config) -> Iterator[tuple[Place, str]]:
-    """Every endpoint and where it is written."""
+    """Yield where every endpoint is written, and its text."""
     yield from ((("mount", number, "at"), mount.at) for number, mount in enumerate(config.mount))
     yield from ((("surface", number, "at"), surface.at) for number, surface in enumerate(config.surface))
 
 
 def _names(config: Config) -> Iterator[Mistake]:
-    """Several mounts are told apart by name, and every surface says which is its own."""
+    """Check that several mounts have unique names, and that every surface names its mount."""
     names = [mount.name for mount in config.mount]
     if not names:
         yield Mistake(("mount",), "at least one mount is needed")
@@ -135,7 +135,7 @@ def _clients(config: Config) -> Iterator[Mistake]:
 
 
 def _access(config: Config) -> Iterator[Mistake]:
-    """Networks that are some, and only where connections come from hosts."""
+    """Check that networks are valid, and named only on surfaces that have network connections."""
     for number, surface in enumerate(config.surface):
         for key, value in (("allow", surface.allow), ("read-only", surface.read_only)):
             if not isinstance(value, list):
@@ -155,7 +155,7 @@ def _access(config: Config) -> Iterator[Mistake]:
 
 
 def _nobody(where: str, allowed: Networks) -> str:
-    """Why nobody can connect; empty where somebody can."""
+    """Return the message if no host in ``allowed`` can connect to this address; empty if one can."""
     host, port = split_address(where)
     if exposed(where) or Access(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
         return ""
@@ -166,7 +166,7 @@ def _nobody(where: str, allowed: Networks) -> str:
 
 
 def _console(config: Config) -> Iterator[Mistake]:
-    """An address to listen on, and networks that are some."""
+    """Check the address of the console, and that its networks are valid."""
     console = config.page
     if console is None:
         return
@@ -184,7 +184,7 @@ def _console(config: Config) -> Iterator[Mistake]:
 
 
 def _mqtt(config: Config) -> Iterator[Mistake]:
-    """A broker's address, and a name that is not that of all gateways together."""
+    """Check the broker's address, and that the gateway's name is not the one that stands for all gateways."""
     mqtt = config.mqtt
     if mqtt is None:
         return
@@ -200,7 +200,7 @@ def _mqtt(config: Config) -> Iterator[Mistake]:
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:
-    """Nothing can be opened twice, neither by two mounts nor by two surfaces."""
+    """Check that no port is used twice, by mounts or by surfaces."""
     seen: list[tuple[str, str]] = []
     for place, at in _all(config):
         where = parse_endpoint(at).where
@@ -217,7 +217,7 @@ def _taken_twice(config: Config) -> Iterator[Mistake]:
 
 
 def _address(where: str, listening: bool) -> tuple[str, str]:
-    """What must differ: (host, port) of what listens, else the thing and nothing."""
+    """Return the uniqueness key: (host, port) for listening endpoints, else (path or URL, '')."""
     if listening and where.startswith(LISTENING):
         host, port = split_address(where)
         return host.replace("localhost", "127.0.0.1"), f"tcp {port}"

@@ -1,4 +1,4 @@
-"""The keys as rows a program can use: for flags, messages, the example and the documentation."""
+"""The keys of the configuration as data: for flags, messages, the example and the documentation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gateway.app.config.tables import TABLES
 
 
 class Key(NamedTuple):
-    """One key: ``right`` says what a value must be, ``choices`` are all it may be where they are few."""
+    """One key: ``right`` says in words what a value must be, ``choices`` are the possible words if it is one of few."""
 
     name: str
     words: str
@@ -25,12 +25,12 @@ class Key(NamedTuple):
     example: object
     flag: bool
     required: bool
-    #: Whether the value is a list, which a flag writes with commas.
+    #: Whether the value is a list, which is separated by commas in a flag.
     several: bool
 
     @property
     def help(self) -> str:
-        """The words together with the default, where there is one to tell."""
+        """The words, followed by the default if it is a number or a word."""
         if self.default is None or isinstance(self.default, bool | list):
             return self.words
         shown = f"{self.default:g}" if isinstance(self.default, float) else self.default
@@ -39,19 +39,19 @@ class Key(NamedTuple):
 
 @lru_cache
 def keys(table: str) -> tuple[Key, ...]:
-    """The keys of ``mount``, ``surface``, or those outside any table (an empty name)."""
+    """Return the keys of a table such as ``mount`` or ``surface``; those outside any table for an empty name."""
     struct = TABLES[table]
     hints = get_type_hints(struct, include_extras=True)
     return tuple(_key(field, hints[field.name]) for field in msgspec.structs.fields(struct) if _meta(hints[field.name]))
 
 
 def title(table: str) -> str:
-    """How the file writes the head of a table."""
+    """Return the header of a table as the file writes it."""
     return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
 
 
 def named(table: str, name: str) -> Key | None:
-    """The key of that name in a table; None where there is none."""
+    """Return the key of that name in a table; None if there is none."""
     return next((key for key in keys(table) if key.name == name), None)
 
 
@@ -78,12 +78,12 @@ def _key(field: Any, hint: Any) -> Key:
 
 
 def _meta(hint: object) -> msgspec.Meta | None:
-    """The description that a key was declared with."""
+    """Return the description that a key was declared with; None for a field that is no key."""
     return next((item for item in getattr(hint, "__metadata__", ()) if item.extra is not None), None)
 
 
 def _plain(hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
-    """The types a value may have, each with its limits, without None."""
+    """Yield the types that a value may have, except None, each with its limits."""
     if get_origin(hint) is Annotated:
         inner, *metas = get_args(hint)
         for kind, more in _plain(inner):
@@ -100,7 +100,7 @@ def _choices(hint: object) -> tuple[str, ...]:
 
 
 def _right(hint: object) -> str:
-    """What a value must be, in words."""
+    """Return in words what a value must be."""
     return " or ".join(_words(kind, metas) for kind, metas in _plain(hint))
 
 
@@ -119,7 +119,7 @@ def _words(kind: object, metas: list[msgspec.Meta]) -> str:
 
 
 def _range(metas: list[msgspec.Meta]) -> str:
-    """The limits in words: `` from 1 to 9``."""
+    """Return the limits in words: `` from 1 to 9``."""
     limits: dict[str, object] = {}
     for meta in metas:
         limits |= {name: getattr(meta, name) for name in ("ge", "gt", "le", "lt") if getattr(meta, name) is not None}

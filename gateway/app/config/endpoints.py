@@ -1,4 +1,4 @@
-"""What is connected, as a person types it: endpoints, brokers and sites, and what was probably meant by a wrong one.
+"""Parses endpoints, brokers and sites as users type them, and suggests what a wrong one was probably meant to be.
 
 An endpoint is ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a broker is ``mqtt://HOST:PORT``, or ``mqtts://`` with TLS; a site
 is ``LAT,LON`` in degrees.
@@ -21,13 +21,13 @@ from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams
 
 _ADDRESS = re.compile(r"(?:(tcp|socket|rfc2217):/?)?([\w.-]+|\[[\w:]+\]):(\d{1,5})")
-#: The ports of brokers, by scheme.
+#: The default ports of brokers, by scheme.
 BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
 BROKER = "write mqtt://HOST:PORT, or mqtts://HOST:PORT with TLS"
 
 
 class Endpoint(msgspec.Struct, frozen=True):
-    """One end of the gateway: a protocol, maybe a model and a version, and where it is."""
+    """A mount or a surface: a protocol, optionally a model and a version, and a port, address or path (``where``)."""
 
     protocol: str
     where: str
@@ -39,12 +39,12 @@ class Endpoint(msgspec.Struct, frozen=True):
 
 
 def shown(protocol: str, model: str | None = None, version: str | None = None) -> str:
-    """What stands in front of the place."""
+    """Return the part of an endpoint before its ``@``."""
     return protocol if protocol == ANY else PROTOCOLS[protocol].shown(model, version)
 
 
 def parse_endpoint(text: str) -> Endpoint:
-    """Raises UserError for an unknown protocol, model or version."""
+    """Parse an endpoint. Raises UserError for an unknown protocol, model or version."""
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_whole(text.strip('@'))}")
@@ -52,7 +52,7 @@ def parse_endpoint(text: str) -> Endpoint:
 
 
 def _of_any(what: str, where: str) -> Endpoint:
-    """The place of a surface for every protocol. Raises UserError."""
+    """Parse the endpoint of a surface for every protocol. Raises UserError."""
     if what != ANY:
         raise UserError(f"{what!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
@@ -67,7 +67,7 @@ def _of_any(what: str, where: str) -> Endpoint:
 
 
 def _whole(text: str) -> str:
-    """Examples made of the half of an endpoint that was written."""
+    """Return an example of a whole endpoint, made from the half that was written."""
     if named(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
@@ -76,8 +76,10 @@ def _whole(text: str) -> str:
 
 
 def parse_device(what: str, where: str = "") -> Endpoint:
-    """``PROTOCOL[:MODEL[/VERSION]]``, or what owners call a mount in the place of either; a StarSense hand control is a
-    version or a model of its own. Raises UserError."""
+    """Parse ``PROTOCOL[:MODEL[/VERSION]]``, or an owner's name for a mount in place of protocol or model.
+
+    A StarSense hand control may be written as a version or as a model. Raises UserError.
+    """
     name, slash, version = what.partition("/")
     device = named(name)
     if device is None:
@@ -97,7 +99,7 @@ def parse_device(what: str, where: str = "") -> Endpoint:
 
 
 def _version(spec: ProtocolSpec, text: str) -> str:
-    """The version as it is written. Raises UserError for one that there never was."""
+    """Return the version in its standard form. Raises UserError for one that never existed."""
     try:
         return spec.check_version(text)
     except ValueError:
@@ -105,9 +107,9 @@ def _version(spec: ProtocolSpec, text: str) -> str:
 
 
 def right(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
-    """What was probably meant by the place of a surface (``listening``) or of a mount; empty where it may be right.
+    """Return what was probably meant by the address of a surface (``listening``) or a mount; empty if it may be right.
 
-    It cannot be meant as it is written without its scheme, or a port without its folder.
+    Wrong are an address without its scheme or with the other side's, and a serial port without its folder.
     """
     scheme, slashes, rest = where.partition("://")
     if slashes:
@@ -126,13 +128,13 @@ def right(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
 
 
 def nearest(word: str, choices: Sequence[str]) -> str:
-    """What a mistyped word was probably meant to be, else all that it could be."""
+    """Return a hint for a mistyped word: the choice that is most like it, else all choices."""
     close = alike(word, choices)
     return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
 
 
 def parse_site(text: str) -> tuple[float, float]:
-    """``LAT,LON`` in degrees, north and east positive, or as maps write it: ``48°08'N,11°36'E``. Raises UserError."""
+    """Parse ``LAT,LON`` in degrees, north and east positive, or as on maps: ``48°08'N,11°36'E``. Raises UserError."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) == 2 and parts[0][-1:].upper() in ("E", "W") and parts[1][-1:].upper() in ("N", "S"):
         parts.reverse()
@@ -146,9 +148,9 @@ def parse_site(text: str) -> tuple[float, float]:
 
 
 def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
-    """A latitude and a longitude with minutes, or with the letter of their side. Raises UserError.
+    """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError.
 
-    Only here astropy is loaded, which takes a second: whoever writes plain numbers does not wait for it.
+    Only this loads astropy, which takes a second: users who write plain numbers do not wait for it.
     """
     wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
@@ -164,7 +166,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 
 
 def misplaced(latitude: float, longitude: float) -> str:
-    """What is wrong with a place in degrees; empty when nothing is."""
+    """Return what is wrong with a latitude and a longitude in degrees; empty if nothing is."""
     if -90 <= latitude <= 90 and -180 <= longitude <= 360:
         return ""
     words = "latitude is -90 to 90, longitude -180 to 180 (east positive)"
@@ -174,7 +176,7 @@ def misplaced(latitude: float, longitude: float) -> str:
 
 
 class Broker(msgspec.Struct, frozen=True):
-    """Where a broker is. ``user`` is empty where the address names none."""
+    """The address of a broker. ``user`` is empty if the address names none."""
 
     host: str
     port: int
@@ -187,9 +189,9 @@ class Broker(msgspec.Struct, frozen=True):
 
 
 def parse_broker(text: str) -> Broker:
-    """A user's name may stand before the host; a password may not: a flag is seen by everybody on the computer.
+    """Parse the address of a broker, which may hold a user's name but no password: all users can see flags.
 
-    Raises UserError that says what would be right, and repeats no password.
+    Raises UserError that says what would be right, and does not repeat a password.
     """
     try:
         parts = urlsplit(text)

@@ -1,10 +1,10 @@
 """Every key of a mount and of a surface, declared once: its type, range, default, and the words that describe it.
 
-A new key is one field here. ``key`` takes the words of ``--help`` and of the documentation, what the value is called
-there, an example for keys that have no default, and the limits that msgspec checks; those of a key that may be absent
-belong to the type within it, as for ``site``. The ``title`` of a limit is what a message calls it. Every key of
-``[mount]`` is also a flag of ``run``, except those with ``flag=False``, and so is every key that only a surface has; a
-flag writes a list with commas.
+A new key is one field here. ``key`` takes the words for ``--help`` and the documentation, the name of the value there,
+an example for keys without a default, and the limits that msgspec checks. For a key that may be absent the limits
+belong to the inner type, as for ``site``. Messages use the ``title`` of a limit. Every key of ``[mount]`` is also a
+flag of ``run``, except those with ``flag=False``, and so is every key that only a surface has; a list is separated by
+commas in a flag.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from msgspec import Meta, Struct
 
 from gateway.mount.policy import Limits
 
-#: What is written where something is not wanted at all.
+#: The value that turns something off.
 OFF = "off"
 
 
@@ -23,7 +23,7 @@ def key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, 
     return Meta(description=words, extra={"shown": shown, "example": example, "flag": flag}, **limits)
 
 
-#: What a name may be made of: no blank, no slash, no wildcard.
+#: The characters of a name: no blank, no slash, no wildcard.
 WORD = r"[A-Za-z0-9_.-]+"
 Word = Annotated[str, Meta(pattern=f"^{WORD}$", title="a word of letters, digits and _ . -")]
 Plain = Annotated[str, Meta(pattern=r"^[ -\"$-~]+$", title="plain text without #")]

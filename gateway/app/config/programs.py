@@ -1,7 +1,7 @@
-"""What single programs need of a surface, by ``mappings/*/clients.toml``.
+"""The settings that single programs need on a surface, from ``mappings/*/clients.toml``.
 
-``client = "NAME"`` on a surface fills in what its user left open. Without it a program is recognised where the first
-bytes of its connection tell it unmistakably; then only that connection is treated so.
+``client = "NAME"`` on a surface fills in the settings that the user left open. Without it, a program is recognised if
+the first bytes of its connection are unmistakable; then only that connection gets these settings.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
 from gateway.transport.listening import LISTENING
 
-#: A hand control that programs take for the newest there is, whatever its number: it counts anew.
+#: The version of a hand control that programs take for the newest, because its version numbers start again from 1.
 NEWEST = (99,)
 
 
 class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One key of the surface and why the program needs it; ``below``: only with hand controls before that version."""
+    """A value for one key of the surface, and why the program needs it; ``below``: only before that version."""
 
     key: str
     value: str
@@ -32,7 +32,7 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One program. ``first`` are the bytes that only it begins a connection with, ``told`` why that is so."""
+    """One program. ``first``: the bytes with which only it begins a connection; ``told``: how that is known."""
 
     name: str
     needs: list[Need] = []
@@ -42,7 +42,7 @@ class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @lru_cache
 def programs(protocol: str) -> dict[str, Program]:
-    """The programs that are known to speak a protocol. Raises MappingError."""
+    """Return the known programs that speak a protocol, by key. Raises MappingError."""
     rows = {}
     for key, row in load(protocol).extra("clients.toml").items():
         try:
@@ -53,7 +53,7 @@ def programs(protocol: str) -> dict[str, Program]:
 
 
 def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
-    """What a program (the surface's own ``client`` when none is named) needs that the surface leaves open."""
+    """Return the needs of a program (default: the surface's ``client``) for keys that the surface leaves open."""
     endpoint = parse_endpoint(surface.at)
     row = None if endpoint.protocol == ANY else programs(endpoint.protocol).get(program or surface.client)
     if row is None:
@@ -68,7 +68,7 @@ def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
 
 
 def _numbers(endpoint: Endpoint) -> Version:
-    """The version that programs go by: of one that is named by a word, which counts anew, the newest."""
+    """Return the version that programs see; ``NEWEST`` for one with a word such as ``starsense`` in it, or none."""
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
     if version is None or version.partition("-")[0] in spec.version_words:
@@ -77,20 +77,20 @@ def _numbers(endpoint: Endpoint) -> Version:
 
 
 def settled(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig:
-    """The surface with what the program needs filled in."""
+    """Return the surface with the needs of the program filled in."""
     return msgspec.structs.replace(surface, **as_settings(wanted_by(surface, program)))
 
 
 def as_settings(needs: list[Need]) -> dict[str, object]:
-    """Needs by the name of the field that they fill."""
+    """Return the values of needs by the names of the fields of ``SurfaceConfig``."""
     return {need.key.replace("-", "_"): need.value for need in needs}
 
 
 def recognisable(surface: SurfaceConfig) -> dict[bytes, str]:
-    """First bytes -> program, for those that would get something other than everybody on this surface.
+    """Return first bytes -> program, for the programs whose settings differ from the surface's.
 
-    Only where connections always begin and end, which is the network: on a serial line one program may follow another
-    unnoticed.
+    Only for network surfaces, where every program has its own connection: on a serial line one program may follow
+    another unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
     if surface.client != "auto" or not endpoint.where.startswith(LISTENING):

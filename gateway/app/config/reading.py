@@ -1,4 +1,4 @@
-"""``gateway.toml`` and flags become a ``Config``, or one line that says where the mistake is."""
+"""Turns ``gateway.toml`` and flags into a ``Config``, or into one line that says where the mistake is."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, about_file
 
-#: What a person may have meant where the parser tells only what it found.
+#: Hints for messages of the parser, by how they begin: what the user may have meant.
 _HINTS = {
     "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
     "Cannot overwrite": "; it is there already, further up",
     "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
 }
 
-#: What word processors and web pages make of plain quotes.
+#: Typographic quotes, which word processors and web pages put in place of plain ones.
 _CURLY = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
 
-#: What no name and no path has, and is refused wherever it is written, before anything is opened or shown: a NUL ends
-#: one early, an escape sequence rewrites a terminal.
+#: Control characters are refused in every value, before anything is opened or shown: a NUL ends a path early, an
+#: escape sequence rewrites a terminal.
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
-#: What the parser gives up at that TOML itself allows.
+#: Messages for texts that TOML allows and the parser cannot read.
 _BEYOND: dict[type[Exception], str] = {
     RecursionError: "this is nested too deep; no key here needs more than [ ] around a few values",
     ValueError: "this number has thousands of digits; no key here takes such a number",
@@ -40,7 +40,7 @@ _BEYOND: dict[type[Exception], str] = {
 
 
 def read_tables(path: Path) -> tuple[dict[str, object], Source]:
-    """The tables of a file, and where they come from. Raises UserError with the file and the line."""
+    """Read a file; return its tables, and the source of their values. Raises UserError with the file and the line."""
     try:
         text = path.read_text("utf-8-sig")
     except OSError as error:
@@ -67,7 +67,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
 
 
 def _broken_off(text: str) -> int:
-    """The line, from 1, at which the parser gives up a text that it could not read for other reasons than a mistake."""
+    """Return the line, from 1, at which the parser fails on a text that TOML allows (``_BEYOND``)."""
     lines = text.split("\n")
 
     def given_up(line: int) -> bool:
@@ -83,7 +83,7 @@ def _broken_off(text: str) -> int:
 
 
 def _misspelt(tables: object, place: Place = ()) -> Iterator[Mistake]:
-    """Every text in tables that has a control character, and where it is."""
+    """Yield a mistake for every text in the tables that has a control character."""
     if isinstance(tables, str):
         if found := _CONTROL.search(tables):
             yield Mistake(place, f"there is a control character (U+{ord(found.group()):04X}) in it; write it without")
@@ -96,7 +96,7 @@ def _misspelt(tables: object, place: Place = ()) -> Iterator[Mistake]:
 
 
 def make_config(tables: dict[str, object], source: Source) -> Config:
-    """Plain tables, ``mount`` being a list of them -> what they say. Raises UserError that names place and key."""
+    """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key."""
     for place, words in _misspelt(tables):
         raise _line(source, Mistake(_whole(place), words))
     try:
@@ -109,7 +109,7 @@ def make_config(tables: dict[str, object], source: Source) -> Config:
 
 
 def _read_error(message: str) -> tuple[Place, str | None, str]:
-    """The library's message -> the place, a key that is unknown or missing there, and which of the two."""
+    """Parse msgspec's message: return the place, and the unknown or missing key there (or None) and which it is."""
     where = re.search(r" - at `\$\.?([^`]*)`$", message)
     steps = re.findall(r"[^.\[\]]+|\[\d+\]", where.group(1) if where else "")
     place = tuple(int(step[1:-1]) if step.startswith("[") else step for step in steps)
@@ -118,7 +118,7 @@ def _read_error(message: str) -> tuple[Place, str | None, str]:
 
 
 def _mistake(tables: dict[str, object], source: Source, place: Place, field: str | None, what: str) -> UserError:
-    """One line for what the library did not accept."""
+    """Return the error for a value or a key that msgspec did not accept."""
     table = str(place[0]) if place and place[0] in TABLES else ""
     if field is None:
         return _wrong(tables, source, table, place)
@@ -137,7 +137,7 @@ def _mistake(tables: dict[str, object], source: Source, place: Place, field: str
 
 
 def _wrong(tables: dict[str, object], source: Source, table: str, place: Place) -> UserError:
-    """A value of the wrong type or out of its range, or something else in the place of a table."""
+    """Return the error for a value of the wrong type or out of range, or for a value in place of a table."""
     whole = _whole(place)
     key = named(table, str(whole[-1]))
     if key is None:
@@ -147,7 +147,7 @@ def _wrong(tables: dict[str, object], source: Source, table: str, place: Place) 
 
 
 def _whole(place: Place) -> Place:
-    """The place of a key whose value may have parts: of a table, of one of several, or outside any."""
+    """Cut a place after its key: it may lead further, to a part of the key's value."""
     return place[: 3 if place[0] in ("mount", "surface") else 2 if place[0] in TABLES else 1]
 
 
@@ -158,7 +158,7 @@ def _value(tables: Any, place: Place) -> Any:
 
 
 def _swapped(name: str, value: object) -> str:
-    """The hint for a place whose two numbers stand the wrong way round."""
+    """Return the hint for a site with latitude and longitude in the wrong order; empty for other keys."""
     if name != "site" or not isinstance(value, list | tuple) or len(value) != 2:
         return ""
     numbers = all(isinstance(part, int | float) for part in value)
@@ -167,7 +167,7 @@ def _swapped(name: str, value: object) -> str:
 
 
 def _line(source: Source, mistake: Mistake) -> UserError:
-    """``gateway.toml:12: [mount] lowest: …``."""
+    """Return the error for a mistake: ``gateway.toml:12: [mount] lowest: …``."""
     table, key = mistake.place[0], mistake.place[-1]
     where = source.where(mistake.place)
     if where.startswith("--"):
@@ -180,9 +180,9 @@ def _line(source: Source, mistake: Mistake) -> UserError:
 
 
 def _show(value: object) -> str:
-    """A value as TOML has it, shortened."""
+    """Return a value as TOML writes it, shortened to 60 characters."""
     try:
         text = repr(value).lower() if isinstance(value, bool) else repr(value)
-    except ValueError:  # Python prints no number of thousands of digits
+    except ValueError:  # Python refuses to print a number of thousands of digits
         return "this number"
     return text if len(text) <= 60 else f"{text[:57]}..."

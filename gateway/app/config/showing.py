@@ -1,4 +1,4 @@
-"""Configurations as text, made from the keys: the one in effect, a commented example, the table of the keys in docs."""
+"""Writes configurations from the keys: the one in effect, a commented example, and the table of the docs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gateway.app.config.tables import Config
 
 
 def effective(config: Config, source: Source) -> str:
-    """What ``run`` would go by, as ``gateway.toml``; what is no default says where it comes from."""
+    """Return the configuration that ``run`` would use, as ``gateway.toml``, with the origin of changed values."""
     lines = ["# The configuration in effect. What is no default says where it comes from.", ""]
     lines += [_line(key, getattr(config, key.name), source.origin((key.name,))) for key in keys("")]
     lines += ["", "[console]", *_table("console", config.console, source, ("console",))]
@@ -52,7 +52,7 @@ def _line(key: Key, value: Any, origin: str | None) -> str:
 
 
 def example() -> str:
-    """A complete ``gateway.toml``: every key with its words. What has no default is commented out."""
+    """Return a complete ``gateway.toml``: every key with its description. Keys without a default are commented out."""
     lines = ["# gateway.toml: every key there is. A flag of the same name wins over the file.", ""]
     lines += _sample("")
     lines += [
@@ -77,7 +77,7 @@ def _sample(table: str) -> Iterator[str]:
 
 
 def table() -> str:
-    """Every key as a Markdown table."""
+    """Return every key as a Markdown table."""
     lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
     for name in ("", "mount", "surface", "console", "mqtt"):
         head = f"`{title(name)}`" if name else ""
@@ -88,7 +88,7 @@ def table() -> str:
 
 
 def toml(value: Any) -> str:
-    """A value as TOML writes it."""
+    """Return a value as TOML writes it."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(toml(part) for part in value)}]"
     if isinstance(value, str):

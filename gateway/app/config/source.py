@@ -1,7 +1,7 @@
-"""Where every value of a configuration was written, so that a message can name the line of the file or the flag.
+"""Finds where a value of a configuration was written, so that a message can name the line of the file or the flag.
 
-The TOML parser itself is asked for a line: the first beginning of the text, cut at a line's end, that has the key ends
-with the key's statement. A text is only parsed again like this when something is wrong with it.
+The line is found by the TOML parser itself: the first lines of the text are parsed, one line more each time, until
+the result has the key; then the last statement is the key's. This is done only for messages and ``config``.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ Place = tuple[str | int, ...]
 
 
 class Source(msgspec.Struct):
-    """Where the values come from: a file's name and text, and the flags that were given."""
+    """The origin of values: a file's name and text, and the flags that were given."""
 
     name: str
     text: str = ""
     flags: dict[Place, str] = {}
 
     def where(self, place: Place) -> str:
-        """``--lowest``, ``gateway.toml:12``, or the name alone. Places count mounts even where there is just one."""
+        """Return ``--lowest``, ``gateway.toml:12``, or only the name. A single mount has number 0 in a place."""
         ways = [place[:length] for length in range(len(place), 0, -1)]
         for way in ways:
             if way in self.flags:
@@ -34,7 +34,7 @@ class Source(msgspec.Struct):
         return self.name
 
     def origin(self, place: Place) -> str | None:
-        """The flag or the line that sets exactly this; None when nothing does."""
+        """Return the flag or the line that sets exactly this place; None if it was not set."""
         if place in self.flags:
             return self.flags[place]
         line = line_of(self.text, self._written(place)) if self.text else None
@@ -42,15 +42,15 @@ class Source(msgspec.Struct):
         return None if line is None or overridden else f"{self.name}:{line}"
 
     def _written(self, place: Place) -> Place:
-        """The place as the file has it: a single ``[mount]`` has no number."""
+        """Return the place as in the file, where a single ``[mount]`` has no number."""
         single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
         return ("mount", *place[2:]) if single else place
 
 
 def line_of(text: str, place: Place) -> int | None:
-    """The line, from 1, on which the statement that brings ``place`` about begins; None when nothing does.
+    """Return the line, from 1, on which the statement that sets ``place`` begins; None if the text does not set it.
 
-    ``("mount", "lowest")`` is a key, ``("surface", 1)`` the second of several tables. The text must be valid.
+    ``("mount", "lowest")`` is a key, ``("surface", 1)`` the second of several tables. The text must be valid TOML.
     """
     lines = text.split("\n")
     began = 1
@@ -58,7 +58,7 @@ def line_of(text: str, place: Place) -> int | None:
         try:
             tables = tomli.loads("\n".join(lines[:end]))
         except tomli.TOMLDecodeError:
-            continue  # the cut is within a statement of several lines
+            continue  # the text is cut within a statement of several lines
         if _has(tables, place):
             return began
         began = end + 1

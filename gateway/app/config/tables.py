@@ -1,4 +1,4 @@
-"""The whole of ``gateway.toml``: the tables that are about neither a mount nor a surface, and all of them together.
+"""The tables of ``gateway.toml`` other than mount and surface, and the whole configuration.
 
 Keys are declared as in ``keys.py``.
 """
@@ -11,7 +11,7 @@ from msgspec import Meta, Struct, field
 
 from gateway.app.config.keys import OFF, WORD, MountConfig, Plain, SurfaceConfig, Word, key
 
-#: What topics may begin with: words with slashes between.
+#: What MQTT topics may begin with: words separated by slashes.
 PARTS = rf"^{WORD}(/{WORD})*$"
 _Parts = Annotated[str, Meta(pattern=PARTS, title="words of letters, digits and _ . -, with / between")]
 
@@ -48,10 +48,10 @@ class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
 
 
 class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
-    """``[mqtt]``: the broker on which the mounts of this gateway are shown, and from which they are stopped.
+    """``[mqtt]``: the broker on which the mounts of this gateway are shown, and through which they can be stopped.
 
-    The password stands neither here nor in a flag, where other users and backups see it: it is in a file of its own, or
-    in the environment.
+    The password is neither here nor in a flag, where other users and backups would see it: it is in a file of its own,
+    or in the environment.
     """
 
     at: Annotated[
@@ -94,7 +94,7 @@ class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
-    """Everything that ``run`` needs."""
+    """The whole configuration: everything that ``run`` needs."""
 
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
@@ -133,15 +133,15 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
 
     @property
     def page(self) -> ConsoleConfig | None:
-        """The console; None where there is to be none."""
+        """The console's settings; None if the console is off."""
         return None if self.console.at == OFF else self.console
 
     def of(self, mount: MountConfig) -> list[SurfaceConfig]:
-        """The surfaces of one mount."""
+        """Return the surfaces of one mount."""
         return [surface for surface in self.surface if surface.mount == mount.name or len(self.mount) == 1]
 
 
-#: Every table and what its keys are; the keys outside any table last.
+#: Every table and the struct of its keys; the keys outside any table last.
 TABLES: dict[str, type[Struct]] = {
     "mount": MountConfig, "surface": SurfaceConfig, "console": ConsoleConfig, "mqtt": MqttConfig, "": Config
 }  # fmt: skip

@@ -1,6 +1,6 @@
-"""A refusal in words for a person at the keyboard: what happened, what it means, what to do.
+"""Explains a refusal to the user at a terminal: what happened, what it means, what to do.
 
-Programs are told a few words that fit a hand control's display; whoever sits at a terminal has room for the reason.
+Programs get a few words that fit a hand control's display; on a terminal there is room for the reason.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from gateway.core import errors
 from gateway.core.errors import Fault
 from gateway.mount.policy import Limits
 
-#: What follows the words that programs are told; the first row that a fault is of counts.
+#: The explanation that follows the words for programs; the first row with the class of the fault is used.
 MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.BelowHorizon,
      "It lies, or the way to it leads, lower than the {limits.lowest:g} degrees that are allowed; wait until it has "
@@ -32,12 +32,12 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.Stopped, "A stop, or another order, came before it was done."),
     (errors.Busy, "Ask again in a moment."),
 )  # fmt: skip
-#: The same where nobody has said more about it than that.
+#: The explanation of an ``Unsupported`` without words of its own.
 UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
 
 
 def no(fault: Fault, limits: Limits) -> str:
-    """One or two sentences, beginning with what the gateway tells programs."""
+    """Return one or two sentences, beginning with the words that programs get."""
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
     if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:
         means = UNSUPPORTED

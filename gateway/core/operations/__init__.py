@@ -1,8 +1,8 @@
-"""The operations: everything that a program can mean, as values.
+"""The operations: everything that a client can ask of a mount, as values.
 
 A surface yields them and a driver carries them out; neither knows the other. They are frozen, so that they can be
 logged, compared, replayed and named in a table. Angles are degrees, right ascension included. Right ascension and
-declination are of the equinox of date unless a surface is set to J2000. Longitudes count positive to the EAST; a UTC
+declination are of the equinox of date unless a surface is set to J2000. Longitudes are positive to the EAST; a UTC
 offset is local time minus UTC, in hours. Motion is either on the *sky* (``Move``) or of one *axis* (``MoveAxis``).
 """
 
@@ -16,7 +16,7 @@ from gateway.core.operations.values import Operation, Read
 
 
 def named(name: str) -> type[Operation] | None:
-    """The operation class of that name, or None."""
+    """Return the operation class of that name, or None."""
     found: object = globals().get(name)
     if isinstance(found, type) and issubclass(found, Operation) and found not in (Operation, Read):
         return found

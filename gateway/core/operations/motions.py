@@ -1,4 +1,4 @@
-"""Operations that move the mount, end its motion, or change where it believes to point."""
+"""Operations that move the mount, end a motion, or change the position that the mount assumes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from gateway.core.operations.values import Chosen, Direction, Fields, Operation,
 
 
 class Goto(Operation[None], frozen=True):
-    """Slew to a place of date and track there. Raises BelowHorizon, TooHigh, NearSun, NotAligned, NoAnswer.
+    """Slew to a position of date and track there. Raises BelowHorizon, TooHigh, NearSun, NotAligned, NoAnswer.
 
-    ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a stopped drive stays stopped. ``fastest``
-    is the speed asked for, degrees a second, where the mount lets it be chosen.
+    ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a drive that is off stays off. ``fastest``
+    is the speed in degrees a second, for mounts that let the client choose it.
     """
 
     ra: float
@@ -21,7 +21,7 @@ class Goto(Operation[None], frozen=True):
 
 
 class GotoHorizontal(Operation[None], frozen=True):
-    """Slew to an azimuth and altitude, degrees; the rest as in ``Goto``."""
+    """Slew to an azimuth and altitude, degrees; the other fields are as in ``Goto``."""
 
     az: float
     alt: float
@@ -31,7 +31,9 @@ class GotoHorizontal(Operation[None], frozen=True):
 
 
 class GotoAxes(Operation[None], frozen=True):
-    """Bring both motor axes to these readings, degrees (a horizon place only on a fork); ``fastest`` as in ``Goto``."""
+    """Slew both motor axes to these readings, degrees; they are azimuth and altitude only on a fork. ``fastest`` is as
+    in ``Goto``.
+    """
 
     az: float
     alt: float
@@ -39,7 +41,7 @@ class GotoAxes(Operation[None], frozen=True):
 
 
 class Sync(Operation[None], frozen=True):
-    """The mount points at this place of date now. Raises SyncTooFar, NoAnswer."""
+    """Tell the mount that it points at this position of date now. Raises SyncTooFar, NoAnswer."""
 
     ra: float
     dec: float
@@ -48,7 +50,7 @@ class Sync(Operation[None], frozen=True):
 class Move(Operation[None], frozen=True):
     """Start moving in a sky direction at a hand rate, until halted.
 
-    ``lowest`` and ``highest`` narrow the altitude limits while it lasts.
+    ``lowest`` and ``highest`` narrow the altitude limits during the motion.
     """
 
     direction: Direction
@@ -100,11 +102,11 @@ class PulseAxis(Operation[Pulsed | None], frozen=True):
 
 
 class AbortSlew(Operation[None], frozen=True):
-    """End the goto under way; hand motion goes on."""
+    """End the goto under way; motion by hand continues."""
 
 
 class SetTracking(Operation[None], frozen=True):
-    """Tracking on in the mount's own mode, or in the one named, or off."""
+    """Turn tracking off, or on in ``mode``, by default the mount's own mode."""
 
     survives_abort = True
 
@@ -113,7 +115,7 @@ class SetTracking(Operation[None], frozen=True):
 
 
 class TrackRate(Operation[None], frozen=True):
-    """A drive rate: ``sidereal``, ``solar``, ``lunar``, or a multiple of sidereal."""
+    """Set the drive rate: ``sidereal``, ``solar``, ``lunar``, or a multiple of sidereal."""
 
     survives_abort = True
 
@@ -122,39 +124,39 @@ class TrackRate(Operation[None], frozen=True):
 
 
 class Park(Operation[None], frozen=True):
-    """Go to the park position, then tracking off."""
+    """Slew to the park position, then turn tracking off."""
 
 
 class Home(Operation[None], frozen=True):
-    """Go to the stored home position."""
+    """Slew to the stored home position."""
 
 
 class SetHome(Operation[None], frozen=True):
-    """The present position is home; a mount with marks on its axes may turn to look for them."""
+    """Store the present position as home; a mount with marks on its axes may turn to search for them."""
 
 
 class Unpark(Operation[None], frozen=True):
-    """Take up service again: tracking on, the mount's state read anew."""
+    """Leave the park position: turn tracking on, and read the mount's state again."""
 
     survives_abort = True
 
 
 class Hibernate(Operation[None], frozen=True):
-    """Hibernate, or tracking off where the mount cannot; whatever moves is ended before."""
+    """End all motion, then hibernate; a mount that cannot hibernate turns tracking off."""
 
     survives_abort = True
 
 
 class Wake(Operation[None], frozen=True):
-    """Wake up, or tracking on where the mount cannot hibernate."""
+    """Wake from hibernation; a mount that cannot hibernate turns tracking on."""
 
     survives_abort = True
 
 
 class PassThrough(Operation[Values | None], frozen=True):
-    """A command of the mount's own protocol that means nothing here -> the reply's fields.
+    """Pass on a command that the gateway does not interpret -> the reply's fields.
 
-    Only where client and mount speak the same protocol. ``fields`` are the request's field values, in order.
+    Only if client and mount speak the same protocol. ``fields`` are the request's field values, in order.
     """
 
     command: str
@@ -162,11 +164,10 @@ class PassThrough(Operation[Values | None], frozen=True):
 
 
 class Choose(Operation[Chosen], frozen=True):
-    """An object of the mount's own library -> Chosen. ``first`` are commands that its number depends on.
+    """Select an object of the mount's own library -> Chosen. ``first`` are commands that its number depends on.
 
-    No motion, but carried out among them: the mount has one target, and gotos and syncs set it, too.
-
-    ``ra`` and ``dec`` are the target so far, which stays where nothing is found.
+    This is no motion but takes its turn among motions: the mount has one target, which gotos and syncs set as well.
+    ``ra`` and ``dec`` are the present target, which stays if no object is found.
     """
 
     survives_abort = True

@@ -1,4 +1,4 @@
-"""Operations that ask for something and change nothing."""
+"""Operations that read something and change nothing. The arrow names the type of the answer."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ class Position(Read[Equatorial], frozen=True):
 
 
 class HorizontalPosition(Read[Horizontal], frozen=True):
-    """-> Horizontal: a fork's own answer, or derived from right ascension, declination, site and clock."""
+    """-> Horizontal, as a fork reports it, or calculated from right ascension, declination, site and clock."""
 
     answers = Horizontal
 
 
 class AxisPosition(Read[Horizontal], frozen=True):
-    """-> Horizontal: where the two motor axes stand, whatever they point at."""
+    """-> Horizontal: the readings of the two motor axes, whatever they point at."""
 
     answers = Horizontal
 
 
 class Slewing(Read[bool], frozen=True):
-    """-> bool: a goto is under way (never true for hand-rate motion)."""
+    """-> bool: whether a goto is under way (never true for motion by hand)."""
 
 
 class GetStatus(Read[Status], frozen=True):
@@ -44,16 +44,16 @@ class GetStatus(Read[Status], frozen=True):
 
 
 class GetActivity(Read[Activity], frozen=True):
-    """-> Activity, which the gateway knows without asking the mount."""
+    """-> Activity, which needs no request to the mount."""
 
 
 class GetAbilities(Read[Abilities], frozen=True):
-    """-> Abilities, once the mount has said what it is."""
+    """-> Abilities, after the mount was identified."""
 
 
 class TubeSide(Read[str], frozen=True):
-    """-> ``"E"`` or ``"W"``: the side on which the tube of a German mount really is, whatever letter its hand control
-    tells. Raises Unsupported for every other mount."""
+    """-> ``"E"`` or ``"W"``: the true pier side of the tube of a German mount, whatever letter its hand control
+    reports. Raises Unsupported for every other mount."""
 
 
 class GetIdentity(Read[Identity], frozen=True):
@@ -69,7 +69,7 @@ class GetClock(Read[Moment], frozen=True):
 
 
 class GetGps(Read[Gps], frozen=True):
-    """-> Gps, of the receiver that the mount carries. Raises Unsupported, NoDevice."""
+    """-> Gps, from the receiver of the mount. Raises Unsupported, NoDevice."""
 
 
 class SiderealTime(Read[float], frozen=True):
@@ -77,50 +77,50 @@ class SiderealTime(Read[float], frozen=True):
 
 
 class PierSide(Read[str], frozen=True):
-    """-> ``"E"`` or ``"W"``: the side of the pier the tube is on."""
+    """-> ``"E"`` or ``"W"``: the pier side as the mount reports it."""
 
 
 class GuideRate(Read[float], frozen=True):
-    """-> float: autoguide rate of an axis as a fraction of sidereal."""
+    """-> float: the autoguide rate of an axis as a fraction of sidereal."""
 
     axis: int
 
 
 class DriveRate(Read[float], frozen=True):
-    """-> float: the rate that it tracks at whenever it tracks, a multiple of sidereal."""
+    """-> float: the rate of tracking while it is on, a multiple of sidereal."""
 
 
-# --- places, worked out from site and clock -------------------------------------------------------------------
+# --- positions, calculated from site and clock ----------------------------------------------------------------
 
 
 class ToEquinoxOfDate(Read[Equatorial], frozen=True):
-    """-> Equatorial: a J2000 catalogue place as coordinates of date."""
+    """-> Equatorial: a J2000 catalogue position in coordinates of date."""
 
     ra: float
     dec: float
 
 
 class ToJ2000(Read[Equatorial], frozen=True):
-    """-> Equatorial: a place of date as J2000, which is how catalogues count."""
+    """-> Equatorial: a position of date in J2000 coordinates, those of catalogues."""
 
     ra: float
     dec: float
 
 
 class Zenith(Read[Equatorial], frozen=True):
-    """-> Equatorial: what stands in the zenith now, J2000. Raises Unsupported where the site is unknown."""
+    """-> Equatorial: the zenith now, J2000. Raises Unsupported if the site is unknown."""
 
 
 class PlanetPlace(Read[Equatorial], frozen=True):
-    """-> Equatorial: where a planet stands now, of date; ``name`` in English. Raises Unsupported."""
+    """-> Equatorial: the present position of a planet, of date; ``name`` is in English. Raises Unsupported."""
 
     name: str
 
 
 class MoonPlace(Read[Equatorial], frozen=True):
-    """-> Equatorial: where a place on the Moon stands now, of date, seen from the site. Raises BelowHorizon.
+    """-> Equatorial: the present position of a feature of the Moon, of date, seen from the site. Raises BelowHorizon.
 
-    Selenographic latitude (north) and longitude (east), degrees; None for the middle of the disc.
+    ``latitude`` (north) and ``longitude`` (east) are selenographic, degrees; None is the centre of the disc.
     """
 
     latitude: float | None = None
@@ -128,15 +128,15 @@ class MoonPlace(Read[Equatorial], frozen=True):
 
 
 class HomeState(Read[int], frozen=True):
-    """-> int: 0 failed or never searched, 1 at home (or parked), 2 on the way."""
+    """-> int: 0 failed or never searched, 1 at home (or parked), 2 searching."""
 
 
 class Own(Read[bytes], frozen=True):
-    """A question of the client's own protocol -> bytes: what the mount itself answers, as it writes it.
+    """A request in the client's own protocol -> bytes: the mount's reply, unchanged.
 
-    Only where client and mount speak the same protocol. ``fields`` are the request's, ``keep`` says how long an answer
-    serves everybody and what stands against it (``KEEPS``, ``wireformat/rows.py``). Raises Unsupported where the
-    gateway has told something else meanwhile, Silence where the mount does not answer to it.
+    Only if client and mount speak the same protocol. ``fields`` are those of the request, ``keep`` says how long a
+    reply is shared by all clients and which setting overrides it (``KEEPS``, ``wireformat/rows.py``). Raises
+    Unsupported if a client has set another value that the mount did not take, Silence if the mount does not reply.
     """
 
     command: str

@@ -1,4 +1,4 @@
-"""Operations that set what a mount or one of its devices goes by, and the focuser."""
+"""Operations that set values of a mount or one of its devices, or move the focuser."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from gateway.core.operations.values import Operation
 
 
 class SetSite(Operation[None], frozen=True):
-    """Latitude and/or longitude (east positive) in degrees; None keeps what is there.
+    """Set latitude and/or longitude (east positive) in degrees; None keeps the present value.
 
-    With ``others`` the mount's own site counts again, whatever programs have set: it is told the latitude and longitude
-    given here only where it has one of the others by us, or tells none at all.
+    With ``others`` the mount's own site counts again, whatever clients have set. It is then sent the site given here
+    only if its present site is one of ``others``, which the gateway set, or if it reports no site.
     """
 
     latitude: float | None = None
@@ -18,7 +18,9 @@ class SetSite(Operation[None], frozen=True):
 
 
 class SetClock(Operation[None], frozen=True):
-    """UTC as Unix seconds and the offset local minus UTC in hours; ``dst`` hours of it are daylight saving, if told."""
+    """Set UTC (Unix seconds) and the offset local minus UTC in hours; ``dst`` hours of it are daylight saving, None if
+    unknown.
+    """
 
     unix: float
     offset: float
@@ -26,18 +28,18 @@ class SetClock(Operation[None], frozen=True):
 
 
 class ClockFromGps(Operation[None], frozen=True):
-    """Set the mount's clock from its GPS unit. Raises NoDevice when there is none or it is not linked."""
+    """Set the mount's clock from its GPS receiver. Raises NoDevice if there is none or it has no fix."""
 
 
 class SetGuideRate(Operation[None], frozen=True):
-    """Autoguide rate of an axis as a fraction of sidereal."""
+    """Set the autoguide rate of an axis as a fraction of sidereal."""
 
     axis: int
     rate: float
 
 
 class Backlash(Operation[None], frozen=True):
-    """Antibacklash of an axis, 0-99: in one sense of its motor (1, -1), or in both (0)."""
+    """Set the antibacklash of an axis, 0-99: in one sense of its motor (1, -1), or in both (0)."""
 
     axis: int
     value: int
@@ -45,7 +47,7 @@ class Backlash(Operation[None], frozen=True):
 
 
 class PeriodicError(Operation[None], frozen=True):
-    """Periodic error correction on, off, or the other way round (None), on one axis or both (None)."""
+    """Turn periodic error correction on or off, or toggle it (None), on one axis or both (None)."""
 
     axis: int | None = None
     on: bool | None = None

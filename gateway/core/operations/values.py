@@ -1,7 +1,7 @@
-"""What every operation is, what operations are given, and what a mount answers: places, times, rates, how it stands.
+"""The base classes of operations, and the values in them and in their answers: positions, times, rates, status.
 
-An operation is a frozen value, generic in what the mount answers to it: ``Operation[T]`` says by its type that
-``perform`` returns a T; ``Operation`` alone is one of which that is not known.
+An operation is a frozen value, generic in the type of its answer: for an ``Operation[T]`` ``perform`` returns a T; for
+a plain ``Operation`` the type is not known.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
     AnswerT = TypeVar("AnswerT", covariant=True, default=object)
 else:
-    from typing import TypeVar  # which has no defaults before Python 3.13; they are for type checkers alone
+    from typing import TypeVar  # without defaults before Python 3.13, which only type checkers need
 
     AnswerT = TypeVar("AnswerT", covariant=True)
 
-#: The named values of a frame, as its fields write and read them: numbers, texts, dates.
+#: The named field values of a frame: numbers, texts, dates.
 Values = dict[str, Any]
-#: The same, frozen.
+#: Field values as a frozen tuple of (name, value).
 Fields = tuple[tuple[str, object], ...]
 
 
 class Operation(Struct, Generic[AnswerT], frozen=True):
-    """Base of all operations. What ``survives_abort`` is no motion: a stop leaves it alone."""
+    """Base of all operations. One that ``survives_abort`` is no motion: a stop leaves it alone."""
 
     survives_abort: ClassVar[bool] = False
 
@@ -48,7 +48,7 @@ class Direction(Enum):
 
     @property
     def word(self) -> str:
-        """``north`` and so on, for sentences."""
+        """The name for sentences: ``north`` and so on."""
         return self.name.lower()
 
     @property
@@ -63,7 +63,7 @@ class Direction(Enum):
 
 
 class Tracking(Enum):
-    """What the mount does when nobody moves it."""
+    """The mount's tracking mode."""
 
     OFF = "off"
     ALTAZ = "alt-az"
@@ -78,7 +78,7 @@ class Tracking(Enum):
 class Rate(Struct, frozen=True):
     """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
 
-    ``max`` together with degrees is the fastest rate, limited to so many.
+    ``max`` together with ``degrees`` is the fastest rate, limited to so many degrees/s.
     """
 
     name: str | None = None
@@ -87,7 +87,7 @@ class Rate(Struct, frozen=True):
 
 
 class Equatorial(Struct, frozen=True):
-    """A place on the sky: right ascension and declination in degrees."""
+    """A position on the sky: right ascension and declination in degrees."""
 
     ra: float
     dec: float
@@ -110,7 +110,7 @@ class Place(Struct, frozen=True):
 class Moment(Struct, frozen=True):
     """A clock reading: UTC as Unix seconds and the mount's own offset (local minus UTC, hours, DST counted).
 
-    ``dst`` are the hours of daylight saving in it, 0 or 1; None where nobody tells.
+    ``dst`` are the hours of daylight saving in the offset, 0 or 1; None if unknown.
     """
 
     unix: float
@@ -119,7 +119,7 @@ class Moment(Struct, frozen=True):
 
 
 class Gps(Struct, frozen=True):
-    """What a GPS receiver tells: whether it has a fix; place, and UTC as Unix seconds, with one."""
+    """The report of a GPS receiver: whether it has a fix (``linked``), and if so its site and UTC as Unix seconds."""
 
     linked: bool
     place: Place | None = None
@@ -127,9 +127,9 @@ class Gps(Struct, frozen=True):
 
 
 class Status(Struct, frozen=True):
-    """How the mount stands: its tracking mode, whether it is aligned, and how it is built.
+    """The state of the mount: its tracking mode, whether it is aligned, whether it is ``equatorial``.
 
-    ``wedge``: it is a fork on one, and its axes read from north; those of other equatorial mounts read the hour angle.
+    ``wedge``: it is a fork on a wedge, its first axis reads from north; in other equatorial mounts, the hour angle.
     """
 
     tracking: Tracking
@@ -139,10 +139,10 @@ class Status(Struct, frozen=True):
 
 
 class Activity(Struct, frozen=True):
-    """What of a mount moves by an order of ours: a goto, an axis by hand, a guide pulse; whether it is parked, and
-    whether it was sent home last and has not been moved since.
+    """The motion of a mount by orders of this gateway: a goto, an axis by hand, a guide pulse; whether it is parked,
+    and whether it was sent home last and has not been moved since.
 
-    What was asked for and has not begun counts, so that nobody sees rest between an order and its motion.
+    An order that has not begun counts, so that no client sees the mount at rest between an order and its motion.
     """
 
     goto: bool = False
@@ -153,9 +153,9 @@ class Activity(Struct, frozen=True):
 
 
 class Abilities(Struct, frozen=True):
-    """What a mount can do: the operations that it has a way for, by name; the speeds of its axes, degrees a second,
-    each from and to; what guide pulses go at on either axis, a fraction of sidereal; whether it is a German mount,
-    None where nobody knows.
+    """The abilities of a mount: the names of the operations that it ``can`` carry out; the ``speeds`` of its axes as
+    ranges (from, to) in degrees a second; the guide rate of either axis as a fraction of sidereal; whether it is a
+    German mount, None if unknown.
     """
 
     can: frozenset[str] = frozenset()
@@ -165,7 +165,7 @@ class Abilities(Struct, frozen=True):
 
 
 class Identity(Struct, frozen=True):
-    """Who the mount is, in words and numbers."""
+    """The identity of the mount: product, version, model and motor versions as text."""
 
     product: str
     version: str
@@ -174,9 +174,9 @@ class Identity(Struct, frozen=True):
 
 
 class Chosen(Struct, frozen=True):
-    """What the mount's own library has found: its place, what the mount calls it, and its reply, if there was one.
+    """An object found in the mount's own library: its position, the mount's text about it, and the raw reply, if any.
 
-    ``place`` is None where nothing was found.
+    ``place`` is None if no object was found.
     """
 
     place: Equatorial | None
@@ -185,7 +185,9 @@ class Chosen(Struct, frozen=True):
 
 
 class Pulsed(Struct, frozen=True):
-    """A guide pulse was begun: seconds until it is over, whether the motor ``ends`` it by itself, milliseconds left."""
+    """A guide pulse was begun: seconds until it ends, whether the motor ``ends`` it by itself, milliseconds ``left``
+    to be sent as further pulses.
+    """
 
     seconds: float
     ends: bool

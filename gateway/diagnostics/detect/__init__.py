@@ -1,8 +1,8 @@
-"""Detection: what is at the other end of a serial port, asked so that nothing can move and nobody is disturbed.
+"""Detection: find out what is connected to a serial port without moving a mount or disturbing another device.
 
-``probe`` is the law of asking, ``identify`` lets the real driver ask on, ``scan_port`` is one port from opening to
-closing, ``ports`` says which ports there are, ``report`` puts the findings into words. Nothing else in the gateway may
-ask an unknown line anything.
+``probe`` decides which bytes may be sent to an unknown device, ``identify`` lets the real driver continue,
+``scan_port`` examines one port from opening to closing, ``ports`` lists the ports, ``report`` describes the findings.
+No other part of the gateway may send anything to an unknown device.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Who exactly it is, asked by the very driver that will drive it, over the line it will drive it by.
+"""Identify a mount with the driver and the mount link that the gateway would use for it.
 
-How the gateway will go about things on that mount are the driver's rows, narrowed to what this version has.
+How the gateway would carry out each operation on that mount follows from the driver's rows and the commands that this
+version has.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.registry import PROTOCOLS
 
-#: Seconds in all; a mount that answers takes less than two.
+#: Timeout of the whole identification, seconds; a mount that answers needs less than two.
 LONGEST = 20.0
-#: How long a question that may stay unanswered is waited for: so many times the longest answer so far, but at least…
-#: A telescope that has answered in 30 ms will not take the second and a half that a stranger is given.
+#: The timeout of a query that some mounts do not answer: so many times the longest reply time so far, but at least so
+#: many seconds. A telescope that answers in 30 ms does not need the 1.5 s that an unknown device gets.
 TIMES, AT_LEAST = 4.0, 0.6
 POSITIONS = 2
 
@@ -35,8 +36,9 @@ _T = TypeVar("_T")
 
 
 class Mount(Struct, frozen=True):
-    """A mount that was found. ``latency`` is the median of its answers in seconds; ``equinox`` is ``jnow`` or ``j2000``
-    by its version, ``aligned`` None when it could not say; ``ways`` are how the gateway will go about things."""
+    """A mount that was found. ``latency`` is its median reply time in seconds; ``equinox`` is ``jnow`` or ``j2000``
+    according to its version; ``aligned`` is None if it did not say; ``ways`` tell how the gateway would carry out
+    operations."""
 
     protocol: str
     product: str
@@ -53,14 +55,14 @@ class Mount(Struct, frozen=True):
 
 
 class _Talk:
-    """Carries a driver's questions to a line, and keeps the time."""
+    """Carries out a driver's exchanges on a mount link and records the reply times."""
 
     def __init__(self, driver: Driver, line: MountLink) -> None:
         self.driver, self.line = driver, line
         self.took: list[float] = []
 
     async def perform(self, operation: op.Operation[_T]) -> _T:
-        """The operation's answer. Raises Fault."""
+        """Return the operation's answer. Raises Fault."""
         return await carry_out(self.driver.perform(operation), self._exchange, lambda later: None)
 
     async def _exchange(self, ask: Send) -> Values:
@@ -73,7 +75,7 @@ class _Talk:
 
 
 async def identify(protocol: str, ear: PortListener, model: str | None = None, version: str | None = None) -> Mount:
-    """Let the protocol's driver find out what is on an open wire. Raises Fault when it does not get that far."""
+    """Let the protocol's driver identify the mount on an open port. Raises Fault if it cannot."""
     now = asyncio.get_running_loop().time
     driver, _, dialogue = make_driver(Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
     line = MountLink(ear, dialogue, WireLog(time.time))
@@ -100,13 +102,14 @@ async def identify(protocol: str, ear: PortListener, model: str | None = None, v
         aligned=status.aligned if status else None,
         equatorial=status.equatorial if status else None,
         tells_model=identity.model in driver.protocol.models,
-        tells_place=driver.gps or any(driver.knows(name) for name in ("w", "Gt") if name in driver.protocol.commands),
+        tells_place=driver.gps
+        or any(driver.supports(name) for name in ("w", "Gt") if name in driver.protocol.commands),
         ways=ways(driver),
     )
 
 
 async def _maybe(talk: _Talk, operation: op.Operation[_T]) -> _T | None:
-    """An answer that the mount need not be able to give."""
+    """Return the answer, or None if the mount cannot give it."""
     try:
         return await talk.perform(operation)
     except Fault:
@@ -114,7 +117,7 @@ async def _maybe(talk: _Talk, operation: op.Operation[_T]) -> _T | None:
 
 
 class Row(NamedTuple):
-    """``none``: the words for a mount that has none of the commands that its protocol has for it."""
+    """``none`` is shown for a mount that has none of the commands that its protocol offers for the operation."""
 
     name: str
     operation: type[op.Operation]
@@ -132,13 +135,13 @@ ROWS = (
 
 
 def ways(driver: Driver) -> dict[str, str]:
-    """What is done -> by which commands, or by what in their place. The driver must have identified its mount."""
+    """Return what each row's operation is done by: commands, or their substitute. The mount must be identified."""
     found = {}
     for row in ROWS:
-        way = driver.way(row.operation)
+        way = driver.implementation(row.operation)
         if way is not None:
             first = PROTOCOLS[driver.protocol.name].capabilities.get(row.name, {})
-            known = [name for name in first if name in way.commands and driver.knows(name)]
+            known = [name for name in first if name in way.commands and driver.supports(name)]
             found[row.name] = first[known[0]] if known else row.none
     if not getattr(driver, "tells_status", True):
         found["tracking"] = "left to the mount"  # a Meade without :GW# would lose its alignment over :AL#

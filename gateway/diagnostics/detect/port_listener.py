@@ -1,10 +1,10 @@
-"""An open port, listened to: opened once, kept open from the first question to the last.
+"""A port that is opened once and kept open from the first query to the last.
 
-Opening a port is what a device notices: the operating system raises DTR and RTS together, and boards of the Arduino
-kind restart when DTR rises. No program can prevent that edge on POSIX, so there is exactly one: rates are changed on
-the open port, and the driver's line is lent this wire instead of opening it again. The two lines are left as the system
-put them. Lowering them afterwards would be one edge more for each, one after the other, which is the very sequence that
-resets an ESP32; and a level shifter fed from them would go dead just while it is being asked.
+Devices notice when a port is opened: the operating system raises DTR and RTS together, and Arduino boards restart when
+DTR rises. No program can prevent that edge on POSIX, so there is exactly one: baud rates are changed on the open port,
+and the driver's link borrows this transport instead of opening the port again. DTR and RTS stay as the system set them.
+Lowering them would be one more edge on each, one after the other, which is the sequence that resets an ESP32; and a
+level shifter powered from them would lose its supply during the query.
 """
 
 from __future__ import annotations
@@ -14,19 +14,20 @@ from typing import Protocol
 
 from gateway.transport.wires import OnData, OnLost, Transport
 
-#: Seconds between two looks at what has arrived.
+#: Seconds between two checks for received bytes.
 TICK = 0.02
 
 
 class Tunable(Transport, Protocol):
-    """A wire whose rate can be changed while it is open."""
+    """A transport whose baud rate can be changed while it is open."""
 
     def set_baud(self, baud: int) -> None:
-        """Raises OSError for a rate that the port does not have."""
+        """Set the baud rate. Raises OSError if the port does not support it."""
 
 
 class PortListener:
-    """Hears an open wire. It is a wire itself, which ``MountLink`` may open and close at will: the port stays open."""
+    """Collects what an open port receives. It is itself a transport that ``MountLink`` may open and close as it likes:
+    the port stays open."""
 
     def __init__(self, wire: Tunable) -> None:
         self.name, self._wire = wire.name, wire
@@ -37,7 +38,7 @@ class PortListener:
         self._on_lost: OnLost | None = None
 
     async def begin(self) -> None:
-        """Open the port. Raises OSError with a reason a person understands."""
+        """Open the port. Raises OSError with a reason that users understand."""
         await self._wire.open(self._arrived, self._vanished)
         self._last = self.now()
 
@@ -45,20 +46,20 @@ class PortListener:
         """Close the port."""
         await self._wire.close()
 
-    # --- what it is for -------------------------------------------------------------------------------------------
+    # --- listening ------------------------------------------------------------------------------------------------
 
     def tune(self, baud: int) -> None:
-        """Go on at another rate; what was heard at the old one means nothing. Raises OSError."""
+        """Change the baud rate and discard what was received at the old one. Raises OSError."""
         self._wire.set_baud(baud)
         self.forget()
 
     def forget(self) -> None:
-        """Begin to listen anew."""
+        """Discard what was received."""
         self.heard = b""
         self._last = self.now()
 
     def now(self) -> float:
-        """The loop's time, seconds."""
+        """Return the event loop's time in seconds."""
         return asyncio.get_running_loop().time()
 
     @property
@@ -67,25 +68,25 @@ class PortListener:
         return self.now() - self._last
 
     async def tick(self) -> None:
-        """Let a moment pass. Raises OSError when the port is gone."""
+        """Wait for a moment. Raises OSError if the port has disappeared."""
         await asyncio.sleep(TICK)
         if self.lost:
             raise OSError(self.lost)
 
-    # --- as a wire ------------------------------------------------------------------------------------------------
+    # --- as a transport -------------------------------------------------------------------------------------------
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Lend the wire. Raises OSError when the port is gone."""
+        """Pass received bytes to the borrower from now on. Raises OSError if the port has disappeared."""
         if self.lost:
             raise OSError(self.lost)
         self._on_data, self._on_lost = on_data, on_lost
 
     def write(self, data: bytes) -> None:
-        """Raises OSError when the port is gone."""
+        """Send bytes. Raises OSError if the port has disappeared."""
         self._wire.write(data)
 
     async def close(self) -> None:
-        """Give the wire back."""
+        """End the loan; the port stays open."""
         self._on_data = self._on_lost = None
 
     def _arrived(self, data: bytes) -> None:

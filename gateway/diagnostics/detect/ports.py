@@ -1,4 +1,4 @@
-"""Which ports there are, by what name they are best called, and whether somebody has them already."""
+"""The serial ports of this computer: their stable names, and whether another program has them open."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from gateway.app.config.endpoints import Endpoint, parse_endpoint, right
 from gateway.core.errors import UserError
 from gateway.protocols.registry import mounts
 
-#: Where Linux keeps names of USB ports that outlast a change of sockets.
+#: The folder in which Linux keeps names of USB ports that do not depend on the socket.
 LASTING = Path("/dev/serial/by-id")
 
 
 class SerialPortInfo(Struct, frozen=True):
-    """A port to look at: ``url`` is opened, ``name`` is what to write into a configuration, ``about`` is what the
-    system says of it. ``named`` is an endpoint that the user gave, with the protocol to expect."""
+    """A port to examine: ``url`` is opened, ``name`` belongs into a configuration, ``about`` is the system's
+    description. ``named`` is the endpoint that the user typed, with the protocol to expect."""
 
     url: str
     name: str
@@ -26,12 +26,12 @@ class SerialPortInfo(Struct, frozen=True):
 
     @property
     def has_rates(self) -> bool:
-        """Whether it is a serial port; what is behind a network address has a rate of its own already."""
+        """Whether the baud rate can be set here; an adapter behind a network address has its own setting."""
         return "://" not in self.url or self.url.startswith(("hwgrep://", "spy://"))
 
 
 def here() -> list[SerialPortInfo]:
-    """All serial ports of this computer. Pseudo-terminals are none: these must be named."""
+    """List the serial ports of this computer. Pseudo-terminals are not included; users must name them."""
     from serial.tools.list_ports import comports
 
     found = []
@@ -42,7 +42,7 @@ def here() -> list[SerialPortInfo]:
 
 
 def named(text: str) -> SerialPortInfo:
-    """A port that the user typed: a device, a pyserial URL, or an endpoint ``PROTOCOL[:MODEL]@WHERE``. Raises
+    """Parse a port that the user typed: a device, a pyserial URL, or an endpoint ``PROTOCOL[:MODEL]@WHERE``. Raises
     UserError."""
     what, at, where = text.partition("@")
     if at and "://" not in what and not what.startswith(("/", ".", "~")):
@@ -56,7 +56,7 @@ def named(text: str) -> SerialPortInfo:
 
 
 def lasting_name(device: str, folder: Path = LASTING) -> str:
-    """The name of a port that stays the same when it is plugged in elsewhere; its own name where it has none."""
+    """Return the name of a port that stays the same in another USB socket; the device's own name if it has none."""
     try:
         links = sorted(folder.iterdir())
     except OSError:
@@ -66,10 +66,10 @@ def lasting_name(device: str, folder: Path = LASTING) -> str:
 
 
 def holder(url: str) -> str:
-    """The program that has a port open, ``name (process 123)``; empty where nobody has or nobody can tell.
+    """Return the program that has a port open, as ``name (process 123)``; empty if there is none or it cannot be known.
 
-    Locks are asked for as well when the port is opened; this finds programs that take none, before anything is done to
-    their port. The slave of a pseudo-terminal is held by whoever made it, so that says nothing.
+    Opening the port checks locks as well; this finds programs that take no lock, before their port is touched. The
+    slave of a pseudo-terminal is always held by the program that created it, so it is not examined.
     """
     real = os.path.realpath(url)
     if "://" in url or real.startswith("/dev/pts/"):

@@ -1,10 +1,10 @@
-"""The order in which an unknown serial line is asked what it is, so that no question can do harm.
+"""Query an unknown serial device in an order in which no query can do harm.
 
-First silence: a command that another program left half finished must be dropped before more bytes can complete it, and
-a device that talks by itself is no mount. Then ``Kx``, which a hand control echoes as ``x#`` and an LX200 ignores. Then
-the single byte 0x06, which a Meade answers with one letter and no hand control takes for a command. Nothing that begins
-with ``:`` is sent unless the user has named the protocol, because a hand control would take parts of it for commands:
-``:GR#`` holds an ``R``, which is a goto.
+First wait for silence: a command that another program left incomplete must time out before more bytes could complete
+it, and a device that sends by itself is no mount. Then send ``Kx``, which a hand control echoes as ``x#`` and an LX200
+ignores. Then send the single byte 0x06, which a Meade answers with one letter and which is no command of a hand
+control. Nothing that begins with ``:`` is sent unless the user has named the protocol, because a hand control would
+take parts of it for commands: ``:GR#`` contains an ``R``, which is a goto.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from gateway.diagnostics.detect.port_listener import PortListener
 from gateway.protocols.base.spec import Question
 from gateway.protocols.registry import PROTOCOLS
 
-#: What a stranger answers who was asked at its own rate; anything else may be an answer at another one.
+#: The answer of an unknown device at its own baud rate; other bytes may come from a device at another rate.
 _TEXT = re.compile(rb"[ -~\r\n\t]+")
 _SENTENCE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class Verdict(StrEnum):
-    """What a port turned out to be where it is no mount. A mount is the name of its protocol, or a state of it."""
+    """The result for a port without a mount. For a mount it is the name of its protocol, or one of its states."""
 
     SILENT = "silent"
     ECHO = "echo"
@@ -38,8 +38,8 @@ class Verdict(StrEnum):
 
 
 class Patience(Struct, frozen=True):
-    """Seconds: ``quiet`` before the first byte, given up after ``restless``; ``first`` from one question to the next;
-    ``answer`` from the first question to the end.
+    """Times in seconds: silence of ``quiet`` is required before the first query, for at most ``restless``; ``first``
+    passes from one query to the next, ``answer`` from the first query to the end.
     """
 
     quiet: float
@@ -48,18 +48,18 @@ class Patience(Struct, frozen=True):
     answer: float
 
 
-#: At 9600: a hand control drops half a command after a second, and may take 3.5 s to answer (NexStar protocol,
-#: Developer Notes). ACK goes out while its answer may still come: it is waited for all the same.
+#: At 9600 baud: a hand control discards an incomplete command after a second, and may take 3.5 s to answer (NexStar
+#: protocol, Developer Notes). ACK is sent while that answer may still arrive; waiting for it continues.
 AT_9600 = Patience(quiet=1.05, restless=2.5, first=0.6, answer=3.5)
-#: At other rates only a Meade is to be expected, which answers at once. The last question of one rate and the first of
-#: the next are a second apart, too.
+#: At other rates only a Meade can be expected, which answers at once. The last query at one rate and the first at the
+#: next are a second apart, too.
 ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 
 
 def questions(named: str | None) -> list[Question]:
-    """What a line may be asked, in order.
+    """Return the queries that may be sent, in order.
 
-    Who names a protocol may be wrong: the questions before its own are asked, too, and none behind them.
+    A user who names a protocol may be wrong: the queries that come before its own are sent as well, later ones are not.
     """
     every = sorted(
         ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),
@@ -74,7 +74,7 @@ def questions(named: str | None) -> list[Question]:
 
 
 async def probe(ear: PortListener, patience: Patience, named: str | None = None) -> str:
-    """Ask an open line who it is. Raises OSError when the port vanishes meanwhile."""
+    """Query an open port and return the verdict. Raises OSError if the port disappears meanwhile."""
     if not await _fell_quiet(ear, patience):
         return Verdict.GPS if sentence(ear.heard) else Verdict.TALKER
     ear.forget()
@@ -94,7 +94,7 @@ async def probe(ear: PortListener, patience: Patience, named: str | None = None)
 
 
 async def overhear(ear: PortListener, seconds: float) -> str:
-    """Listen to somebody who talks, without a word: a GPS receiver, or nobody knows who. Raises OSError."""
+    """Listen to a device that sends by itself and tell whether it is a GPS receiver. Raises OSError."""
     return await _wait(ear, seconds, lambda: Verdict.GPS if sentence(ear.heard) else None) or Verdict.TALKER
 
 
@@ -103,9 +103,9 @@ def _judge(ear: PortListener, question: Question) -> str | None:
 
 
 def judge(heard: bytes, still: float, question: Question) -> str | None:
-    """What the bytes after a question say; None while they may mean anything. ``still`` is seconds since the last.
+    """Return the verdict of the bytes received after a query; None while they are ambiguous.
 
-    The answer to the question before may come late.
+    ``still`` is the time since the last byte in seconds. The answer to the query before may arrive late.
     """
     before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < question.rank]
     if heard.startswith((question.request, *(asked.request for asked in before if asked.late))):
@@ -117,14 +117,14 @@ def judge(heard: bytes, still: float, question: Question) -> str | None:
 
 
 def sentence(heard: bytes) -> bool:
-    """Whether a whole NMEA 0183 sentence is among these bytes, by its checksum."""
+    """Whether these bytes contain a complete NMEA 0183 sentence with a valid checksum."""
     return any(
         NMEASentence.checksum(body.decode("latin-1")) == int(check, 16) for body, check in _SENTENCE.findall(heard)
     )
 
 
 async def _fell_quiet(ear: PortListener, patience: Patience) -> bool:
-    """Wait until nothing has come for a while. Opening a port often makes a stray byte: that alone is no talk."""
+    """Wait until nothing has arrived for a while. One stray byte is ignored: opening a port often causes one."""
     end = ear.now() + patience.restless
     while ear.still < patience.quiet:
         if sentence(ear.heard) or ear.now() > end:
@@ -134,7 +134,7 @@ async def _fell_quiet(ear: PortListener, patience: Patience) -> bool:
 
 
 async def _wait(ear: PortListener, seconds: float, condition: Callable[[], str | None]) -> str | None:
-    """The first verdict in time, or None."""
+    """Wait for a verdict; return None on timeout."""
     end = ear.now() + seconds
     while ear.now() < end:
         await ear.tick()

@@ -1,6 +1,6 @@
-"""Findings in words, as values for programs, and as what to run: a command line and a ``gateway.toml``.
+"""Present findings as text, as values for programs, and as something to run: a command line and a ``gateway.toml``.
 
-Where no mount was found, what a person can try next follows from what was found on the ports instead.
+If no mount was found, the suggested next steps depend on what was found on the ports instead.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from gateway.diagnostics.detect.identify import Mount
 from gateway.diagnostics.detect.scan_port import BUSY, MUTE, UNOPENED, USUAL, Finding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
-#: What a person must know who lets others in.
+#: The warning for users who let other computers connect.
 ANYBODY = "anybody in your network can move the mount then: these protocols know no passwords"
-#: The version of a mount that tells none.
+#: The version of a mount that does not report one.
 UNTOLD = "?"
 WORDS = {
     "silent": "nothing here: no answer",
     "echo": "nothing here: what is sent comes back (a loopback plug, a cable with echo, a modem)",
-    "gps": "a GPS receiver talks here: no mount",
-    "talker": "something talks here by itself, unintelligibly: no mount; it was sent nothing",
+    "gps": "a GPS receiver sends here: no mount",
+    "talker": "a device sends unintelligible data here by itself: no mount; nothing was sent to it",
     "stranger": "something answers here, but not as a mount does",
     "garbled": "something answers here, unintelligibly at every rate: no mount",
-    "busy": "not looked at",
+    "busy": "not examined",
     "unopened": "cannot be opened",
     "vanished": "the port vanished while it was looked at",
     "mute": "a mount",
@@ -40,7 +40,7 @@ NO_PORT = (
     "a virtual serial port must be named (mount-gateway detect /tmp/ttySIM0), and so must an adapter in the network "
     "(mount-gateway detect socket://192.168.1.50:4030)",
 )
-#: What may be wrong where nothing answers; between both come the cables of each protocol's mounts.
+#: What may be wrong if nothing answers; the cables of each protocol's mounts are listed in between.
 SWITCHED_OFF = "switch the mount on, and wait until its hand control has started"
 SILENT = (
     "use the cable that is made for this hand control: others fit, and have their wires elsewhere",
@@ -56,14 +56,14 @@ OF_OTHERS = {
 
 
 def block(finding: Finding, network: bool = False) -> str:
-    """One port, for people; ``network``: the file lets other computers in."""
+    """Describe one port for people; with ``network`` the configuration file lets other computers connect."""
     about = f"  ({finding.place.about})" if finding.place.about else ""
     lines = _mount_lines(finding, network) if finding.mount else [_nothing(finding)]
     return "\n".join([f"{finding.place.url}{about}", *(f"  {line}".rstrip() for line in lines)])
 
 
 def _nothing(finding: Finding) -> str:
-    """Why there is no mount."""
+    """Say why no mount was found."""
     states = {state: words for spec in PROTOCOLS.values() for state, words in spec.states.items()}
     words = (WORDS | states)[finding.state]
     if finding.state == "silent" and finding.rates > 1:
@@ -95,7 +95,7 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
 
 
 def hints(mount: Mount) -> list[str]:
-    """What a person should know or add before the first run."""
+    """Return what the user should know or add before the first run."""
     found = []
     if mount.aligned is False:
         found.append("not aligned yet: align it at the hand control, it does no gotos before")
@@ -107,7 +107,7 @@ def hints(mount: Mount) -> list[str]:
 
 
 def endpoint(finding: Finding) -> str:
-    """The mount as an endpoint, with the model that the user named; or that of a classic, to save asking for it."""
+    """Return the mount's endpoint, with the model that the user named, or the classic's, which cannot be asked for."""
     mount, place = finding.mount, finding.place
     assert mount is not None
     if place.named is not None and place.named.protocol == mount.protocol:
@@ -117,13 +117,13 @@ def endpoint(finding: Finding) -> str:
 
 
 def surface(mount: Mount, network: bool) -> str:
-    """Where programs connect: from this computer only, or from the network, too."""
+    """Return the surface's endpoint: for clients on this computer only, or on the network, too."""
     spoken = other_surface(mount.protocol)
     return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
 
 def command(finding: Finding, network: bool = False) -> str:
-    """The line that starts a gateway with this mount."""
+    """Return the command line that starts a gateway with this mount."""
     assert finding.mount is not None
     words = ["mount-gateway", "run", "--mount", endpoint(finding)]
     if finding.baud not in (None, USUAL):
@@ -132,7 +132,7 @@ def command(finding: Finding, network: bool = False) -> str:
 
 
 def toml(finding: Finding, network: bool = False) -> str:
-    """A ``gateway.toml`` that says the same."""
+    """Return the equivalent ``gateway.toml``."""
     mount = finding.mount
     assert mount is not None
     who = f"# {mount.product} {mount.version}".removesuffix(f" {UNTOLD}")
@@ -157,7 +157,7 @@ def toml(finding: Finding, network: bool = False) -> str:
 
 
 def values(finding: Finding, network: bool = False) -> dict[str, object]:
-    """One port, for programs: what is not known is null."""
+    """Return one port's values for programs; unknown ones are None."""
     mount = finding.mount
     known: dict[str, object] = {
         "port": finding.place.url, "name": finding.place.name, "about": finding.place.about,
@@ -177,7 +177,7 @@ def values(finding: Finding, network: bool = False) -> dict[str, object]:
 
 
 def next_steps(findings: Sequence[Finding]) -> list[str]:
-    """What to try next, most promising first; empty where a mount was found."""
+    """Return what to try next, most promising first; empty if a mount was found."""
     if any(finding.mount for finding in findings):
         return []
     if not findings:

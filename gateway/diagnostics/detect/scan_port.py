@@ -1,7 +1,7 @@
-"""Examines one port, from opening to closing; all ports are examined at the same time.
+"""Examine one port, from opening to closing; all ports are examined at the same time.
 
-9600 baud comes first. Other rates are tried only where 9600 was silent, or where what came back may be an answer sent
-at another rate.
+9600 baud comes first. Other rates are tried only if nothing was received at 9600, or if the bytes may have been sent at
+another rate.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.wires import SerialTransport
 
 USUAL = 9600
-#: The other rates that a Meade can be set to (LX200 protocol, :SB; its 56.7K is 57600), and 115200 for what has come
-#: since; the likeliest first. At 4800 and 2400 a question is not harmless to a hand control that was only slow to wake:
-#: at its 9600 it would read ACK, or Kx, as ``x``, hibernation. They come last, and 9600 is asked again before.
+#: The other rates that a Meade can be set to (LX200 protocol, :SB; its 56.7K is 57600), and 115200 for newer devices;
+#: the likeliest first. At 4800 and 2400 baud a query could harm a hand control that was only slow to start: at its 9600
+#: it would read ACK, or Kx, as ``x``, hibernate. These rates come last, and 9600 is tried again before them.
 OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
-#: Seconds to listen at one rate to somebody who talks unintelligibly at another: a GPS receiver speaks every second.
+#: Seconds to listen at each rate to a device that sends by itself: a GPS receiver sends every second.
 EAVESDROP = 1.6
-#: Verdicts that leave open whether another rate is the right one.
+#: Verdicts after which other rates are tried.
 OPEN = (Verdict.SILENT, Verdict.GARBLED, Verdict.TALKER)
 BUSY = "busy"
 UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
 class Finding(Struct, frozen=True):
-    """What was found: ``state`` is a verdict's value, or why there is none: ``busy``, ``unopened``, ``vanished`` or
-    ``mute`` (a mount by its protocol, that did not say who it is). ``reason`` has more words, ``seconds`` it took."""
+    """The result for one port. ``state`` is a verdict, or why there is none: ``busy``, ``unopened``, ``vanished``, or
+    ``mute`` (it speaks a mount's protocol but could not be identified). ``reason`` says more; it took ``seconds``."""
 
     place: SerialPortInfo
     state: str
@@ -47,14 +47,14 @@ class Finding(Struct, frozen=True):
 
 
 async def look_at_all(places: Iterable[SerialPortInfo]) -> list[Finding]:
-    """Look at several ports at the same time."""
+    """Examine several ports at the same time."""
     return await asyncio.gather(*(look(place) for place in places))
 
 
 async def look(
     place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = ELSEWHERE
 ) -> Finding:
-    """Look at one port. ``wire`` is for one that is no pyserial URL. Nothing that can be wrong with it is raised."""
+    """Examine one port; problems with it are part of the result. ``wire`` replaces the port of a pyserial URL."""
     who = holder(place.url) if wire is None else ""
     if who:
         return Finding(place, BUSY, reason=f"in use by {who}")
@@ -80,7 +80,7 @@ async def look(
                 reason, state = f"speaks {state}, but did not say who it is: {fault}", MUTE
             except OSError:
                 raise
-            except Exception as error:  # a defect in a driver must cost one port, never the others
+            except Exception as error:  # a defect in a driver must affect this port only
                 reason, state = f"speaks {state}; internal error, please report it: {error!r}", MUTE
         return Finding(place, state, baud if place.has_rates else None, reason, mount, rates, now() - began)
     except OSError as error:
@@ -92,7 +92,7 @@ async def look(
 async def _at_every_rate(
     ear: PortListener, place: SerialPortInfo, first: Patience, others: Patience
 ) -> tuple[str, int, int]:
-    """-> what it is, at which rate, and how many rates were tried. Raises OSError when the port vanishes."""
+    """Return the verdict, the baud rate and the number of rates tried. Raises OSError if the port disappears."""
     protocol = place.named.protocol if place.named else None
     verdict, baud, rates = await probe(ear, first, protocol), USUAL, 1
     if not place.has_rates or verdict not in OPEN:
@@ -113,7 +113,7 @@ async def _at_every_rate(
 
 
 async def who_answers(url: str, baud: int) -> str | None:
-    """The protocol of the mount that answers at this rate, or None when nobody answers sensibly."""
+    """Return the protocol of the mount that answers at this rate, or None if none does."""
     ear = PortListener(SerialTransport(url, baud))
     try:
         await ear.begin()

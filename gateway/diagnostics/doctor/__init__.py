@@ -1,5 +1,5 @@
-"""``doctor``: what of this computer could keep a gateway from working, and what to do about each.
+"""``doctor``: find what on this computer could keep a gateway from working, and say what to do about it.
 
-``facts`` says what is looked at; ``gathering`` and ``installed`` look; ``checks`` judge.
-A check is a function of the facts alone and one row of ``CHECKS``; it asks nothing, so a test can hand it any computer.
+``facts`` defines what is examined, ``gathering`` and ``installed`` collect it, ``checks`` judge it. A check is a pure
+function of the facts and one row of ``CHECKS``, so that a test can describe any computer.
 """

@@ -1,7 +1,7 @@
-"""The checks: each looks at the facts for one thing, and says what it means and what to do about it.
+"""The checks: each examines one aspect of the facts, and says what it means and what to do about it.
 
-A new one is a function and a row of ``CHECKS``. It says something also where all is well, so that a reader sees what
-was looked at. ``bad`` is only what keeps a gateway from working as it should: ``doctor`` fails by it.
+A new check is a function and a row of ``CHECKS``. It also reports good results, so that the reader sees what was
+examined. ``bad`` is reserved for problems that keep a gateway from working as it should: they make ``doctor`` fail.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Port, Resul
 from gateway.mount.site.site_clock import EARLIEST
 from gateway.protocols.registry import ANY_PORT, PROTOCOLS
 
-#: The versions of Python that mount-gateway is tried with: the first and the last.
+#: The oldest and the newest version of Python that mount-gateway is tested with.
 OLDEST, NEWEST = (3, 11), (3, 14)
-#: What does not work without an extra.
+#: What does not work without each extra.
 WITHOUT = {
     "library": "M, NGC, IC, Caldwell and HIP numbers are unknown",
     "mdns": "surfaces are not announced by mDNS",
     "metrics": "the console has no figures for Prometheus",
     "mqtt": "the mounts cannot be shown on an MQTT broker",
 }
-#: Seconds in a day; days before their end at which data count as old.
+#: Seconds in a day; how many days before their end data are reported as old.
 DAY, SOON = 86400.0, 60.0
-#: TCP ports that a gateway is usually reached at, and by whom.
+#: The usual TCP ports of a gateway, and who connects to them.
 USUAL = {4030: "most telescope programs", ANY_PORT: "programs of every protocol", 4080: "browsers"}
 USUAL |= {spec.usual_port: spec.title for spec in PROTOCOLS.values() if spec.usual_port not in USUAL}
-#: What makes ModemManager leave all USB serial ports alone.
+#: The udev rule that makes ModemManager ignore all USB serial ports.
 RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'
 LEAVE_ALONE = (
     "without a modem here: sudo systemctl disable --now ModemManager; else write the line "
@@ -37,20 +37,20 @@ LEAVE_ALONE = (
 
 
 def python(facts: Facts) -> Iterator[Said]:
-    """A version that is tried, and what to say of this computer in a report."""
+    """Check that this version of Python is tested; also describe this computer for a report."""
     version = ".".join(map(str, facts.python))
     here = f"Python {version} on {facts.system}; mount-gateway {facts.version}"
     tried = "{}.{} to {}.{}".format(*OLDEST, *NEWEST)
     if facts.python[:2] < OLDEST:
-        yield BAD, f"{here}: it is too old", f"install Python {tried}, and mount-gateway anew with it"
+        yield BAD, f"{here}: it is too old", f"install Python {tried}, and reinstall mount-gateway with it"
     elif facts.python[:2] > NEWEST:
-        yield NOTE, f"{here}: it is newer than what mount-gateway was tried with", f"if something fails, take {tried}"
+        yield NOTE, f"{here}: it is newer than those mount-gateway is tested with", f"if something fails, use {tried}"
     else:
         yield GOOD, here, ""
 
 
 def packages(facts: Facts) -> Iterator[Said]:
-    """Everything that mount-gateway needs is there, in a version that will do."""
+    """Check that every required package is installed in a suitable version."""
     again = f"{facts.pip} install --upgrade '.' in the folder that mount-gateway was installed from"
     wrong = [package for package in facts.packages if not package.fits]
     for package in wrong:
@@ -63,7 +63,7 @@ def packages(facts: Facts) -> Iterator[Said]:
 
 
 def extras(facts: Facts) -> Iterator[Said]:
-    """What can be added."""
+    """List the extras that are not installed."""
     for extra, names in sorted(facts.missing_extras.items()):
         without = WITHOUT.get(extra, f"what the extra {extra} is for does not work")
         yield (
@@ -76,7 +76,7 @@ def extras(facts: Facts) -> Iterator[Said]:
 
 
 def clock(facts: Facts) -> Iterator[Said]:
-    """Not before the time at which this software was made, and kept by somebody."""
+    """Check that the clock is not before this software's release, and that a time source keeps it right."""
     now = _day(facts.now, "%Y-%m-%d %H:%M:%S UTC")
     set_it = "sudo timedatectl set-ntp true with a network; without one sudo date -u -s 'YYYY-MM-DD HH:MM:SS'"
     least = max(EARLIEST, facts.published or 0.0)
@@ -99,7 +99,7 @@ def clock(facts: Facts) -> Iterator[Said]:
 
 
 def astronomy(facts: Facts) -> Iterator[Said]:
-    """How long the tables of the Earth's rotation and of the leap seconds go on."""
+    """Check how long the tables of the Earth's rotation and of the leap seconds last."""
     tables = {
         "the Earth's rotation (IERS)": (facts.rotation_until, "sidereal time is off by a few hundredths of a second"),
         "the leap seconds": (facts.leap_seconds_until, "the next leap second, if there is one, is not known"),
@@ -117,7 +117,7 @@ def astronomy(facts: Facts) -> Iterator[Said]:
 
 
 def ports(facts: Facts) -> Iterator[Said]:
-    """Every serial port can be opened by this user, and nobody else has it."""
+    """Check that this user may open every serial port, and that no other program has it open."""
     if not facts.ports:
         yield (
             NOTE,
@@ -150,7 +150,7 @@ def _permission(facts: Facts, port: Port) -> str:
 
 
 def meddlers(facts: Facts) -> Iterator[Said]:
-    """Nobody writes to serial ports unasked, or takes them away."""
+    """Check that no program is running that writes to serial ports unasked, or takes them away."""
     usb = [port for port in facts.ports if port.usb]
     said = False
     if process := facts.meddlers.get("ModemManager"):
@@ -183,7 +183,7 @@ def meddlers(facts: Facts) -> Iterator[Said]:
 
 
 def listeners(facts: Facts) -> Iterator[Said]:
-    """The ports that programs have in mind are free, or a gateway's own."""
+    """Check that the usual TCP ports are free or used by a gateway."""
     own = {running.process for running in facts.gateways}
     taken = {listener.port: listener for listener in facts.listeners}
     free = []
@@ -205,7 +205,7 @@ def listeners(facts: Facts) -> Iterator[Said]:
 
 
 def state_folder(facts: Facts) -> Iterator[Said]:
-    """What a mount keeps over power-off can be written."""
+    """Check that the state folder can be written to."""
     if facts.state_problem:
         yield (
             BAD,
@@ -218,7 +218,7 @@ def state_folder(facts: Facts) -> Iterator[Said]:
 
 
 def gateways(facts: Facts) -> Iterator[Said]:
-    """Those that run, and whether they can be asked."""
+    """List the running gateways, and whether they can be queried."""
     hidden: dict[tuple[str, bool], list[str]] = {}
     for running in facts.gateways:
         if running.mount:
@@ -240,7 +240,7 @@ def _day(unix: float, form: str = "%Y-%m-%d") -> str:
     return datetime.fromtimestamp(unix, UTC).strftime(form)
 
 
-#: By what they are called, in the order in which they are told.
+#: The checks by name, in the order of the report.
 CHECKS: dict[str, Callable[[Facts], Iterator[Said]]] = {
     "python": python,
     "packages": packages,
@@ -256,5 +256,5 @@ CHECKS: dict[str, Callable[[Facts], Iterator[Said]]] = {
 
 
 def examine(facts: Facts) -> list[Result]:
-    """What all checks say, in their order."""
+    """Return the results of all checks, in their order."""
     return [Result(name, *said) for name, look in CHECKS.items() for said in look(facts)]

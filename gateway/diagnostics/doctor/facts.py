@@ -1,6 +1,6 @@
-"""What is known of this computer before anything is judged, and what a judgement is.
+"""The facts about this computer, before the checks judge them, and the result of a check.
 
-None stands for what this system does not tell. Times are Unix seconds.
+None means that this system does not say. Times are Unix seconds.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ from typing import Final, Literal
 
 from msgspec import Struct
 
-#: All is well; worth knowing, and no reason to fail; to be mended before a gateway can work as it should.
+#: Good; worth knowing, but no failure; must be fixed before a gateway can work as it should.
 GOOD: Final = "good"
 NOTE: Final = "note"
 BAD: Final = "bad"
 State = Literal["good", "note", "bad"]
-#: What a check says: how it is, what was found, and what to do about it.
+#: What a check yields: the state, what was found, and what to do about it.
 Said = tuple[State, str, str]
 
 
 class Result(Struct, frozen=True):
-    """One line: what was looked at, how it is, and what to do about it."""
+    """One line of the report: the check, its state, what was found, and what to do about it."""
 
     check: str
     state: State
@@ -28,7 +28,7 @@ class Result(Struct, frozen=True):
 
 
 class Package(Struct, frozen=True):
-    """Something that mount-gateway needs: the versions that will do, and the one that is here, empty where none is."""
+    """A required package: the versions that are suitable, and the installed one, empty if there is none."""
 
     name: str
     needed: str
@@ -37,7 +37,7 @@ class Package(Struct, frozen=True):
 
 
 class Port(Struct, frozen=True):
-    """A serial port. ``group`` may use it; ``holder`` has it open; ``modem_manager_ignores`` it by a udev rule."""
+    """A serial port. Members of ``group`` may use it; the program ``holder`` has it open."""
 
     name: str
     about: str = ""
@@ -49,7 +49,7 @@ class Port(Struct, frozen=True):
 
 
 class Listener(Struct, frozen=True):
-    """Who listens on a TCP port; ``process`` is 0 where that is hidden from this user."""
+    """The process that listens on a TCP port; ``process`` is 0 if this user may not see it."""
 
     port: int
     process: int = 0
@@ -57,9 +57,9 @@ class Listener(Struct, frozen=True):
 
 
 class Running(Struct, frozen=True):
-    """A gateway that runs, and the mount that it serves; without one it cannot be asked from here.
+    """A running gateway and its mount; ``mount`` is empty if the gateway cannot be queried from here.
 
-    ``foreign`` is one of another user than this one.
+    ``foreign``: it belongs to another user.
     """
 
     process: int
@@ -75,23 +75,23 @@ class Facts(Struct, frozen=True):
     python: tuple[int, int, int]
     system: str
     now: float
-    #: When the astronomy data were published, and the last moments for which they know UT1 and the leap seconds.
+    #: When the astronomy data were published, and how long their UT1 and leap seconds are valid.
     published: float | None
     rotation_until: float | None
     leap_seconds_until: float | None
     packages: list[Package]
-    #: The catalogues and the other extras that are missing, by the name of the extra.
+    #: The missing packages of each extra that is not installed completely.
     missing_extras: dict[str, list[str]]
     ports: list[Port]
-    #: Groups that this user was put into, and those that this session knows of: a new one counts from the next login.
+    #: The groups of this user, and those of this login session: a new group takes effect at the next login.
     groups: set[str]
     active_groups: set[str]
     clock_synchronized: bool | None
-    #: Programs that are known to disturb serial ports, with the number of the process.
+    #: Running programs that are known to disturb serial ports, with their process ids.
     meddlers: dict[str, int]
     listeners: list[Listener]
     state_folder: str
     state_problem: str
     gateways: list[Running]
-    #: How a person has packages of this environment installed: the beginning of a command.
+    #: The pip command of this environment, for the user to type.
     pip: str = "pip"

@@ -1,8 +1,8 @@
-"""Looks at this computer: nothing is changed, no byte is sent to a port, and nothing is fetched.
+"""Collect the facts about this computer; nothing is changed, sent to a port or downloaded.
 
-What only Linux tells is in ``/proc``, ``/run/udev`` and ``/etc/group``; elsewhere there is nothing to read there.
-Whatever cannot be read is not told: another user's processes, a system without udev. The folders are arguments, so that
-a test can make its own computer.
+Some facts are only available on Linux, from ``/proc``, ``/run/udev`` and ``/etc/group``. What cannot be read is left
+out: other users' processes, or udev data on a system without udev. The folders are arguments, so that a test can
+describe a computer of its own.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from gateway.transport.wires import group_of
 
 #: Programs that are known to disturb serial ports.
 MEDDLERS = ("ModemManager", "brltty")
-#: Seconds that timedatectl is given.
+#: Timeout of timedatectl, seconds.
 PATIENCE = 3.0
 PROC, UDEV = Path("/proc"), Path("/run/udev/data")
-#: The state of a TCP socket that listens, as the kernel writes it.
+#: The state of a listening TCP socket in the kernel's table.
 LISTENS = "0A"
 
 
 def gather(state: str | None = None) -> Facts:
-    """Everything that the checks look at; ``state`` is the folder that a gateway was told to keep its state in."""
+    """Collect everything that the checks need; ``state`` is the state folder that the user named."""
     folder = directory(state)
     own, active = groups()
     return Facts(
@@ -67,7 +67,7 @@ def gather(state: str | None = None) -> Facts:
 
 
 def ports() -> Iterator[Port]:
-    """All serial ports of this computer. They are not opened: what somebody uses is left alone."""
+    """List the serial ports of this computer without opening them, as programs may be using them."""
     for port in here():
         yield Port(
             name=port.url,
@@ -81,7 +81,7 @@ def ports() -> Iterator[Port]:
 
 
 def clock_synchronized() -> bool | None:
-    """Whether somebody keeps this computer's clock right; None where that is not told."""
+    """Whether a time source keeps this computer's clock right; None if the system does not say."""
     command = shutil.which("timedatectl")
     if command is None:
         return None
@@ -94,7 +94,7 @@ def clock_synchronized() -> bool | None:
 
 
 def unwritable(folder: Path) -> str:
-    """Why a folder takes no files; empty where it does, or could be made."""
+    """Return why files cannot be written to a folder; empty if they can, or if the folder could be created."""
     there = folder
     while not there.exists() and there != there.parent:
         there = there.parent
@@ -106,7 +106,7 @@ def unwritable(folder: Path) -> str:
 
 
 def running(scope: Scope) -> Iterator[Running]:
-    """The gateways that can be asked, and those that are only seen."""
+    """List the gateways that can be queried, and those that are only visible as processes."""
     for _, door in look(scope).gateways:
         if listened(door):
             yield Running(door.pid, door.name or door.mount)
@@ -115,7 +115,7 @@ def running(scope: Scope) -> Iterator[Running]:
 
 
 def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
-    """The processes of these names, and their numbers."""
+    """Return the process ids of running programs with these names."""
     found = {}
     for process in proc.glob("[0-9]*"):
         with contextlib.suppress(OSError):
@@ -126,14 +126,14 @@ def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
 
 
 def listening(ports: Collection[int], proc: Path = PROC) -> list[Listener]:
-    """Who listens on these TCP ports."""
+    """Return the processes that listen on these TCP ports."""
     sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
     owners = dict(_owners(sockets, proc)) if sockets else {}
     return [Listener(port, *owners.get(inode, ())) for inode, port in sockets.items()]
 
 
 def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
-    """Of every socket that listens, its inode and port."""
+    """Yield the inode and the port of every listening socket."""
     for name in ("tcp", "tcp6"):
         with contextlib.suppress(OSError):
             for line in (proc / "net" / name).read_text().splitlines()[1:]:
@@ -143,7 +143,7 @@ def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
 
 
 def _owners(inodes: Collection[str], proc: Path) -> Iterator[tuple[str, tuple[int, str]]]:
-    """Whose sockets these are, as far as this user may see it."""
+    """Yield the process id and name for each socket inode, as far as this user may see them."""
     wanted = {f"socket:[{inode}]": inode for inode in inodes}
     for process in proc.glob("[0-9]*"):
         with contextlib.suppress(OSError):
@@ -154,7 +154,7 @@ def _owners(inodes: Collection[str], proc: Path) -> Iterator[tuple[str, tuple[in
 
 
 def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:
-    """Whether a udev rule has told ModemManager to leave a port alone."""
+    """Whether a udev rule tells ModemManager to ignore a port."""
     try:
         number = os.stat(device).st_rdev
         told = (udev / f"c{os.major(number)}:{os.minor(number)}").read_text()
@@ -164,7 +164,7 @@ def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:
 
 
 def groups() -> tuple[set[str], set[str]]:
-    """The groups that this user was put into, and those of this session."""
+    """Return the groups of this user, and those of this login session."""
     try:
         import grp
         import pwd

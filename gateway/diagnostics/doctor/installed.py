@@ -1,6 +1,6 @@
-"""What is installed beside mount-gateway: packages, extras, and how far the astronomy data reach.
+"""The installed packages and extras, and how long the astronomy data last.
 
-Read from what pip has written and from the data files themselves; nothing of it is imported.
+This is read from pip's metadata and from the data files themselves; nothing is imported.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from packaging.requirements import InvalidRequirement, Requirement
 from gateway.diagnostics.doctor.facts import Package
 
 PRODUCT, DATA = "mount-gateway", "astropy-iers-data"
-#: Extras that nobody misses who does not work on mount-gateway itself.
+#: Extras that only developers of mount-gateway need.
 DEVELOPING = ("test", "dev", "docs", "single-file")
 _UNIX_EPOCH_MJD, _DAY = 40587.0, 86400.0
 
 
 def version(name: str) -> str:
-    """Of an installed package; empty for one that is not."""
+    """Return the version of an installed package; empty if it is not installed."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
@@ -31,7 +31,7 @@ def version(name: str) -> str:
 
 
 def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
-    """What the product, or one of its extras alone, says that it needs on this system, and what is here of it."""
+    """Yield the packages that the product, or only one of its extras, requires on this system."""
     try:
         lines = importlib.metadata.requires(product) or []
     except importlib.metadata.PackageNotFoundError:
@@ -39,7 +39,7 @@ def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
     for line in lines:
         try:
             wanted = Requirement(line)
-        except InvalidRequirement:  # written by a newer tool than the one that reads it here
+        except InvalidRequirement:  # written by a tool newer than the library that reads it here
             continue
         always = wanted.marker is None or wanted.marker.evaluate({"extra": ""})
         if always if not extra else not always and wanted.marker and wanted.marker.evaluate({"extra": extra}):
@@ -49,7 +49,7 @@ def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
 
 
 def missing_extras(product: str = PRODUCT) -> dict[str, list[str]]:
-    """By extra, the packages that are not installed."""
+    """Return the packages that are not installed, by extra."""
     try:
         extras = importlib.metadata.metadata(product).get_all("Provides-Extra") or []
     except importlib.metadata.PackageNotFoundError:
@@ -63,7 +63,7 @@ def missing_extras(product: str = PRODUCT) -> dict[str, list[str]]:
 
 
 def published(release: str) -> float | None:
-    """When a release of the astronomy data was made: its version is a date, ``0.2026.11.2.0.34.55``."""
+    """Return the date of a release of the astronomy data, Unix seconds; its version is ``0.2026.11.2.0.34.55``."""
     found = re.match(r"\d+\.(\d{4})\.(\d+)\.(\d+)", release)
     if found is None:
         return None
@@ -72,7 +72,7 @@ def published(release: str) -> float | None:
 
 
 def rotation_until() -> float | None:
-    """The last day for which UT1 is observed or predicted."""
+    """Return the last day for which UT1 is observed or predicted, Unix seconds; None if it cannot be read."""
     path = _data("finals2000A.all")
     try:
         lines = [] if path is None else path.read_bytes().splitlines()
@@ -83,7 +83,7 @@ def rotation_until() -> float | None:
 
 
 def leap_seconds_until() -> float | None:
-    """The day on which the list of leap seconds expires."""
+    """Return the day on which the list of leap seconds expires, Unix seconds; None if it cannot be read."""
     path = _data("Leap_Second.dat")
     try:
         text = "" if path is None else path.read_text("ascii", "replace")
@@ -94,6 +94,6 @@ def leap_seconds_until() -> float | None:
 
 
 def _data(name: str) -> Path | None:
-    """A file of the astronomy data, without importing astropy."""
+    """Return the path of an astronomy data file without importing astropy."""
     found = importlib.util.find_spec("astropy_iers_data")
     return None if found is None or found.origin is None else Path(found.origin).parent / "data" / name

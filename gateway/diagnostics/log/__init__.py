@@ -1,6 +1,6 @@
-"""The log: the conversation of a gateway with its programs and its mount, in words that a person reads.
+"""The log: the conversation of a gateway with its clients and its mount, in words for people.
 
-Three steps, each in a file of its own: ``conversation`` puts an entry of the wire log into words by the tables,
-``folding`` leaves out what only repeats and what was not asked for, ``layout`` makes lines of what is left, or
-``as_json`` objects. ``decode`` shares the first; another form of output replaces the last alone.
+There are three steps, one file each: ``conversation`` describes an entry of the wire log with the words of the tables,
+``folding`` removes repetitions and whatever the user did not ask for, and ``layout`` formats the rest as lines, or
+``as_json`` as JSON objects. ``decode`` reuses the first step; another output format would replace only the last one.
 """

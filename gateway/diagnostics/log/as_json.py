@@ -1,7 +1,7 @@
-"""The log for programs that collect logs: one JSON object a line, always with the same keys.
+"""The log as one JSON object per line, always with the same keys, for programs that collect logs.
 
-Nothing is wrapped, coloured or shortened. A line is ASCII, whatever a program or a mount has sent, so that any stream
-can take it. In systemd's journal its level stands before it, which the journal takes off again.
+Nothing is wrapped, coloured or shortened. Lines are ASCII, whatever a client or a mount has sent, so that any stream
+accepts them. Under systemd each line starts with its level, which the journal removes.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from gateway.diagnostics.log.layout import Row
     from gateway.diagnostics.log.printing import Rows
 
-#: What the value of ``log`` begins with when this form is wanted; behind a hyphen stands what is left out.
+#: The value of ``log`` that selects this format; a hyphen and a filter may follow, as in ``json-changes``.
 FORM = "json"
-#: What the arrows of rows are called.
+#: The name of each arrow of a row.
 KINDS = {
     ">": "command",
     "<": "reply",
@@ -31,22 +31,22 @@ KINDS = {
     "~": "protocol",
     "^": "port opened",
 }
-#: Which way bytes go; what only happens goes no way.
+#: The direction of bytes; other events have none.
 DIRECTIONS = {">": "to mount", "<": "from mount"}
 
 
 def wanted(log: bool | str) -> bool:
-    """Whether a value of ``log`` asks for this form."""
+    """Return whether a value of ``log`` asks for this format."""
     return isinstance(log, str) and log.partition("-")[0] == FORM
 
 
 def kept(log: bool | str) -> str:
-    """What a value of ``log`` asks to be shown, whatever the form: "all" where it says no more."""
+    """Return the filter of a value of ``log``, whatever the format; "all" if it names none."""
     return (log.removeprefix(FORM).removeprefix("-") if isinstance(log, str) else "") or "all"
 
 
 def written(row: Row, mount: str) -> str:
-    """A row as one line. ``mount`` is its name, or the endpoint where it has none."""
+    """Format a row as one line. ``mount`` is the mount's name, or its endpoint if it has no name."""
     return _line(
         row.time, mount, row.side, KINDS.get(row.arrow, row.arrow), row.words,
         direction=DIRECTIONS.get(row.arrow), refused=row.kind == "no", data=row.data,
@@ -54,7 +54,7 @@ def written(row: Row, mount: str) -> str:
 
 
 def warning(time: float, words: str) -> str:
-    """What the gateway itself says, as such a line."""
+    """Format a warning of the gateway itself as one line."""
     return _line(time, None, "gateway", "warning", words)
 
 
@@ -62,7 +62,7 @@ def _line(
     time: float, mount: str | None, side: str, kind: str, words: str,
     direction: str | None = None, refused: bool = False, data: bytes = b"",
 ) -> str:  # fmt: skip
-    import json  # whoever asks for no such log does not wait for it at the start
+    import json  # imported here to keep it out of a start without a JSON log
 
     told = {
         "time": datetime.fromtimestamp(time, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z",
@@ -79,7 +79,7 @@ def _line(
 
 
 def json_printer(rows: Rows, stream: TextIO, mount: str) -> Callable[[Entry], None]:
-    """A sink that writes such lines to a stream."""
+    """Return a sink for wire log entries that writes these lines to a stream."""
     notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
 
     def put(entry: Entry) -> None:

@@ -1,7 +1,7 @@
-"""One side's commands and replies in words: every command named, every argument and reply told by the tables.
+"""Describe the commands and replies of one connection in words, which come from the command tables.
 
-A live gateway hands over what its framers have cut; a capture is cut here, as a surface does it. A reply is taken
-apart as a driver does it: by the command that it answers.
+A live gateway passes frames that it has already split; a raw capture is split here with the framer of the surface. A
+reply is parsed as a driver parses it: according to the command that it answers.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.wireformat.command_set import load
 
-#: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs no other one,
-#: and so few that no command falls apart.
+#: Seconds assumed between two bytes of a capture without times: long enough for the framer to give up on a stray byte,
+#: and short enough not to tear a command apart.
 APART = 0.2
-#: Commands of one side whose replies may still be due, and bytes that may still become a reply.
+#: How many commands may wait for their replies, and how many bytes may wait to become a complete reply.
 DUE, LONGEST = 256, 4096
 
 
 class Heard(NamedTuple):
-    """A command or a reply. ``command`` is the row that it is of, empty for what no table knows.
+    """A command or a reply. ``command`` is the name of its row in the command table, empty if no table has it.
 
-    It ``asks`` when it does nothing but ask, or is the answer to such a question; it ``fails`` when it says no, or is
-    nothing that anybody understands; ``values`` are those that stay the same as long as nothing happens, ``fields`` are
-    all of a reply by their names. What is ``pushed`` answers nothing.
+    ``asks``: it is a query that changes nothing, or the reply to one. ``fails``: it is a refusal, or it cannot be
+    understood. ``values`` are the fields that stay the same as long as nothing happens, ``fields`` are all fields of a
+    reply by name. ``pushed``: it was sent without being asked for.
     """
 
     data: bytes
@@ -45,12 +45,12 @@ class Heard(NamedTuple):
 
 
 def _briefly(meaning: str) -> str:
-    """What a command does, without what the manual explains besides."""
+    """Return what a command does, without the further explanations of the manual."""
     return re.split(r"[:;] | \(", meaning)[0]
 
 
 class Side:
-    """One side, and the replies that are still due to it."""
+    """One connection (a client's or the mount's), and the commands that still wait for their replies."""
 
     def __init__(self, protocol: str) -> None:
         self._now = 0.0
@@ -58,15 +58,15 @@ class Side:
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
-        #: What is told without having been asked for.
+        #: Messages that are sent without being asked for.
         self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
-        #: How many commands were none that the protocol has; bytes of commands, and those of them that were some.
+        #: The number of unknown commands; the bytes received as commands, and how many of these were valid.
         self.unknown = self.heard = self.understood = 0
 
     # --- commands ---------------------------------------------------------------------------------------------------
 
     def commands(self, data: bytes, at: float | None) -> Iterator[Heard]:
-        """The commands that these bytes complete, which came at that time (seconds) or nobody knows when."""
+        """Yield the commands that these bytes complete. ``at`` is when they arrived, in seconds; None if unknown."""
         self.heard += len(data)
         for frame in self._frames(data, at):
             yield self.command(frame)
@@ -81,7 +81,7 @@ class Side:
             yield from self._framer.feed(data[number : number + 1], self._now)
 
     def command(self, frame: bytes) -> Heard:
-        """A whole command; the reply to it is due from now on."""
+        """Describe one complete command; from now on its reply is due."""
         if isinstance(frame, Unterminated):
             self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
             return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
@@ -106,7 +106,7 @@ class Side:
     # --- replies ----------------------------------------------------------------------------------------------------
 
     def replies(self, data: bytes) -> Iterator[Heard]:
-        """The replies that these bytes complete, each to the oldest command that it fits."""
+        """Yield the replies that these bytes complete, each matched to the oldest command that it fits."""
         self._rest += data
         while self._rest:
             taken = self._take()
@@ -119,7 +119,7 @@ class Side:
             self._rest = self._rest[length:]
 
     def _take(self) -> tuple[Heard, int] | None:
-        """What the bytes answer: the oldest command that they fit; those before it were never answered."""
+        """Match the bytes to the oldest command that they can answer; older commands were never answered."""
         for skipped, ask in enumerate(self._due):
             taken = self._answer(ask, self._rest)
             if taken is not None and taken[1]:
@@ -131,7 +131,10 @@ class Side:
         return None if self._due or self._pushed else (Heard(b"", "nobody asked", fails=True), len(self._rest))
 
     def reply(self, data: bytes) -> Heard:
-        """A whole reply of a side that asks one thing after another: to the last command. No words where it is odd."""
+        """Describe a complete reply on a connection with one request at a time: it answers the last command.
+
+        The words are empty if it does not fit that command.
+        """
         if (told := self._unasked(data)) is not None:
             return told[0]._replace(data=data)
         ask = self._due[-1] if self._due else None
@@ -142,7 +145,7 @@ class Side:
         return self._reply(ask, *taken)[0]._replace(data=data)
 
     def _unasked(self, data: bytes) -> tuple[Heard, int] | None:
-        """What these bytes tell that nobody has asked for."""
+        """Describe the bytes if they are a message that is sent without being asked for."""
         for told in self._pushed:
             taken = self._answer(told, data)
             if taken is not None:

@@ -1,8 +1,8 @@
-"""Which lines are shown: a question that is asked again and again is shown once, then counted.
+"""Decide which lines of the log are shown: a query that repeats is shown once, then counted.
 
-Only what does nothing but ask is ever left out, and only as long as the answers tell nothing new: places and clocks may
-run on, anything else that changes is shown. Whatever moves, sets, fails or is said besides is shown, and the next
-question after it is shown again. A program that comes anew for every question is one and the same.
+Only queries are ever left out, and only while their replies bring nothing new: positions and clocks may change, any
+other change is shown. Commands that move or set something, failures and notes are always shown, and the next query
+after one of them is shown again. A program that reconnects for every query counts as one connection.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from gateway.core.wire_log import show
 from gateway.diagnostics.log.conversation import Heard
 from gateway.diagnostics.log.layout import Row
 
-#: Seconds after which it is told how often a question was asked meanwhile.
+#: Seconds after which the log shows how often a query has been repeated.
 EVERY = 10.0
-#: A connection of a host that has left within so many seconds goes on where that one has got to.
+#: A host that reconnects within so many seconds continues the folding of its last connection.
 BACK = 60.0
-#: Lines that are held back of one connection until it is known whether they are worth showing, at most.
+#: How many lines of one connection are held back, at most, until it is clear whether they are worth showing.
 HELD = 32
-#: What stands for the question where nothing was asked.
+#: The key of messages that answer no query.
 UNASKED = b""
-#: Hosts that are remembered.
+#: How many disconnected hosts are remembered.
 HOSTS = 64
 
 
 class Told(Struct, frozen=True):
-    """A line that may be shown, and what it is of; ``asked`` is what is answered."""
+    """A line that may be shown, with its host and its description; ``asked`` is the command that a reply answers."""
 
     row: Row
     host: str
@@ -34,12 +34,12 @@ class Told(Struct, frozen=True):
     asked: bytes
 
 
-#: The arrows of a connection that comes, and of what it then turns out to speak.
+#: The arrows of a new connection and of its recognised protocol.
 COMING = "+~"
 
 
 class _Run:
-    """A question that was shown at ``since``, and how often it was answered since then."""
+    """A query that was last shown at ``since``, and how often it has been answered since then."""
 
     def __init__(self, since: float) -> None:
         self.since, self.count = since, 0
@@ -48,7 +48,7 @@ class _Run:
 
 
 class _Party:
-    """One connection, or several of one host that follow one another."""
+    """One connection, or several of one host in succession."""
 
     def __init__(self) -> None:
         self.runs: dict[bytes, _Run] = {}
@@ -57,9 +57,9 @@ class _Party:
 
 
 class Folding:
-    """Takes all lines in their order -> those to be shown now.
+    """Filters all lines, in order.
 
-    ``kept`` is what a person wants to see: "changes" leaves out all questions that are answered, "refusals" all that
+    ``kept`` is the user's choice: "changes" leaves out every query that is answered, "refusals" everything that
     succeeds.
     """
 
@@ -69,7 +69,7 @@ class Folding:
         self._gone: dict[str, _Party] = {}
 
     def take(self, told: Told) -> list[Row]:
-        """One more line."""
+        """Process the next line and return the rows to show now."""
         match told.row.arrow:
             case "+":
                 return self._come(told)
@@ -86,7 +86,7 @@ class Folding:
     def _party(self, told: Told) -> _Party:
         return self._parties.setdefault(told.row.side, _Party())
 
-    # --- who comes and goes -------------------------------------------------------------------------------------------
+    # --- connections --------------------------------------------------------------------------------------------------
 
     def _come(self, told: Told) -> list[Row]:
         party = self._gone.pop(told.host, None)
@@ -100,7 +100,7 @@ class Folding:
         return []
 
     def _turned_out(self, told: Told) -> list[Row]:
-        """It is known what a connection speaks: told with the connection."""
+        """The protocol of a connection was recognised; it is shown together with the connection."""
         party = self._party(told)
         if not party.held and self._kept != "refusals":
             return self._shown(party, told)
@@ -120,7 +120,7 @@ class Folding:
             return []
         return [*rows, *self._counted(party, told.row), told.row] if self._kept != "refusals" else rows
 
-    # --- what is said -------------------------------------------------------------------------------------------------
+    # --- commands and replies -----------------------------------------------------------------------------------------
 
     def _request(self, told: Told) -> list[Row]:
         party = self._party(told)
@@ -161,7 +161,7 @@ class Folding:
         return self._count(told.asked, run, told.row) if told.row.time - run.since >= EVERY else []
 
     def _unasked(self, party: _Party, told: Told) -> list[Row]:
-        """What is told again and again: shown once, then counted."""
+        """Show a pushed message once, then count it."""
         run = party.runs.get(UNASKED)
         if run is None or run.values != told.heard.values:
             counted = [] if run is None else self._count(UNASKED, run, told.row)
@@ -172,7 +172,7 @@ class Folding:
         return self._count(UNASKED, run, told.row) if told.row.time - run.since >= EVERY else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
-        """A request that was held back and has had no answer when the next one comes: that is worth knowing."""
+        """Show a request that was held back and is still unanswered when the next one arrives."""
         if all(row.arrow in COMING for row in party.held):
             return []
         if self._kept == "refusals":
@@ -181,7 +181,7 @@ class Folding:
         return self._held(party)
 
     def _shown(self, party: _Party, told: Told) -> list[Row]:
-        """Something else than a question: it is shown with what led to it, and the fold is at an end."""
+        """Show a line that is not a query, together with the lines that led to it, and end the folding."""
         rows = [*self._counted(party, told.row), *self._held(party), told.row]
         party.runs.clear()
         return rows
@@ -191,7 +191,7 @@ class Folding:
         return rows
 
     def _counted(self, party: _Party, by: Row) -> list[Row]:
-        """On one line, at the end of a fold, how often everything was asked that has not been told yet."""
+        """Return one line, at the end of a fold, with all counts that were not shown yet."""
         counts = {show(asked) or "told unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
             run.count, run.since = 0, by.time
@@ -201,7 +201,7 @@ class Folding:
         return [Row(by.time, by.side, "=", b"", words, "again", by.name)]
 
     def _count(self, asked: bytes, run: _Run, by: Row) -> list[Row]:
-        """How often a question was asked since it was shown, and the newest answer."""
+        """Return a line with how often a query was repeated since it was shown, and its latest reply."""
         if not run.count:
             return []
         words = f"{_times(run.count)} more in {by.time - run.since:.0f} s, now {run.last}"

@@ -1,7 +1,7 @@
-"""Lines: time, who, direction, bytes, meaning, as wide as there is room, in colours where a terminal shows some.
+"""Format the log as lines: time, connection, direction, bytes, meaning; as wide as the terminal, in colour if it can.
 
-A line that is too long goes on under itself, indented; no byte and no word is left out. With ``night`` all colours are
-shades of red, which do least to eyes that are used to the dark.
+A line that is too long continues below, indented; no byte and no word is left out. With ``night`` all colours are
+shades of red, which preserve night vision best.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from msgspec import Struct
 
 from gateway.core.wire_log import show
 
-#: Columns where no terminal says how many there are, and the least that lines are made for.
+#: The number of columns if no terminal reports it, and the smallest number that lines are formatted for.
 COLUMNS, LEAST = 80, 40
-#: Columns for who it is and for the bytes; what is longer moves the rest to the right, or to the next line.
+#: Columns for the connection and for the bytes; longer text moves the rest to the right, or to the next line.
 WHO, BYTES = 15, 18
-#: Words that would get less room than this behind the bytes stand under them.
+#: The words move below the bytes if fewer columns than this are left beside them.
 ROOM = 24
-#: What stands before a line that goes on.
+#: The indentation of a continued line.
 UNDER = "    "
-#: What a line is of -> how it is shown, as the numbers of ECMA-48's SGR; by night and by day.
+#: The colour of each kind of line, as SGR parameters (ECMA-48); by day and by night.
 DAY = {"program": "36", "mount": "32", "note": "33", "no": "31", "again": "2", "event": "2"}
 NIGHT = {"program": "31", "mount": "31", "note": "1;31", "no": "1;31", "again": "2;31", "event": "2;31"}
 
 
 class Row(Struct, frozen=True):
-    """What one line tells. ``kind`` is a key of ``DAY``; ``name`` is the mount's, where there are several."""
+    """The content of one line. ``kind`` is a key of ``DAY``; ``name`` is the mount's name if there are several."""
 
     time: float
     side: str
@@ -42,21 +42,21 @@ class Row(Struct, frozen=True):
 
 
 def stamp(unix: float) -> str:
-    """The time of the day, UTC, to the millisecond."""
+    """Format Unix seconds as the time of day, UTC, with milliseconds."""
     return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S.%f")[:-3]
 
 
 def plain(row: Row, timed: bool = True) -> str:
-    """On one line, however long."""
+    """Format a row as one line, however long."""
     data = [show(row.data).ljust(BYTES)] if row.data else []
     return " ".join([_head(row, timed), *data, row.words]).rstrip()
 
 
 def wrapped(row: Row, columns: int) -> list[str]:
-    """On as many lines as it takes."""
+    """Format a row as lines of at most so many columns."""
     head, columns = _head(row, timed=True) + " ", max(columns, LEAST)
     start: list[str] = []
-    if len(head) > columns - ROOM:  # the rest stands under it
+    if len(head) > columns - ROOM:  # the rest moves to the lines below
         start, head = _words(head.rstrip(), columns - len(UNDER)), UNDER
     room, data = columns - len(head), show(row.data)
     if not data:
@@ -72,7 +72,7 @@ def wrapped(row: Row, columns: int) -> list[str]:
 
 
 def _in_columns(data: str, words: str, room: int) -> list[str]:
-    """Bytes, and words beside them or under them."""
+    """Return lines with the bytes, and the words beside or below them."""
     beside = BYTES + 1 if room - BYTES - 1 >= ROOM else 2
     pieces = _pieces(data, room)
     text = _words(words, room - beside)
@@ -84,7 +84,7 @@ def _in_columns(data: str, words: str, room: int) -> list[str]:
 
 
 def _head(row: Row, timed: bool) -> str:
-    """When, which mount, who, direction."""
+    """Return the beginning of a line: time, mount, connection, direction."""
     clock = [stamp(row.time)] if timed else []
     name = [f"{row.name:<8}"] if row.name else []
     return " ".join([*clock, *name, f"{row.side:<{WHO}}", row.arrow])
@@ -95,7 +95,7 @@ def _pieces(text: str, room: int) -> list[str]:
 
 
 def _words(text: str, room: int) -> list[str]:
-    """Whole words on every line, but for a word that is longer than a line."""
+    """Break text between words; only a word that is longer than a line is split."""
     lines = [""]
     for word in text.split(" "):
         joined = f"{lines[-1]} {word}" if lines[-1] else word
@@ -106,11 +106,11 @@ def _words(text: str, room: int) -> list[str]:
     return lines if lines[0] or len(lines) == 1 else lines[1:]
 
 
-# --- where they go --------------------------------------------------------------------------------------------------
+# --- the stream -----------------------------------------------------------------------------------------------------
 
 
 def columns_of(stream: TextIO) -> Callable[[], int]:
-    """How many columns there are, asked for every line: a window may be resized."""
+    """Return a function for the current number of columns; it is called for every line, as a window may be resized."""
 
     def columns() -> int:
         try:
@@ -122,7 +122,7 @@ def columns_of(stream: TextIO) -> Callable[[], int]:
 
 
 def colours_of(stream: TextIO, night: bool) -> dict[str, str]:
-    """How kinds of lines are shown on a stream; nothing where it is no terminal, or nobody wants colours."""
+    """Return the colours for a stream; empty if it is no terminal or the user wants no colours."""
     shows = sys.platform != "win32" or "WT_SESSION" in os.environ
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not shows or not stream.isatty():
         return {}
@@ -130,5 +130,5 @@ def colours_of(stream: TextIO, night: bool) -> dict[str, str]:
 
 
 def painted(line: str, kind: str, colours: dict[str, str]) -> str:
-    """The same line in the colour of its kind."""
+    """Return the line in the colour of its kind."""
     return f"\x1b[{colours[kind]}m{line}\x1b[0m" if kind in colours else line

@@ -1,4 +1,4 @@
-"""The sink that prints: entries of the wire log become rows, and those that are wanted become lines of a stream."""
+"""The sink that prints the log: entries of the wire log become rows, and the filtered rows become lines of a stream."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted,
 from gateway.protocols.registry import ANY, guess
 from gateway.system import streams
 
-#: What a person need not see: bytes shown as commands, the controller's own decisions, a lost port that has a note
-#: besides.
+#: Entries that are not shown: raw bytes (shown as commands), the controller's decisions, and a lost port (a note
+#: follows).
 SILENT = ("raw", "r", "v")
-#: What arrows mean that are no bytes.
+#: The meaning of the arrows that carry no bytes.
 EVENTS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
 
 
 class Rows:
-    """Entries -> what is to be told of them. ``surfaces`` are the protocols of the surfaces, in their order."""
+    """Turns entries into rows. ``surfaces`` are the protocols of the surfaces, in their order."""
 
     def __init__(self, mount: str, surfaces: Sequence[str], shown: str = "all", name: str = "") -> None:
         self._mount, self._surfaces, self._name = mount, surfaces, name
@@ -31,7 +31,7 @@ class Rows:
         self._asked: dict[str, bytes] = {}
 
     def take(self, entry: Entry) -> Iterable[Row]:
-        """The rows that are to be shown now."""
+        """Process one entry and return the rows to show now."""
         ours = entry.side == MOUNT
         if entry.arrow in SILENT or self._shown == (MOUNT if not ours else "program"):
             return ()
@@ -56,20 +56,20 @@ class Rows:
         return self._folding.take(Told(row, host, heard, asked))
 
     def _begin(self, entry: Entry) -> None:
-        """A program has come to a surface, whose number the entry tells."""
+        """A client has connected to a surface; the entry contains the number of the surface."""
         number = entry.note.partition(",")[0].rpartition(" ")[2]
         if number.isdecimal() and 0 < int(number) <= len(self._surfaces):
             protocol = self._surfaces[int(number) - 1]
-            if protocol != ANY:  # else it is told when it is known
+            if protocol != ANY:  # an entry for the recognised protocol follows
                 self._sides[entry.side] = Side(protocol)
 
     def _heard(self, entry: Entry) -> Heard:
-        """What an entry says, in words."""
+        """Describe an entry in words."""
         if entry.arrow not in "<>x":
             return Heard(entry.data, happened(entry.arrow, _plain(entry.note)))
         side = self._sides.get(entry.side)
         if side is None and entry.arrow == "<" and entry.side != MOUNT:
-            # A program that was here before: its next command tells its protocol.
+            # A client that connected before this log began: its next command shows its protocol.
             return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
         if side is None:
             protocol = self._mount if entry.side == MOUNT else guess(entry.data) or self._mount
@@ -84,17 +84,17 @@ class Rows:
 
 
 def happened(arrow: str, note: str) -> str:
-    """What no bytes tell, in words."""
+    """Describe an event that carries no bytes."""
     return (" " if arrow == "~" else ", ").join(filter(None, (EVENTS.get(arrow, ""), note)))
 
 
 def _plain(text: str) -> str:
-    """Words that may hold what a program has sent: it cannot rewrite the terminal."""
+    """Escape control characters, as the text may contain what a client has sent: it must not control the terminal."""
     return "".join(char if char.isprintable() else show(char.encode("utf-8", "replace")) for char in text)
 
 
 def printer(rows: Rows, stream: TextIO, night: bool = False) -> Callable[[Entry], None]:
-    """A sink that writes to a stream; in systemd's journal a note has a higher level than what was said."""
+    """Return a sink that writes lines to a stream; in systemd's journal notes have a higher level than the rest."""
     notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
     colours, columns = colours_of(stream, night), columns_of(stream)
 

@@ -1,7 +1,7 @@
-"""What the fields of a command or a reply mean, as a person writes such things.
+"""Format the fields of a command or a reply for people.
 
-The forms and the words are data: ``words.toml`` of each protocol, by the name of a field, or of a command and a field.
-What no row names is told by its name and its value. Nothing here raises for a value that some mount has sent.
+Formats and words are data: each protocol's ``words.toml`` has a row per field, or per command and field. A field
+without a row is shown with its name and value. Nothing here raises for any value that a mount may send.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from gateway.protocols.wireformat.command_set import load
 
 
 class Word(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a field is told: a label before it, one of the forms, or words for its values (``*``: for any other).
+    """How to show a field: a label, and one of the formats or words for its values (``*`` for any other value).
 
-    A number is multiplied by ``scale`` and followed by ``unit``. A field that ``runs`` may change from one answer to
-    the next without anything having happened.
+    A number is multiplied by ``scale`` and followed by ``unit``. A field with ``runs`` changes by itself from one reply
+    to the next, as positions and clocks do.
     """
 
     label: str | None = None
@@ -33,7 +33,7 @@ class Word(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A protocol's ``words.toml``: by ``field`` or ``command.field``; sentences for all fields of a command at once."""
+    """A protocol's ``words.toml``: rows by ``field`` or ``command.field``, and sentences for whole commands."""
 
     fields: dict[str, Word] = {}
     commands: dict[str, str] = {}
@@ -50,18 +50,18 @@ def _word(protocol: str, command: str, field: str) -> Word:
 
 
 def in_words(protocol: str, command: str, values: Mapping[str, object]) -> str:
-    """The fields of one command or reply; empty where it has none."""
+    """Format the fields of one command or reply; empty if it has none."""
     sentence = _table(protocol).commands.get(command)
     if sentence is not None and values:
         try:
             return sentence.format(**values)
-        except (KeyError, ValueError):  # a form of the command without these fields
+        except (KeyError, ValueError):  # a variant of the command without these fields
             pass
     return ", ".join(_told(protocol, name, value, _word(protocol, command, name)) for name, value in values.items())
 
 
 def steady(protocol: str, command: str, values: Mapping[str, object]) -> tuple[object, ...]:
-    """Those values that stay the same as long as nothing happens: all but places and clocks."""
+    """Return the values that stay the same as long as nothing happens: all but positions and clocks."""
     return tuple(value for name, value in values.items() if not _word(protocol, command, name).runs)
 
 
@@ -86,11 +86,11 @@ def _key(value: object) -> str:
 
 
 def _plain(text: str) -> str:
-    """What a program or a mount has sent cannot rewrite the terminal."""
+    """Escape control characters that a client or a mount has sent: they must not control the terminal."""
     return show(text.encode("latin-1", "replace"))
 
 
-# --- forms ----------------------------------------------------------------------------------------------------------
+# --- formats --------------------------------------------------------------------------------------------------------
 
 
 def _sexagesimal(ticks: int) -> tuple[int, int, int]:
@@ -104,12 +104,12 @@ def _angle(degrees: float) -> str:
 
 
 def _signed(degrees: float) -> str:
-    """``+22°00'52"``."""
+    """Format degrees as ``+22°00'52"``."""
     return ("-" if round(degrees * 3600.0) < 0 else "+") + _angle(degrees)
 
 
 def _turn(degrees: float) -> str:
-    """``180°00'00"``, from 0 to 360."""
+    """Format degrees as ``180°00'00"``, from 0 to 360."""
     return _angle(round(degrees * 3600.0) % 1296000 / 3600.0)
 
 
@@ -126,7 +126,7 @@ def _clock(seconds: float) -> str:
     return "{:02d}:{:02d}:{:02d}".format(*_sexagesimal(int(seconds)))
 
 
-#: What a form makes of a value: degrees, seconds since midnight, or hours.
+#: The formatting function of each format. Values are degrees, seconds since midnight, or hours.
 FORMS: dict[str, Callable[[Any], str]] = {
     "hours": sexagesimal.hours,
     "signed": _signed,

@@ -1,5 +1,5 @@
-"""Rehearsals: commands carried out by the whole gateway on a simulated mount, in virtual time.
+"""Rehearsals: commands carried out by a complete gateway on a simulated mount, in virtual time.
 
-``explain`` shows what one of them does, ``tables --check --wire`` plays them all and compares what was seen with what
-the tables say. Nothing here stands in for a part of the gateway: what is shown is what the wire carries.
+``explain`` shows what one command does; ``tables --check --wire`` plays all of them and compares the result with the
+tables. No part of the gateway is replaced: what is shown is what a real gateway would send.
 """

@@ -1,4 +1,4 @@
-"""What happens to one command: words and bytes on both sides, found by playing it through the whole gateway.
+"""Explain one command: words and bytes on both sides, found by playing it through a complete gateway.
 
 The mount is a simulated one, aligned and tracking, in virtual time.
 """
@@ -27,17 +27,17 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import KEEPS, SurfaceRow, Version
 
-#: How long a gateway is left alone before it is asked, seconds.
+#: How long the gateway is idle before the command, seconds.
 IDLE = 3.0
 NO_HINT = "; mount-gateway tables lists them all"
-#: So many commands of a kind in a row are shown.
+#: How many equal commands in a row are shown.
 MANY = 3
 
 
 def explain(surface: str, mount: str, typed: str) -> str:
-    """Lines of text. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or a model's word alone.
+    """Return lines of text. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model.
 
-    Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
+    Raises UserError if one of them does not exist, or if the protocol does not have the command.
     """
     face, at = parse_device(surface), parse_device(mount)
     if at.protocol not in mounts():
@@ -76,26 +76,26 @@ def explain(surface: str, mount: str, typed: str) -> str:
 
 @cache
 def sky() -> Sky:
-    """One for all rehearsals, with exact answers: loading it takes longer than most of them."""
+    """Return the exact sky, shared by all rehearsals: loading it takes longer than most of them."""
     loaded = Sky()
     loaded.load()
     return loaded
 
 
 def whole(mount: Endpoint) -> Endpoint:
-    """A mount with its model and version: what is not said is what a simulated one is."""
+    """Complete a mount's model and version with the simulator's defaults."""
     model = mount.model or PROTOCOLS[mount.protocol].default_model or ""
     versions = load(mount.protocol).models[model].get("versions", [None])
     return replace(mount, model=model, version=mount.version or versions[-1])
 
 
 def counted(mount: Endpoint) -> Version | None:
-    """The version whose commands a whole mount has."""
+    """Return the version by which a complete mount's commands are determined."""
     return PROTOCOLS[mount.protocol].counts_as(mount.version) if mount.version else None
 
 
 def traits(face: Endpoint, command: Command) -> frozenset[str]:
-    """What a row may ask of a presented model: nothing where its version lacks the command."""
+    """Return the traits of a presented model for a command; empty if its version does not have the command."""
     spec = PROTOCOLS[face.protocol]
     protocol, model = spec.commands, face.model or spec.default_model or ""
     version = spec.counts_as(face.version) if face.version else None
@@ -103,24 +103,24 @@ def traits(face: Endpoint, command: Command) -> frozenset[str]:
 
 
 def before(face: Endpoint, row: SurfaceRow) -> Before:
-    """What a program has said before this command, and what just before."""
+    """Return what a program sends before this command, and just before it."""
     spec = PROTOCOLS[face.protocol]
     after = (*spec.hello, *spec.target, *row.after)
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
 def greeted(face: Endpoint) -> Before:
-    """What a program has said before it is answered anything."""
+    """Return what a program must send before it gets any reply."""
     return Before(tuple(map(unescape, PROTOCOLS[face.protocol].hello)))
 
 
 def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, str]:
-    """A frame played on a stage of its own -> that, and the model presented: where none is named, what fits."""
+    """Play a frame on a stage of its own; return the play and the presented model, chosen to fit if none is named."""
 
     async def play() -> tuple[Play, str]:
         async with stage(face, mount, sky()) as whole_gateway:
             await whole_gateway.gateway.fit()
-            await asyncio.sleep(IDLE)  # what the gateway has asked for itself is old by then, so the mount is asked
+            await asyncio.sleep(IDLE)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(frame, Before() if row is None else before(face, row))
             return played, str(whole_gateway.face.model["name"])
 
@@ -134,7 +134,7 @@ def _name(at: Endpoint) -> str:
 
 
 def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozenset[str]) -> list[str]:
-    """What the tables say becomes of it on this mount."""
+    """Return the outcome on this mount according to the tables."""
     kind = Kind(at.model, counted(at), aligned=True)
     said = outcome(row, driven, kind, face=face)
     lines = [f"outcome on {_name(at)} mount: {_means(said)}"]
@@ -154,7 +154,7 @@ def _means(outcome: str) -> str:
 
 
 def _own(protocol: CommandSet, name: str) -> list[str]:
-    """What the tables say where a program of the mount's own protocol sees the mount itself."""
+    """Return what the tables say of a command on a surface that presents the mount itself."""
     row = protocol.own.get(name)
     who = f"the mount itself, {KEEPS[row.keep]}" if row is not None and row.keep else "the gateway"
     return [f"answered by {who}", *([f"  {row.why}"] if row is not None and row.why else [])]
@@ -167,12 +167,12 @@ def _hint(client: str, mount: str, frame: bytes) -> str:
             return f"; it is one of {other}: write explain {other} {driven}"
     if (hint := PROTOCOLS[client].hint) is not None:
         return f"; {words}" if (words := hint(frame)) else ""
-    alike = [command for command in load(client).commands.values() if command.request.literal[:1] == frame[:1]]
+    alike = [command for command in load(client).commands.values() if command.request.prefix[:1] == frame[:1]]
     return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 
 
 def shown(play: Play, face: str, mount: str) -> list[str]:
-    """A play as lines: what it means, what goes to the mount up to the reply, what changes the mount after it."""
+    """Format a play: its meaning, what is sent to the mount up to the reply, and what changes the mount after it."""
     program, driven = Side(face), Side(mount)
     lines: list[str] = []
     answered, last, again = False, "", 0
@@ -199,6 +199,6 @@ def shown(play: Play, face: str, mount: str) -> list[str]:
             lines.append(line)
     program.command(play.frame)
     words = program.reply(play.reply).words.partition(": ")[2] if play.reply else ""
-    same = words.strip('"') == show(play.reply).removesuffix("#")  # a name says itself
+    same = words.strip('"') == show(play.reply).removesuffix("#")  # a name needs no explanation
     about = "" if same or words in ("", "accepted") else f"  ({words})"
     return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}{about}"]

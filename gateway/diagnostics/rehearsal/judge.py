@@ -1,8 +1,8 @@
-"""Whether what was seen of a command is what the tables say of it.
+"""Check that what was observed of a command is what the tables say.
 
-The words of the tables are taken at their meaning: *translated* is seen on the wire, what is *kept* is kept and sends
-nothing, a *refused* one says no in its own form, and where it has none the log does. What a command sends is listed
-beside it, and what the log has to say about it is in its remark. A difference is a line of words.
+The tables are taken literally: a *translated* command is seen on the wire, a *kept* one changes what is kept and sends
+nothing, a *refused* one is answered with its refusal, or logged if it has none. Everything that a command sends must be
+listed in its row, and everything logged about it must be in its remark. A difference is one line of text.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import SurfaceRow
 
-#: Notes that are about the mount or the site, not about a command.
 PRECISIONS = ("high", "low")
+#: The beginnings of notes that are about the mount or the site, not about a command.
 _ASIDE = (
     "WARNING",
     "the mount tells no time",
@@ -33,7 +33,7 @@ _ASIDE = (
 
 
 class Case(NamedTuple):
-    """Which row was played, between which model presented and which mount, in which state."""
+    """The row that was played, with the presented model, the mount and its state."""
 
     command: Command
     row: SurfaceRow | None
@@ -41,23 +41,23 @@ class Case(NamedTuple):
     face: frozenset[str]
     driven: CommandSet
     mount: Kind
-    #: What is presented does not know it and passes over it.
+    #: Whether the presented model does not have the command and ignores it.
     lacking: bool
 
     @property
     def said(self) -> str:
-        """What the tables say becomes of it."""
+        """The outcome according to the tables."""
         return outcome(self.row, self.driven, self.mount, face=self.face)
 
 
 def writes(row: SurfaceRow | None) -> bool:
-    """Whether a row may ask for something that changes the mount."""
+    """Whether a row has operations that may change the mount."""
     kinds = [named(name) for name in (row.operations if row is not None else [])]
     return any(kind is not None and not issubclass(kind, Read) for kind in kinds)
 
 
 def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
-    """All in which a play is not what the tables say; ``asked`` are the commands that the mount has been sent."""
+    """Yield all differences of a play from the tables; ``asked`` are the commands that were sent to the mount."""
     if play.lines != b"".join(play.wire):
         yield "explain shows other bytes than the mount has heard"
     if case.lacking:
@@ -85,7 +85,7 @@ def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str])
 
 
 def _answers(play: Play) -> list[tuple[bytes, bytes]]:
-    """What changes the mount, each with its answer, where the mount gives one."""
+    """Return the commands that change the mount, each with the mount's reply if there is one."""
     waiting: bytes | None = None
     found = []
     for event in play.events:
@@ -98,7 +98,7 @@ def _answers(play: Play) -> list[tuple[bytes, bytes]]:
 
 
 def _mount_says_no(mount: CommandSet, request: bytes, answer: bytes) -> bool:
-    """Whether the mount has refused: by a form for that, or by the form of a device that does not respond."""
+    """Whether the mount has refused a request, by a refusal or by the reply for a device that does not respond."""
     found = mount.find(request)
     if found is None:
         return False
@@ -110,12 +110,12 @@ def _mount_says_no(mount: CommandSet, request: bytes, answer: bytes) -> bool:
 
 
 def _notes(play: Play) -> list[str]:
-    """What the log has to say that is about the command."""
+    """Return the notes of the log that are about the command."""
     return [event.words for event in play.of("note") if not event.words.startswith(_ASIDE)]
 
 
 def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[str]:
-    """What the reply and the log say, beside the outcome."""
+    """Compare the reply and the log with the outcome."""
     command, row = case.command, case.row
     notes = _notes(play)
     no = is_no(command, play.reply, surface, play.frame)
@@ -144,7 +144,7 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
 
 
 def _no_form(surface: Surface, frame: bytes) -> bytes:
-    """What the surface says to a command that cannot be done on any mount; empty where it has no form for that."""
+    """Return the surface's refusal of a command that no mount can do; empty if the protocol has none."""
     form = surface.unanswered(frame, Unsupported())
     return b"" if form == ACKNOWLEDGED else form
 

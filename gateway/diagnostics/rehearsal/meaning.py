@@ -1,4 +1,4 @@
-"""What a command came to mean, as an owner would say it: ``go to RA 05:34:32, Dec +22°00'52", and track there``."""
+"""Describe operations in users' words, as in ``go to RA 05:34:32, Dec +22°00'52", and track there``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gateway.core import operations as op
 from gateway.core.operations import Operation
 from gateway.diagnostics.log.words import FORMS
 
-#: Speeds by their names, as hand controls call them.
+#: The names that hand controls have for speeds.
 _RATES = {"guide": "guiding speed", "center": "centring speed", "find": "finding speed", "max": "full speed"}
 _MODES = {
     "off": "off",
@@ -21,13 +21,13 @@ _MODES = {
 
 
 def meaning(operation: Operation) -> str:
-    """An operation in words, with all that is set of it."""
+    """Describe an operation with all its values."""
     told = _WORDS.get(type(operation), _by_name)
     return told if isinstance(told, str) else told(operation)
 
 
 def _by_name(operation: Operation) -> str:
-    """One that has no words of its own: its name and its values."""
+    """Describe an operation that has no description of its own by its name and values."""
     name = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(operation).__name__).lower()
     values = [
         f"{field.replace('_', ' ')} {_value(value)}"
@@ -103,7 +103,7 @@ def _sense(sense: int) -> str:
 
 
 _WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
-    # what is only asked, and what needs no number to be told
+    # queries, and operations without values
     op.Position: "where does the mount point (right ascension and declination)?",
     op.HorizontalPosition: "where does the mount point (azimuth and altitude)?",
     op.AxisPosition: "where do the two motor axes stand?",

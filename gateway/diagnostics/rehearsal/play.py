@@ -1,7 +1,7 @@
-"""One command, played: what it came to mean, what went to the mount, what was said in the log, and the reply.
+"""Play one command and note its meaning, what is sent to the mount, what is logged, and the reply.
 
-A play is a value. Commands that the gateway sends on its own account while nobody asks for anything (it looks where the
-mount points) are part of it only as far as they come before the reply; what changes the mount is always part of it.
+A play is a value. Queries that the gateway sends for itself (it polls the position) are part of it only if they come
+before the reply; commands that change the mount are always part of it.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from gateway.protocols.base.wants import (
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
-#: How long a reply may take, seconds.
+#: Timeout of a reply, seconds.
 PATIENCE = 30.0
-#: How long a command is watched after its reply that may change the mount; a setting waits for its other half.
+#: How long a command that may change the mount is observed after its reply, seconds; a setting may wait for another.
 WATCHED, WATCHED_SETTING = 2.0, 8.0
-#: How long what has no reply takes to reach the mount, seconds.
+#: How long a command without a reply may take to reach the mount, seconds.
 BEGUN = 1.0
-#: Rehearsed slews are so much faster than real ones.
+#: By what factor rehearsed slews are faster than real ones.
 HURRY = 10.0
-#: How long a mount may be under way before a command, seconds.
+#: How long a slew before the command may take, seconds.
 ARRIVED = 300.0
-#: How long anything at all takes to begin: what is only read has been asked for by then.
+#: How long a query is observed, seconds: by then it has been sent to the mount.
 GLANCE = 0.4
 _STEP = 0.05
 
 
 class Event(NamedTuple):
-    """``kind`` is means, baud, act (it changes the mount), look (it does not), answer (the mount's), note or reply."""
+    """``kind`` is means, baud, act (changes the mount), look (queries it), answer (the mount's), note or reply."""
 
     kind: str
     words: str
@@ -58,26 +58,26 @@ class Event(NamedTuple):
 
 
 class Before(NamedTuple):
-    """What a program has said: ``after`` which the mount came to rest, and ``during`` what then goes on."""
+    """What a program sends first: after each of ``after`` the mount comes to rest, ``during`` is still in progress."""
 
     after: tuple[bytes, ...] = ()
     during: tuple[bytes, ...] = ()
 
 
 class Play(NamedTuple):
-    """All that came of one frame, in order; ``wire`` is what the mount itself heard that changes it."""
+    """Everything that one frame caused, in order; ``wire`` are the received commands that change the mount."""
 
     frame: bytes
     events: tuple[Event, ...]
     reply: bytes
     wire: tuple[bytes, ...]
-    #: Whether something that clients have said is otherwise than before, and whether the driver knows anything new.
+    #: Whether something kept for clients has changed, and whether the driver's knowledge has.
     kept: bool
     learnt: bool
 
     @property
     def lines(self) -> bytes:
-        """What ``explain`` shows of what changes the mount."""
+        """The commands shown by ``explain`` that change the mount."""
         return b"".join(event.data for event in self.of("act"))
 
     def of(self, kind: str) -> tuple[Event, ...]:
@@ -86,7 +86,7 @@ class Play(NamedTuple):
 
 @cache
 def looks(protocol: str) -> frozenset[str]:
-    """The commands of a mount that only ask: those by which reads are carried out, and nothing else is."""
+    """Return the commands of a mount that are only queries: those that carry out reads."""
     reads: set[str] = set()
     for name, ways in load(protocol).driver.items():
         kind = named(name)
@@ -101,9 +101,9 @@ def is_look(protocol: CommandSet, data: bytes) -> bool:
 
 
 def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False) -> Stage:
-    """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``.
+    """Return a gateway between a presented model and a simulated mount, each with its version, at the time ``START``.
 
-    What old mounts do not tell is in the settings: name, site, and on a wedge the tracking mode.
+    What old mounts do not report is in the settings: name, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
     return Stage(
@@ -124,7 +124,7 @@ def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, we
 
 
 async def _until(reached: Callable[[], bool], seconds: float) -> None:
-    """Wait for it, no longer than so many seconds."""
+    """Wait until the condition holds, for so many seconds at most."""
     loop = asyncio.get_running_loop()
     end = loop.time() + seconds
     while not reached() and loop.time() < end:
@@ -140,15 +140,15 @@ class Player:
         self._events: list[Event] = []
         self._visitors = 0
         self._session: Session | None = None
-        #: What was kept when the frame came.
+        #: What was kept when the frame arrived.
         self._before = ""
         surface, handle = stage.face.surface, stage.face.surface.handle
-        surface.subscriptions = lambda session: ()  # what is heard is the answer
+        surface.subscriptions = lambda session: ()  # so that all bytes received are the reply
         surface.handle = lambda session, frame: self._told(session, handle(session, frame))  # type: ignore[method-assign]
         stage.wire_log.sinks.append(self._note)
 
     async def play(self, frame: bytes, before: Before = Before(), watched: float = WATCHED_SETTING) -> Play:
-        """Say ``before``, one after the other, then the frame; ``watched`` seconds are looked on after its answer."""
+        """Send ``before``, one after the other, then the frame, and observe for ``watched`` seconds after its reply."""
         self._visitors += 1
         visitor = self.stage.client(f"rehearsal{self._visitors}")
         for said in before.after:
@@ -173,31 +173,31 @@ class Player:
         return Play(frame, tuple(self._events), reply, acts, self._before != self._kept(), known != self._known())
 
     async def _settled(self, visitor: Visitor, least: float) -> None:
-        """Until everything said was answered, and no longer than a program waits."""
+        """Wait until everything sent was answered, at most as long as a program waits."""
         await asyncio.sleep(least)
         await _until(lambda: visitor.answered, PATIENCE)
 
     async def _at_rest(self) -> None:
-        """Until the mount has come to where it was sent, and the gateway has seen it there."""
+        """Wait until the mount has arrived and the gateway has seen it there."""
         await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), ARRIVED)
 
     def _kept(self) -> str:
-        """What this client and all of them together keep, as one comparable text."""
+        """Return what is kept for this client and for all clients, as comparable text."""
         return "" if self._session is None else repr((self._session.kept, self._session.shared))
 
     def _known(self) -> str:
-        """The same of the driver and of who knows site and time."""
+        """Return what the driver and the site clock know, as comparable text."""
         return repr((vars(self.driver), vars(self.stage.site_clock)))
 
     def _told(self, session: Session, steps: Handling) -> Handling:
-        """The same command, each operation noted as it is asked for."""
+        """Handle the command and note each operation that it requests."""
         if self._session is None:
             self._session = session
             self._before = self._kept()
         return relayed(steps, self._ask)
 
     def _ask(self, wanted: Want) -> bool:
-        """Note it; it is asked for all the same."""
+        """Note a request; return False, as it is carried out as well."""
         if isinstance(wanted, Speed):
             self._events.append(Event("baud", str(wanted.baud)))
         elif not isinstance(wanted, Defer | Possible):
@@ -206,7 +206,7 @@ class Player:
         return False
 
     def _note(self, entry: Entry) -> None:
-        """What the wire log takes down, as far as it belongs to a command."""
+        """Note the entries of the wire log that belong to a command."""
         if entry.arrow == "!":
             self._events.append(Event("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":

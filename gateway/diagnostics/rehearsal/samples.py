@@ -1,7 +1,7 @@
-"""An example of every command, so that all of them can be played: ordinary values at the time and place of a rehearsal.
+"""An example of every command, with ordinary values for the time and site of a rehearsal.
 
-A field is filled by what its command needs, else by its name, else by the first value that its form can carry; so a new
-row has an example without being listed here.
+The value of a field comes from a list by command, else from a list by name, else it is the first one that the format
+accepts; so a new row has an example without being listed here.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from gateway.core.errors import MappingError
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.fields import Codec
 
-#: 2026-01-28 21:00 UTC: a night with the Moon, the Crab nebula and Jupiter well up at the place of a simulated mount.
+#: 2026-01-28 21:00 UTC: a night with the Moon, the Crab nebula and Jupiter well up at the simulated mount's site.
 START = 1769634000.0
 _NOW = datetime.fromtimestamp(START + 60.0, UTC)
 #: The Crab nebula.
 TARGET = (83.633, 22.0145)
-#: What belongs to a name, whichever command has it.
+#: Values by the name of a field, for any command.
 _BY_NAME: dict[str, object] = {
     "ra": TARGET[0], "dec": TARGET[1], "az": 200.0, "alt": 50.0, "latitude": 44.5, "longitude": 11.0,
     "date": _NOW.date(), "time": _NOW.hour * 3600.0 + _NOW.minute * 60.0, "offset": -1.0, "hertz": 60.0, "limit": 20.0,
@@ -26,7 +26,7 @@ _BY_NAME: dict[str, object] = {
     "day": _NOW.day, "quarters": 0, "zone": 0, "dst": 0, "device": 16, "position": 30.0, "mode": 0, "ticks": 50,
     "on": 1, "echo": 120,
 }  # fmt: skip
-#: What one command needs.
+#: Values by command and field.
 _BY_COMMAND: dict[tuple[str, str], object] = {
     ("H", "year"): _NOW.year % 100, ("I", "year"): _NOW.year % 100, ("rtc_set_year", "year"): _NOW.year,
     ("SE", "latitude"): 17.0, ("Se", "longitude"): 59.0, ("Lo", "catalog"): 1, ("Ls", "catalog"): 3,
@@ -43,13 +43,13 @@ _ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28))
 
 
 def example(command: Command) -> bytes:
-    """A request of this command. Raises MappingError for a field that nothing can be written into."""
+    """Return a request of this command. Raises MappingError if no value fits a field."""
     values = {name: _value(command, name, field) for name, field in command.request.fields.items()}
     return command.request.encode(values)
 
 
 def _value(command: Command, name: str, field: Codec) -> object:
-    """Something that the field can carry and that can be read again."""
+    """Return a value that the field can encode and decode."""
     wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING)
     for value in (value for value in wanted if value is not None):
         try:

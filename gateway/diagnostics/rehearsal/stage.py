@@ -1,7 +1,7 @@
-"""A whole gateway in one process on virtual time, with a client at one end and a simulated mount at the other.
+"""A complete gateway in one process on virtual time, with clients at one end and a simulated mount at the other.
 
-The gateway is a real one, put together and never opened: it has no ports, no files and no watchdog. ``wire`` is what
-the mount itself received, taken at its end of the line and not from the gateway's records.
+The gateway is a real one that is set up but not opened: it has no ports, no files and no watchdog. ``wire`` is what
+the mount received, taken at its end of the line and not from the gateway's log.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import pairs
 from gateway.transport.wires import Connection, SimulatedTransport
 
-#: Who speaks to whom where nobody says otherwise.
+#: The default protocols of the surface and the mount.
 PRESENTED, DRIVEN = pairs()[0]
 
 
 class Stage:
-    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. Needs a running
-    loop.
+    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. It needs a running
+    event loop.
 
-    ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
-    ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which
-    mount it is, and where it is ``named`` it was told before, as on a command line.
+    ``start`` is Unix time; with ``ramps`` False the motors change their speed at once; ``on`` is an ended stage whose
+    mount is used again; ``simulated`` are further settings of the simulator. The driver identifies the mount, unless it
+    is ``named``, as on the command line.
     """
 
     def __init__(
@@ -84,10 +84,10 @@ class Stage:
         self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
     def remember(self) -> None:
-        """Take up what an earlier run has kept: here nothing outlives the stage."""
+        """Do nothing: a stage has no saved state of an earlier run."""
 
     def _listening(self, connect: Connection) -> Connection:
-        """The same way into the mount, where what it is sent is noted."""
+        """Wrap a connection to the mount and note what is sent to it."""
 
         def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
             feed = connect(later)
@@ -113,7 +113,7 @@ class Stage:
         return Visitor(self, host)
 
     def sent(self) -> list[bytes]:
-        """Every request that went to the mount so far."""
+        """Return every request sent to the mount so far."""
         return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
 
 
@@ -129,11 +129,11 @@ class Visitor:
 
     @property
     def answered(self) -> bool:
-        """Whether everything said so far has been answered, as far as it is answered at all."""
+        """Whether everything sent so far that has a reply was answered."""
         return bool(self._guest.answered)
 
     async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
-        """Send bytes and wait for the reply: up to ``until``, else for whatever comes first; b"" after ``seconds``."""
+        """Send bytes and return the reply: up to ``until``, else whatever comes first; b"" after ``seconds``."""
         self.heard = b""
         self._guest.feed(data)
         loop = asyncio.get_running_loop()

@@ -1,7 +1,7 @@
-"""Every row between every presented model and every mount, played and judged: ``tables --check --wire``.
+"""Play and judge every row between every presented model and every mount: ``tables --check --wire``.
 
-What only asks shares one gateway; whatever may change the mount has one of its own, so that no row stands in the way of
-another. The work is spread over the processors.
+Queries share one gateway; each command that may change the mount has a gateway of its own, so that no row affects
+another. The work is distributed over the processors.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import SurfaceRow
 
-#: What rows ask of a mount that a wedge changes.
+#: The parts of a row that depend on a wedge.
 BUILDS = ("alt-az", "equatorial")
-#: Operations that wait for more of their kind before the mount is told.
+#: Operations that wait for further settings before they are sent to the mount.
 SETTINGS = frozenset({"SetSite", "SetClock", "ClockFromGps"})
 
 
@@ -40,7 +40,7 @@ class Pair(NamedTuple):
 
 
 class State(NamedTuple):
-    """How a mount stands: aligned or before that, a fork in alt-az or on a wedge."""
+    """The state of a mount: aligned or not, a fork in alt-az or on a wedge."""
 
     aligned: bool = True
     wedge: bool = False
@@ -54,7 +54,7 @@ class Difference(NamedTuple):
 
 
 def pairs() -> Iterator[Pair]:
-    """Every presented model with every mount of the other protocol, each in all its versions."""
+    """Yield every presented model with every mount of the other protocol, each in all its versions."""
     for client, mount in protocol_pairs():
         for face in _models(client):
             for driven in _models(mount):
@@ -67,7 +67,7 @@ def _models(protocol: str) -> list[Endpoint]:
 
 
 def rehearse(pair: Pair, only: frozenset[str] = frozenset()) -> tuple[int, list[Difference]]:
-    """Play all rows of one pair, or some of them -> how many plays there were, and what is different."""
+    """Play all rows of one pair, or only some; return the number of plays and the differences."""
     result: tuple[int, list[Difference]] = run(_rehearse(pair, only))
     return result
 
@@ -93,17 +93,17 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
 
 
 def _alone(row: SurfaceRow | None) -> bool:
-    """Whether the mount is another after it."""
+    """Whether the row may change the mount, and therefore needs a gateway of its own."""
     return row is not None and bool(writes(row) or row.after or row.during)
 
 
 def _long(row: SurfaceRow | None) -> float:
-    """How long it is watched: a setting waits for its other half."""
+    """Return how long a row is observed, seconds: a setting may wait for another."""
     return WATCHED_SETTING if row is not None and SETTINGS.intersection(row.operations) else WATCHED
 
 
 def _states(row: SurfaceRow | None, driven: CommandSet, model: str) -> Iterator[State]:
-    """The states in which a row is played on a mount of its own: all in which the tables say something else."""
+    """Yield the states in which a row is played on a mount of its own: all for which the tables differ."""
     ways = [way for name in (row.operations if row else ()) for way in driven.driver.get(name, ())]
     if _alone(row):
         yield State()
@@ -114,7 +114,7 @@ def _states(row: SurfaceRow | None, driven: CommandSet, model: str) -> Iterator[
 
 
 async def _one(pair: Pair, player: Player, command: Command, state: State, watched: float) -> list[Difference]:
-    """One row, played and judged."""
+    """Play and judge one row."""
     protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol), player.stage
     row, frame = protocol.surface.get(command.name), example(command)
     said = before(pair.face, row) if row is not None and _alone(row) else greeted(pair.face)
@@ -134,7 +134,7 @@ async def _one(pair: Pair, player: Player, command: Command, state: State, watch
 
 
 def check(chosen: Iterable[Pair] | None = None) -> int:
-    """Play everything, say what is different -> 0 when nothing is, else 1."""
+    """Play everything and print the differences; return 0 if there are none, else 1."""
     work = list(pairs() if chosen is None else chosen)
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         results = list(pool.map(rehearse, work, chunksize=4))
@@ -147,7 +147,7 @@ def check(chosen: Iterable[Pair] | None = None) -> int:
 
 
 def report(found: list[Difference]) -> Iterator[str]:
-    """One line for every row and difference, with the pairs that show it."""
+    """Yield one line for every row and difference, with the pairs that show it."""
     where: dict[tuple[str, str, str], list[str]] = {}
     for protocol, row, words, pair in found:
         where.setdefault((protocol, row, words), []).append(pair)

@@ -1,1 +1,1 @@
-"""Playing a recording again, turn by turn."""
+"""Replay a recording, one event loop iteration ("turn") at a time."""

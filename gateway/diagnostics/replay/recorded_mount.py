@@ -1,4 +1,4 @@
-"""A recorded mount: its port opens and is lost as it was, its bytes come as they came, nothing is asked out of turn."""
+"""A recorded mount: its port opens and fails, and its bytes arrive, as recorded; requests wait for their moment."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import OnData, OnLost
 
-#: Half of the recorded times' last digit, seconds.
+#: The rounding of recorded times, seconds.
 ROUNDED = 1e-6
-#: Waits of so many seconds are deadlines; the latest that one may have been noticed, seconds.
+#: Waits of at least so many seconds are deadlines; by how many seconds one may have been noticed late.
 DEADLINE, LATE = 1.0, 0.05
 
 
 class RecordedLoop(VirtualLoop):
-    """Virtual time in which deadlines are as late as they were.
+    """Virtual time in which deadlines expire as late as in the recording.
 
-    A busy computer wakes late, and what a client says meanwhile comes first. A deadline shortly before something left
-    the gateway, or was noted, was what brought it about. Shorter waits lead to requests, which are held back till then.
+    A busy computer wakes up late, and what a client sends meanwhile is handled first. If the gateway sent or logged
+    something shortly after a deadline, the deadline was its cause. Shorter waits lead to requests, which are held back
+    until their recorded moment anyway.
     """
 
     def __init__(self, events: list[Event]) -> None:
@@ -45,14 +46,14 @@ class RecordedLoop(VirtualLoop):
         return super().call_at(self._left[number] if late else when, callback, *args, context=context)
 
     async def until(self, at: float) -> None:
-        """Wait for exactly this moment of the recording, seconds from its beginning."""
+        """Wait for this moment of the recording, in seconds from its beginning."""
         arrived = self.create_future()
         super().call_at(self.began + at, arrived.set_result, None)
         await arrived
 
 
 class RecordedWire:
-    """The mount as it was recorded. Bytes that answer a request wait for it."""
+    """The transport of the recorded mount. Bytes that answer a request are held until it has been sent."""
 
     name = "recording"
 
@@ -77,14 +78,14 @@ class RecordedWire:
         self._on_data, self._on_lost = on_data, on_lost
 
     def lost(self, event: Event) -> None:
-        """The port was lost then, or could not be opened, which ``open`` has said."""
+        """Lose the port as recorded; that it could not be opened was raised by ``open``."""
         if self._on_data is not None and self._port and self._port[0] is event:
             self._port.popleft()
             self._on_data = None
             self._on_lost(event.data.decode("latin-1"))
 
     def deliver(self, after: int, data: bytes) -> None:
-        """Bytes as they arrived then, once ``after`` requests have been written."""
+        """Deliver recorded bytes once ``after`` requests have been written."""
         if self.written < after or self._held:
             self._held.append((after, data))
         elif self._on_data is not None:
@@ -105,21 +106,21 @@ class RecordedWire:
             asyncio.get_running_loop().call_soon(self._release)
 
     async def close(self) -> None:
-        """Closed by the gateway itself, which is recorded as a loss."""
+        """The gateway closes the port, which is recorded as a loss."""
         if self._on_data is not None and self._port and self._port[0].arrow == "v":
             self._port.popleft()
         self._on_data = None
 
 
 class RecordedQueue(RequestQueue):
-    """Lets go what was sent then, when it was sent."""
+    """Releases each recorded request at its recorded moment."""
 
     def __init__(self, wire: RecordedWire, dialogue: ReplyRules) -> None:
         super().__init__()
         self._recorded, self._dialogue = wire, dialogue
 
     def allow(self, requests: int) -> None:
-        """The moment of the next requests has come."""
+        """Release the next requests."""
         self._recorded.granted += requests
         self.wake()
 
@@ -127,7 +128,7 @@ class RecordedQueue(RequestQueue):
         if answered:
             await self._what_follows()
         if self._recorded.granted > self._recorded.written and self._recorded.script:
-            for request in self.in_turn():  # of two that ask the same the one goes first that did then
+            for request in self.in_turn():  # of two candidates, the one whose bytes were recorded goes first
                 if not request.future.done() and self._bytes(request.ask) == self._recorded.script[0]:
                     self.take(request)
                     return request

@@ -1,8 +1,8 @@
-"""Replaying a recording: its times are the clock, its mount bytes are the mount, its clients ask again.
+"""Replay a recording: its times are the clock, its mount bytes are the mount, its clients send their commands again.
 
-Every client must receive the bytes that it received then. A recording that tells at which turns of the event loop all
-came is played turn by turn (``retracing``). Of an older one, or one of another version, the order is guessed: the line
-sends its requests in the recorded order and at the recorded times, and the controller decides as it did.
+Every client must receive the recorded bytes. A recording that contains the event loop iterations ("turns") is replayed
+turn by turn (``retracing``). For an older one, or one of another version, the order is guessed: the mount link sends
+its requests in the recorded order and at the recorded times, and the controller decides as it did.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from gateway.mount.link.line import MountLink
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import SimulatedTransport
 
-#: Turns of the event loop in which everything has come to rest that one event has set going.
+#: Event loop iterations after which everything that one event triggered has finished.
 TURNS = 60
 
 
 class Outcome(NamedTuple):
-    """``strayed`` are the moments at which the gateway asked the mount something else than it did then.
+    """The result of a replay. ``strayed`` lists where the gateway sent the mount other requests than recorded.
 
-    ``guessed`` tells why the order of events could not be followed exactly; empty when it was.
+    ``guessed`` says why the order of events could not be followed exactly; it is empty if it was.
     """
 
     clients: int
@@ -50,7 +50,7 @@ class Outcome(NamedTuple):
 
 
 def replay(recording: Recording) -> Outcome:
-    """Play a recording again. Raises UserError for one whose beginning is missing."""
+    """Replay a recording. Raises UserError if its beginning is missing."""
     if recording.settings["from"]:
         raise UserError(
             f"{recording.parts[0]}: the recording's beginning is missing, it was deleted when the files "
@@ -67,7 +67,7 @@ def replay(recording: Recording) -> Outcome:
 
 
 def _guess(recording: Recording) -> str:
-    """Why the order in which things took effect must be guessed; empty when it can be followed."""
+    """Return why the order in which commands took effect must be guessed; empty if it can be followed."""
     if recording.format == WITHOUT_TURNS:
         return "the recording is of an older format, which does not tell the order in which commands took effect"
     recorded = recording.settings.get("version"), recording.settings.get("python")
@@ -86,7 +86,7 @@ async def _retrace(recording: Recording) -> Outcome:
 
 
 def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
-    """The gateway that was recorded, as it was set up. Raises UserError."""
+    """Set up the gateway that was recorded. Raises UserError."""
     config = recording.settings["config"]
     try:
         mount = msgspec.convert(config["mount"], MountConfig)
@@ -116,7 +116,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
 
     gateway.prepare(line)
     clients = _Clients(gateway)
-    gateway.begin(refresh=False)  # the recording decides
+    gateway.begin(refresh=False)  # the recording decides when the mount is polled
     asked = 0
     for cause, requests in _causes(events):
         await loop.until(cause.at)
@@ -142,7 +142,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
 
 
 def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
-    """The recorded clients on a simulated mount of the recorded kind; every line of the conversation is shown."""
+    """Replay the clients on a simulated mount of the recorded kind and show every line of the conversation."""
     run(_on_simulator(recording, show))
 
 
@@ -178,7 +178,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
 
 def _causes(events: list[Event]) -> Iterator[tuple[Event, list[float]]]:
-    """What came from outside, each with the times of the requests to the mount until something else came."""
+    """Yield each event from outside with the times of the requests to the mount until the next one."""
     cause: Event | None = None
     requests: list[float] = []
     for event in events:
@@ -193,13 +193,13 @@ def _causes(events: list[Event]) -> Iterator[tuple[Event, list[float]]]:
 
 
 async def _rest() -> None:
-    """Let everything that one event has set going come to rest."""
+    """Let everything that one event triggered finish."""
     for _ in range(TURNS):
         await asyncio.sleep(0)
 
 
 def _mount(event: Event, asked: int, gateway: Gateway, wire: RecordedWire) -> None:
-    """Make what the mount did happen again, ``asked`` requests from the beginning."""
+    """Replay an event of the mount, which happened after ``asked`` requests."""
     match event.arrow:
         case "<":
             wire.deliver(asked, event.data)
@@ -210,7 +210,7 @@ def _mount(event: Event, asked: int, gateway: Gateway, wire: RecordedWire) -> No
 
 
 class _Clients:
-    """The recorded connections, by name; a name may be used again once it is gone."""
+    """The recorded connections by name; a name may be reused after its connection has ended."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
@@ -218,7 +218,7 @@ class _Clients:
         self.all: list[Told] = []
 
     def play(self, event: Event) -> None:
-        """Make what a client did happen again."""
+        """Replay an event of a client."""
         if event.arrow == "+":
             talk = self._here[event.side] = Told(event.side)
             talk.come(self._gateway, event)
@@ -229,7 +229,7 @@ class _Clients:
                 del self._here[event.side]
 
     def compare(self, events: list[Event]) -> list[Difference]:
-        """What every client was told then against now: one difference for each that was told something else."""
+        """Compare what every client received then and now; return one difference for each that differs."""
         then: dict[str, Told] = {}
         talks = iter(self.all)
         for event in events:
@@ -238,7 +238,7 @@ class _Clients:
             if event.arrow == "+":
                 then[event.side] = next(talks)
             elif event.arrow == "-":
-                then.pop(event.side, None)  # what comes for it later goes nowhere
+                then.pop(event.side, None)  # later replies to it were not delivered
             elif event.arrow == "<" and event.side in then:
                 then[event.side].was_told(event)
                 then[event.side].compare(less=True)

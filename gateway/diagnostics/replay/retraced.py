@@ -1,4 +1,4 @@
-"""What a replay puts in the place of the world: turns and times, a mount, what a gateway waits for, all as recorded."""
+"""The replacements of the outside world in a replay: loop, clock, mount and other inputs, all as recorded."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT
 from gateway.transport.wires import OnData, OnLost
 
-#: Requests that were others than then: so many are told of.
+#: How many differing requests are reported.
 TOLD = 1000
 
 
 class Turn(NamedTuple):
-    """What entered at the beginning of a turn and what was said until the next one with an entry, in that order."""
+    """The inputs at the beginning of a turn, followed by the outputs until the next turn with an input."""
 
     number: int
     at: float
@@ -27,7 +27,7 @@ class Turn(NamedTuple):
 
 
 def turns(recording: Recording) -> Iterator[Turn]:
-    """A recording, turn by turn. Raises UserError."""
+    """Yield a recording turn by turn. Raises UserError."""
     turn = Turn(0, 0.0, [])
     for event in recording:
         if event.arrow == "t":
@@ -42,12 +42,12 @@ def turns(recording: Recording) -> Iterator[Turn]:
 
 
 def entered(event: Event) -> bool:
-    """Whether this came from outside."""
+    """Whether this event is an input from outside."""
     return event.arrow in ("<lgbsqdohuc!" if event.side == MOUNT else "+>-e")
 
 
 class RetracedLoop(TurnLoop):
-    """Takes turns and times from a recording. Where nothing is ready it goes on to the next turn that it knows of."""
+    """Takes turns and times from a recording. If nothing is ready, it advances to the next recorded turn."""
 
     def __init__(self) -> None:
         super().__init__(lambda: 0.0)
@@ -58,7 +58,7 @@ class RetracedLoop(TurnLoop):
         self._ended: asyncio.Future[None] | None = None
 
     async def follow(self, turns: Iterator[Turn], begin: Callable[[Turn], None], play: Callable[[Event], None]) -> None:
-        """Go through these turns, and return after the last: ``begin`` is told of each, ``play`` of what enters."""
+        """Follow these turns to the last one; call ``begin`` with each turn and ``play`` with each of its inputs."""
         self._turns, self._begin, self._play = turns, begin, play
         self._ended = self.create_future()
         self._next = next(turns)
@@ -69,7 +69,7 @@ class RetracedLoop(TurnLoop):
         self.turn += 1
         turn = self._next
         if turn is None:
-            if timeout != 0:  # after the recording time goes on by itself, as fast as it can
+            if timeout != 0:  # after the end of the recording, time advances as fast as possible
                 if timeout is None and self._ended is not None and self._ended.done():
                     raise RuntimeError("nothing will ever happen again")
                 self.elapsed += timeout or 0.0
@@ -107,7 +107,7 @@ class RetracedLoop(TurnLoop):
 
 
 class RetracedEntrance(Entrance):
-    """What the gateway waited for comes when it came."""
+    """Ends each wait of the gateway for the outside at its recorded turn."""
 
     def __init__(self) -> None:
         self._gates: dict[int, asyncio.Future[None]] = {}
@@ -117,7 +117,7 @@ class RetracedEntrance(Entrance):
         return self.passed
 
     async def passed(self) -> None:
-        """Wait for something outside. Raises OSError when it failed then."""
+        """Wait for something outside. Raises OSError if it failed when it was recorded."""
         if self._released:
             return
         self._number += 1
@@ -125,14 +125,14 @@ class RetracedEntrance(Entrance):
         await gate
 
     def release(self) -> None:
-        """Nothing is waited for any more."""
+        """End all waits, now and in future."""
         self._released = True
         for gate in self._gates.values():
             if not gate.done():
                 gate.set_result(None)
 
     def open(self, event: Event) -> None:
-        """That came."""
+        """End the wait that this event belongs to."""
         number, _, failure = event.data.decode("latin-1").partition(" ")
         gate = self._gates.pop(int(number) if number.isdigit() else 0, None)
         if gate is not None and not gate.done():
@@ -149,12 +149,12 @@ class RetracedWire:
         self._entrance, self._now = entrance, now
         self.on_data: OnData = lambda data: None
         self.on_lost: OnLost = lambda reason: None
-        #: Requests of the recording that have not been made again yet, with the reason where one could not be written.
+        #: Recorded requests that have not been repeated yet, with the reason if one could not be written.
         self.script: deque[tuple[bytes, str | None]] = deque()
         self.strayed: list[str] = []
         self.requests = 0
         self.ended = False
-        #: Whether the recording has been read to its end: what is asked after that is asked of nobody.
+        #: Whether the recording has been read to its end; later requests are ignored.
         self.over: Callable[[], bool] = lambda: False
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
@@ -173,7 +173,7 @@ class RetracedWire:
             raise OSError(failure)
 
     def then(self, event: Event) -> None:
-        """What was asked then."""
+        """Note a recorded request."""
         if event.arrow == ">":
             self.requests += 1
             self.script.append((event.data, None))

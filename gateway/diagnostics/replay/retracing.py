@@ -1,8 +1,8 @@
-"""Replaying a recording turn by turn: what came from outside comes again at the turn and the time at which it came.
+"""Replay a recording turn by turn: every input comes at the recorded turn and time.
 
-The gateway is put together as it was and runs on a loop whose time is that of the recording. Nothing of it is guided:
-what it asks the mount and tells its clients is compared with what it asked and told then. The recording is read as it
-is wanted, and of what was said only that is kept which still waits for its other half.
+The gateway is set up as it was and runs on a loop with the time of the recording. It is not guided otherwise: its
+requests to the mount and its replies to clients are compared with the recorded ones. The recording is read as the
+replay advances, and outputs are only kept until they have been compared.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, Retraced
 from gateway.diagnostics.replay.told import Difference, Told, surface_and_host
 from gateway.mount.link.line import MountLink
 
-#: What the gateway is given to end after the last event, seconds.
+#: How long the gateway may take to end after the last event, seconds.
 AFTERWARDS = 1.0
 
 
 class Retracing:
-    """A recording that is played again to ``gateway``, which is not put together yet."""
+    """Replays a recording to ``gateway``, which is not set up yet."""
 
     def __init__(self, gateway: Gateway, loop: RetracedLoop) -> None:
         self.gateway, self._loop = gateway, loop
@@ -33,25 +33,25 @@ class Retracing:
         self.clients = self.replies = 0
         self.differences: list[Difference] = []
         self._here: dict[str, Told] = {}
-        #: The connections as the recording goes on, which is ahead of what has been played of it.
+        #: The connections as far as the recording has been read, which is ahead of what has been replayed.
         self._there: dict[str, Told] = {}
         self._coming: deque[Told] = deque()
         self._touched: list[Told] = []
         self._left: list[Told] = []
         self._tasks: list[asyncio.Task[object]] = []
         self._host = float("nan")
-        #: The recording goes on to where the gateway was told to end.
+        #: Whether the recording includes the end of the gateway.
         self._closing = False
         self.wire.over = lambda: loop.over
         gateway.clock = self.clock
         gateway.entrance = self.entrance
 
     def clock(self) -> float:
-        """The host's clock, as it was."""
+        """Return the recorded clock of the host, Unix seconds."""
         return self._host + self._loop.time() - BASE
 
     async def run(self, recording: Recording) -> None:
-        """Play it to its end, or as far as it goes. Raises UserError."""
+        """Replay the recording as far as it goes. Raises UserError."""
         self._host = float(recording.settings["began"])
         self._loop.elapsed = float(recording.settings.get("elapsed", 0.0))
         self.gateway.prepare(lambda dialogue, wire_log: MountLink(self.wire, dialogue, wire_log))
@@ -65,7 +65,7 @@ class Retracing:
             await self._end()
 
     async def _end(self) -> None:
-        """Nobody is there any more, neither the mount nor what the gateway waits for."""
+        """End the replay: release all waits and close the gateway."""
         self.wire.ended = True
         self.entrance.release()
         await asyncio.sleep(AFTERWARDS)
@@ -76,7 +76,7 @@ class Retracing:
     # --- turn by turn -----------------------------------------------------------------------------------------------
 
     def _begin(self, turn: Turn) -> None:
-        """A turn of the recording begins: what was said until now must have been said again."""
+        """Begin a turn of the recording: all outputs recorded so far must have been repeated."""
         self._compare()
         for event in turn.events:
             if event.arrow == "k":
@@ -87,7 +87,7 @@ class Retracing:
                 self._there[event.side] = Told(event.side)
                 self._coming.append(self._there[event.side])
             elif event.arrow == "-":
-                self._there.pop(event.side, None)  # what comes for it later goes nowhere
+                self._there.pop(event.side, None)  # later replies to it were not delivered
             elif event.arrow == "<" and event.side in self._there:
                 talk = self._there[event.side]
                 talk.was_told(event)
@@ -108,7 +108,7 @@ class Retracing:
             self.differences.append(talk.difference)
 
     def _play(self, event: Event) -> None:
-        """Make what came from outside come again."""
+        """Replay an input."""
         if event.side == MOUNT:
             self._mount(event)
         elif event.arrow == "+":

@@ -1,4 +1,4 @@
-"""A connection that is played again: what it was told then and is told now, as far as they have not been compared."""
+"""A replayed connection: the bytes it received then and now that have not been compared yet."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from gateway.core.errors import UserError
 from gateway.transport import ConnectionHandler
 from gateway.transport.listening import networked
 
-#: What a connection was told in one piece, as far as it is shown.
+#: How many bytes of a difference are shown.
 SHOWN = 24
 
 
 class Difference(NamedTuple):
-    """The first byte at which a client was told something else: what it received then, and now."""
+    """The first difference of a client: when it occurred, the bytes received then, and now."""
 
     client: str
     at: float
@@ -25,7 +25,7 @@ class Difference(NamedTuple):
 
 
 class Told:
-    """One connection; ``at`` is when it was told the last of ``then``."""
+    """One connection; ``at`` is the time of the last bytes of ``then``."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -35,15 +35,15 @@ class Told:
         self.difference: Difference | None = None
 
     def come(self, gateway: Gateway, event: Event, name: str | None = None) -> None:
-        """Connect again as in a recorded event, under a ``name`` of its own if need be. Raises UserError."""
+        """Connect as in a recorded event, under another ``name`` if one is given. Raises UserError."""
         number, host = surface_and_host(event)
         reception = gateway.receptions[number - 1]
-        self.guest = reception.come(name or self.name, host, self.now.extend)  # it was not turned away then
+        self.guest = reception.come(name or self.name, host, self.now.extend)  # it was accepted when it was recorded
         if networked(gateway.endpoints[number - 1].where):
-            self.guest.network(lambda last: None)  # a stranger's bytes are in no recording
+            self.guest.network(lambda last: None)  # bytes of refused connections are not recorded
 
     def play(self, event: Event) -> None:
-        """Make what it did happen again; any other event is its end."""
+        """Replay what the client did; any other event is its end."""
         assert self.guest is not None
         if event.arrow == ">":
             self.guest.feed(event.data)
@@ -57,7 +57,10 @@ class Told:
         self.at = event.at
 
     def compare(self, less: bool = False, more: bool = False) -> None:
-        """Forget what is alike; once something is not, or ``less`` or ``more`` is told by the end, remember that."""
+        """Discard equal bytes and remember the first difference.
+
+        At the end, ``less`` and ``more`` tell whether missing and additional bytes count as one.
+        """
         common = min(len(self.then), len(self.now))
         if self.difference is None:
             left = (less and len(self.then) > common) or (more and len(self.now) > common)
@@ -70,7 +73,7 @@ class Told:
 
 
 def surface_and_host(event: Event) -> tuple[int, str]:
-    """Where a connection came in, and from which host. Raises UserError."""
+    """Return the number of the surface and the host of a recorded connection. Raises UserError."""
     found = re.fullmatch(r"surface (\d+), host (.*)", event.data.decode("latin-1"))
     if found is None:
         raise UserError(f"recording, {event.at:.6f} s: a connection without its surface and host")

@@ -1,4 +1,4 @@
-"""The picture of a night: a recording as one HTML file with plots, for people who were there and for those who help.
+"""The report of a night: a recording as one HTML file with plots, for observers and for those who help them.
 
-``gather`` reads the recording once into a ``Night``; everything else only looks at that. Times are UTC.
+``gather`` reads the recording once into a ``Night``; everything else works on that. Times are UTC.
 """

@@ -1,4 +1,4 @@
-"""Two plots of how long the mount took to answer: over the time, and how often it took how long."""
+"""Two plots of the mount's reply times: over the night, and as a histogram."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import NamedTuple
 from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.svg import TOP, Frame, path, picture, tag
 
-#: Parts of the time, and of the answer times, that are looked at together.
+#: The number of intervals of the night, and of bars of the histogram.
 PARTS, BARS = 240, 60
-#: What the upright scale of answer times reaches: this part of the answers, and a little more.
+#: The vertical scale shows this part of the reply times, times a margin.
 SHOWN, ROOM = 0.99, 1.3
 
 
 class Spread(NamedTuple):
-    """Of the answers in one part of the time: when, one of twenty, the middle one, nineteen of twenty, the longest."""
+    """The reply times of one interval: its time, the 5 % quantile, the median, the 95 % quantile, the maximum."""
 
     time: float
     low: float
@@ -25,12 +25,12 @@ class Spread(NamedTuple):
 
 
 def at(part: float, ordered: Sequence[float]) -> float:
-    """The value that this part of them does not exceed."""
+    """Return the quantile ``part`` of sorted values."""
     return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
 
 
 def spreads(night: Night) -> list[Spread]:
-    """For every part of the time in which the mount answered."""
+    """Return the spread of every interval in which the mount answered."""
     width = max((night.ended - night.began) / PARTS, 1e-3)
     parts: dict[int, list[float]] = {}
     for time, took in zip(night.asked, night.took, strict=True):
@@ -44,12 +44,12 @@ def spreads(night: Night) -> list[Spread]:
 
 
 def _reach(night: Night) -> float:
-    """The longest answer time that is shown, milliseconds."""
+    """Return the longest reply time that is shown, milliseconds."""
     return max(at(SHOWN, sorted(night.took)) * 1000.0 * ROOM, 1.0)
 
 
 def _round(value: float) -> float:
-    """About a quarter of a scale, as a number that one likes to read."""
+    """Return a round number of about a quarter of a scale."""
     step = 1.0
     while True:
         for factor in (1.0, 2.0, 5.0):
@@ -59,7 +59,7 @@ def _round(value: float) -> float:
 
 
 def over_time(night: Night) -> str:
-    """The middle one as a line, nine of ten as a band, the longest as dots, what went wrong as red lines."""
+    """Plot the median as a line, nine of ten as a band, the maxima as dots, and problems as red lines."""
     reach = _reach(night)
     frame = Frame(night.began, night.ended, 0.0, reach, height=220.0)
     step = _round(reach)
@@ -80,7 +80,7 @@ def over_time(night: Night) -> str:
 
 
 def _unbroken(found: list[Spread], night: Night) -> list[list[Spread]]:
-    """Stretches without a gap."""
+    """Split into stretches without a gap."""
     gap = 3.5 * (night.ended - night.began) / PARTS
     parts: list[list[Spread]] = []
     for one in found:
@@ -91,7 +91,7 @@ def _unbroken(found: list[Spread], night: Night) -> list[list[Spread]]:
 
 
 def histogram(night: Night) -> str:
-    """How many answers took how long."""
+    """Plot how many replies took how long."""
     reach, height, width = _reach(night), 220.0, 900.0
     counts = [0] * (BARS + 1)
     for took in night.took:

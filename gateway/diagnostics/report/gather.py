@@ -1,7 +1,7 @@
-"""A recording, read once from its beginning to its end, as what a report tells.
+"""Read a recording once and collect what the report shows.
 
-Bytes are understood as ``decode`` understands them. Which commands tell a place or a site, and which are gotos,
-is told by the protocol.
+Bytes are decoded as ``decode`` does it. The protocol says which commands report a position or a site, and which are
+gotos.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from gateway.diagnostics.recorded_sides import RecordedSides
 from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, Site
 from gateway.protocols.registry import PROTOCOLS
 
-#: Seconds between two places that are kept while the tube hardly moves, and degrees that are more than hardly.
+#: Positions are kept every so many seconds, or when the tube has moved by more than so many degrees.
 SELDOM, FAR = 10.0, 0.3
-#: Right ascension and declination that come one after the other belong together within so many seconds.
+#: Right ascension and declination reported within so many seconds of each other belong together.
 TOGETHER = 3.0
-#: Requests whose replies may still be due.
+#: How many requests may wait for their replies.
 DUE = 64
-#: Of each kind, so many remarks are kept.
+#: How many remarks of each kind are kept.
 MOST = 10_000
 
 
 def gather(recording: Recording) -> Night:
-    """Raises UserError for a file that is damaged."""
+    """Collect a whole recording. Raises UserError if the file is damaged."""
     gathering = _Gathering(recording)
     for event in gathering.sides.introduced(recording):
         gathering.take(event)
@@ -65,7 +65,7 @@ class _Gathering:
         self._told: dict[str, tuple[float, float]] = {}
 
     def take(self, event: Event) -> None:
-        """One line of the recording."""
+        """Process one line of the recording."""
         time = self._began + event.at
         self.night.ended = max(self.night.ended, time)
         if event.arrow in BOOKKEEPING or event.arrow == "r" or event.side == RECORDER:
@@ -99,7 +99,7 @@ class _Gathering:
                 self._answered(heard, event.at)
 
     def _answered(self, heard: Heard, at: float) -> None:
-        """A reply belongs to the newest request of its command; what was asked before that has no answer."""
+        """Match a reply to the newest request of its command; older requests were not answered."""
         waiting = [place for place, (_, name) in enumerate(self._asked) if name == heard.command]
         if waiting:
             self._given_up(waiting[-1])
@@ -112,7 +112,7 @@ class _Gathering:
             self._site(heard.fields, self._began + at)
 
     def _given_up(self, number: int) -> None:
-        """So many of the oldest requests have had no answer."""
+        """Count so many of the oldest requests as unanswered."""
         for _ in range(number):
             self._asked.popleft()
         self.night.unanswered += number

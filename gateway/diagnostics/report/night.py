@@ -1,4 +1,4 @@
-"""What a report tells of a night, as values. Times are Unix seconds, angles degrees, answer times seconds."""
+"""The data of a report. Times are Unix seconds, angles degrees, reply times seconds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Site(NamedTuple):
-    """Longitude is east positive. ``source`` says who told it."""
+    """Longitude is positive to the east. ``source`` says who reported the site."""
 
     latitude: float
     longitude: float
@@ -17,7 +17,7 @@ class Site(NamedTuple):
 
 
 class Pointing(NamedTuple):
-    """Where the tube pointed: right ascension and declination as the mount told them."""
+    """A position of the tube: right ascension and declination as the mount reported them."""
 
     time: float
     ra: float
@@ -25,7 +25,7 @@ class Pointing(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """Something that went wrong, or was refused: to whom, and in words."""
+    """A problem or a refusal: whom it concerned, and a description."""
 
     time: float
     who: str
@@ -50,13 +50,13 @@ class Program:
 
     @property
     def per_minute(self) -> float:
-        """Commands a minute, over the time from its first connection to its last command."""
+        """Commands per minute, from its first connection to its last command."""
         return self.sent / max((self.last - self.first) / 60.0, 1.0)
 
 
 @dataclass
 class Night:
-    """``cut`` is why the recording is less than there was, in words; ``equinox`` is what the mount's places are of."""
+    """``cut`` says why the recording is incomplete; ``equinox`` is the equinox of the mount's positions."""
 
     mount: str
     surfaces: list[str]
@@ -67,12 +67,12 @@ class Night:
     highest: float = 90.0
     site: Site | None = None
     pointings: list[Pointing] = field(default_factory=list)
-    #: When the mount was asked, and how long each answer took; a night has a million of them.
+    #: When each query was sent to the mount, and how long its reply took; a night has a million of them.
     asked: array[float] = field(default_factory=lambda: array("d"))
     took: array[float] = field(default_factory=lambda: array("d"))
     unanswered: int = 0
     gotos: int = 0
-    #: What went wrong on the mount's line, and what the gateway has to say about the mount.
+    #: Problems of the connection with the mount, and the gateway's notes about the mount.
     remarks: list[Remark] = field(default_factory=list)
     refusals: list[Remark] = field(default_factory=list)
     programs: dict[tuple[str, str], Program] = field(default_factory=dict)

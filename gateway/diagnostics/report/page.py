@@ -1,6 +1,6 @@
-"""The report as one HTML file: words first, then plots, then tables. It needs no script and no other file.
+"""The report as one HTML file: text first, then plots, then tables. It needs no script and no other file.
 
-It looks as the reader's system asks for, by day and by night. Whoever's words come in are escaped.
+It follows the light or dark setting of the reader's system. All text from the recording is escaped.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from gateway.diagnostics.report.night import Night, Remark
 from gateway.diagnostics.report.sky_plots import Seen, light, track
 from gateway.diagnostics.report.svg import clock
 
-#: Commands that are named of each program, and rows of what was refused or noted.
+#: How many commands of each program are named, and how many rows of refusals and notes are shown.
 NAMED, ROWS = 8, 200
 
 
 def page(night: Night, source: str) -> str:
-    """``source`` is the recording's name."""
+    """Return the HTML; ``source`` is the recording's name."""
     sky = Sky()  # its closed forms are good to a second of arc
     seen = track(night, sky)
     said = "".join(f"<p>{html.escape(words)}</p>" for words in sentences(night, seen))
@@ -66,7 +66,7 @@ def page(night: Night, source: str) -> str:
 
 
 def _wide(plot: str) -> str:
-    """On a phone it is as wide as its words need, and scrolls."""
+    """Wrap a plot so that it scrolls on a phone instead of becoming too small to read."""
     return f'<div class="wide">{plot}</div>'
 
 
@@ -76,14 +76,14 @@ def _section(title: str, note: str, content: str) -> str:
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Cells are HTML already."""
+    """Return an HTML table; the cells are HTML already."""
     head = "".join(f'<th scope="col">{html.escape(word)}</th>' for word in heads)
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def table_of_programs(night: Night) -> str:
-    """The busiest first."""
+    """Return the table of programs, the busiest first."""
     rows = []
     busiest = max((program.sent for program in night.programs.values()), default=1) or 1
     for program in sorted(night.programs.values(), key=lambda one: -one.sent):
@@ -101,7 +101,7 @@ def table_of_programs(night: Night) -> str:
 
 
 def table_of_remarks(found: Sequence[Remark], none: str, of_programs: bool) -> str:
-    """The same words once, with how often and when first and last; the most frequent first."""
+    """Return a table with each remark once: how often it occurred, first and last; the most frequent first."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in found:
         same.setdefault((remark.words, remark.who), []).append(remark.time)
@@ -118,12 +118,12 @@ def table_of_remarks(found: Sequence[Remark], none: str, of_programs: bool) -> s
 
 
 def title(night: Night) -> str:
-    """The day on which it began, UTC."""
+    """Return the title: the day on which the recording began, UTC."""
     return f"The night of {datetime.fromtimestamp(night.began, UTC):%d %B %Y}".replace(" 0", " ")
 
 
 def sentences(night: Night, seen: list[Seen]) -> list[str]:
-    """What happened, the most important first."""
+    """Describe what happened, the most important first."""
     return [
         f"From {clock(night.began)} to {clock(night.ended)} UTC, {_lasting(night.ended - night.began)}, with the mount "
         f"{night.mount}.",
@@ -143,7 +143,7 @@ def _lasting(seconds: float) -> str:
 
 
 def counted(number: int, thing: str) -> str:
-    """``1 program``, ``1,200 commands``."""
+    """Format a count, as in ``1 program`` or ``1,200 commands``."""
     return f"{number:,} {thing}{'s' * (number != 1)}"
 
 

@@ -1,4 +1,4 @@
-"""Where the tube pointed, as the site sees it, and two plots of that: over the whole sky, and altitude over time."""
+"""Where the tube pointed, in altitude and azimuth, and two plots of it: an all-sky chart, and altitude over time."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from gateway.astro.spherical import separation
 from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.svg import Frame, Point, clock, path, picture, tag, text
 
-#: Faster than this (degrees a second) it is on its way somewhere; a gap of more seconds than that breaks the line.
+#: Motion faster than this (degrees a second) counts as slewing; a longer gap than this (seconds) breaks the line.
 FAST, GAP = 0.05, 120.0
-#: Seconds between two looks at the Sun, and looks at most.
+#: Seconds between two computed altitudes of the Sun, and how many are computed at most.
 LOOK, LOOKS = 240.0, 400
-#: Sun altitudes that end the day, and the twilight.
+#: The altitudes of the Sun at which day and twilight end, degrees.
 SET, DARK = -0.8, -18.0
 SIDE, RADIUS = 460.0, 200.0
-#: Pixels that a time needs beside a track.
+#: The size of a time label beside a track, pixels.
 WIDE, HIGH = 46.0, 15.0
 
 
 class Seen(NamedTuple):
-    """A place over the horizon. ``slewing`` tells that it was fast on its way there, ``joined`` that it came from the
-    one before."""
+    """A position in altitude and azimuth. ``slewing``: the tube was slewing to it; ``joined``: a line connects it with
+    the position before."""
 
     time: float
     alt: float
@@ -34,7 +34,7 @@ class Seen(NamedTuple):
 
 
 def track(night: Night, sky: Sky) -> list[Seen]:
-    """Nothing where no site is known."""
+    """Return the positions in altitude and azimuth; empty if no site is known."""
     if night.site is None:
         return []
     latitude, longitude, _ = night.site
@@ -50,7 +50,7 @@ def track(night: Night, sky: Sky) -> list[Seen]:
 
 
 def pieces(seen: list[Seen]) -> Iterator[list[Seen]]:
-    """Stretches of one kind, each beginning with the end of the one before it."""
+    """Split into stretches of one kind, each beginning at the end of the one before."""
     piece: list[Seen] = []
     for place in seen:
         if piece and (not place.joined or (len(piece) > 1 and place.slewing != piece[-1].slewing)):
@@ -62,7 +62,7 @@ def pieces(seen: list[Seen]) -> Iterator[list[Seen]]:
 
 
 class Light(NamedTuple):
-    """A part of the time: ``day``, ``twilight`` or ``dark``."""
+    """An interval of ``day``, ``twilight`` or ``dark``."""
 
     began: float
     ended: float
@@ -70,7 +70,7 @@ class Light(NamedTuple):
 
 
 def light(night: Night, sky: Sky) -> list[Light]:
-    """The whole time in parts; nothing where no site is known."""
+    """Divide the whole time into day, twilight and dark; empty if no site is known."""
     if night.site is None or night.ended <= night.began:
         return []
     step = max(LOOK, (night.ended - night.began) / LOOKS)
@@ -93,7 +93,7 @@ def _daylight(night: Night, sky: Sky, time: float) -> str:
 
 
 def all_sky(seen: list[Seen], night: Night) -> str:
-    """Stereographic, the zenith in the middle, north up, east to the left as one looks up."""
+    """Draw the sky in stereographic projection: zenith in the middle, north up, east to the left."""
     middle = SIDE / 2
     drawn = [tag("circle", cx=middle, cy=middle, r=RADIUS, class_="sky")]
     for altitude in (30.0, 60.0):
@@ -129,7 +129,7 @@ def _kind(piece: list[Seen]) -> str:
 
 
 def _times(seen: Iterable[Seen]) -> list[str]:
-    """A dot and the time where it tracks or rests, wherever there is room for them."""
+    """Draw a dot and the time where the tube tracks or rests, if there is room."""
     drawn: list[str] = []
     taken: list[Point] = []
     for place in seen:
@@ -143,7 +143,7 @@ def _times(seen: Iterable[Seen]) -> list[str]:
 
 
 def altitude(seen: list[Seen], lights: list[Light], night: Night) -> str:
-    """With day and twilight behind it, the limits, and what went wrong below."""
+    """Plot altitude over time, with day and twilight as background, the limits, and problems at the bottom."""
     frame = Frame(night.began, night.ended, 0.0, 90.0)
     drawn = [frame.band(part.began, part.ended, part.kind) for part in lights]
     drawn.append(frame.axes((value, f"{value}°") for value in (0, 30, 60, 90)))

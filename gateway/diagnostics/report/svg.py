@@ -1,4 +1,4 @@
-"""Pieces of SVG as text: elements, paths, and a plot's frame with its two scales. Whatever comes in is escaped."""
+"""SVG as text: elements, paths, and a plot's frame with its two scales. All text and attributes are escaped."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-#: Pixels left, right, above and below a plot for what is written there.
+#: Margins of a plot for its labels, pixels.
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 14.0, 12.0, 26.0
-#: Seconds between two ticks of a time axis, the smallest first; ticks that fit side by side.
+#: Possible steps of a time axis, seconds; how many ticks fit side by side.
 STEPS = (10, 30, 60, 300, 600, 1800, 3600, 7200, 10800, 21600, 86400)
 TICKS = 9
 
@@ -17,7 +17,7 @@ Point = tuple[float, float]
 
 
 def tag(name: str, content: str = "", /, **attributes: object) -> str:
-    """``tag("line", x1=1, class_="axis")``; the content is SVG already."""
+    """Return an element, as in ``tag("line", x1=1, class_="axis")``; the content is SVG already."""
     told = "".join(f' {key.rstrip("_").replace("_", "-")}="{_attribute(value)}"' for key, value in attributes.items())
     return f"<{name}{told}>{content}</{name}>"
 
@@ -27,29 +27,29 @@ def _attribute(value: object) -> str:
 
 
 def text(words: str, x: float, y: float, class_: str = "", anchor: str = "middle") -> str:
-    """Words, of whoever they are."""
+    """Return a text element; the words are escaped."""
     return tag("text", html.escape(words), x=x, y=y, class_=class_, text_anchor=anchor)
 
 
 def path(points: Iterable[Point], class_: str, closed: bool = False) -> str:
-    """A line through points."""
+    """Return a line through points."""
     drawn = "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
     return tag("path", d=f"M{drawn}{'Z' * closed}", class_=class_) if drawn else ""
 
 
 def picture(width: float, height: float, content: str, label: str) -> str:
-    """A whole picture, and what it shows for those who do not see it."""
+    """Return a complete picture; ``label`` describes it for screen readers."""
     return tag("svg", content, viewBox=f"0 0 {width:g} {height:g}", role="img", aria_label=label)
 
 
 def clock(unix: float, seconds: bool = False) -> str:
-    """The time of the day, UTC."""
+    """Format Unix seconds as the time of day, UTC."""
     return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S" if seconds else "%H:%M")
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A plot over time: which times and values it shows, and how large it is."""
+    """The frame of a plot over time: the ranges of times and values, and its size in pixels."""
 
     began: float
     ended: float
@@ -71,18 +71,18 @@ class Frame:
         return self.height - BOTTOM
 
     def band(self, began: float, ended: float, class_: str) -> str:
-        """A part of the time, from top to bottom."""
+        """Shade an interval of time from top to bottom."""
         return tag(
             "rect", x=self.x(began), y=TOP, width=self.x(ended) - self.x(began), height=self.foot - TOP, class_=class_
         )
 
     def axes(self, values: Iterable[tuple[float, str]]) -> str:
-        """Lines and words of both scales: of the values, and of the time of the day."""
+        """Draw the grid lines and labels of the value scale and of the time scale."""
         brief = self.ended - self.began < 300
         return self.axes_of(values, [(time, clock(time, brief)) for time in self.times()])
 
     def axes_of(self, values: Iterable[tuple[float, str]], below: Iterable[tuple[float, str]]) -> str:
-        """The same with words for both."""
+        """Like `axes`, with given labels for both scales."""
         drawn = [
             tag("line", x1=LEFT, x2=self.width - RIGHT, y1=self.y(value), y2=self.y(value), class_="grid")
             + text(words, LEFT - 8, self.y(value) + 4, "tick", "end")
@@ -94,7 +94,7 @@ class Frame:
         return "".join(drawn)
 
     def times(self) -> list[float]:
-        """Where the ticks of the time axis are."""
+        """Return the times of the ticks, Unix seconds."""
         step = next((one for one in STEPS if (self.ended - self.began) / one <= TICKS), STEPS[-1])
         first = -(-self.began // step) * step
         return [first + number * step for number in range(int((self.ended - first) // step) + 1)]

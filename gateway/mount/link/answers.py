@@ -1,8 +1,8 @@
-"""When answers come: how long the mount takes on this line, how long an answer is waited for, and which may come late.
+"""Reply times: how long replies take on this line, the timeout that follows from it, and which replies may come late.
 
-A serial line and a TCP stream keep the order of what passes, so an exchange that proves the line to be in step also
-ends every older request. Some boxes in between reorder all the same. For them a request stays open until its reply
-would be later than any that was ever seen, and nothing is accepted that could be its reply.
+A serial line and a TCP stream preserve order, so a check that finds the line in step also rules out replies to older
+requests. But some converters between gateway and mount reorder the data. Therefore a request that timed out stays open
+until its reply would be later than any ever observed, and until then nothing is accepted that could be its reply.
 """
 
 from __future__ import annotations
@@ -11,30 +11,32 @@ from collections.abc import Callable
 
 from gateway.protocols.base.driver import Send
 
-#: Seconds after its timeout within which the answer to a question may still come.
+#: Seconds after its timeout within which the reply to a request may still arrive.
 LATEST = 2.5
-#: A place is missed after so many times what answers take, and no sooner than these seconds, once so many have come.
+#: The timeout of a position read is QUICK times the typical reply time, at least SOON seconds, after KNOWN replies.
 QUICK, SOON, KNOWN = 8.0, 1.2, 20
-#: Where an answer has come too late, and no later than these seconds, the next are waited for so much longer.
+#: After a late reply the timeouts grow to LATER times the seconds it took. One later than LATEST_ANSWER is ignored.
 LATER, LATEST_ANSWER = 1.5, 6.0
-#: The first answer tells how long answers take, up to so many seconds.
+#: The first reply sets the typical time, up to this many seconds.
 FIRST_ANSWER = 1.0
-#: How much the newest answer counts, and what it may differ at most.
+#: Smoothing of the typical time: the weight of the newest reply, limited to FACTOR times the average plus AT_LEAST.
 SHARE, FACTOR, AT_LEAST = 0.2, 3.0, 0.01
 
 
 class AnswerTimes:
-    """``typical`` and ``took`` are the seconds that an answer takes, and that the last one took on the wire;
-    ``answers`` how many there were.
+    """``typical`` is the average reply time in seconds, ``took`` that of the last reply (or of the wait for one),
+    ``answers`` the number of replies.
     """
 
     def __init__(self) -> None:
         self.typical, self.took, self.answers = 0.02, 0.0, 0
-        #: How late an answer came once, seconds; 0 where none has.
+        #: Seconds that the last late reply took; 0 if there was none.
         self._late = 0.0
 
     def answered(self, took: float, elapsed: float, counts: bool) -> None:
-        """An answer has come, ``elapsed`` seconds after its question; ``counts``: it is no long work, nor empty."""
+        """Record a reply. ``took`` is the time until its last byte, ``elapsed`` until it was accepted. It enters the
+        average only if it ``counts``: replies to long operations and empty replies do not.
+        """
         self.took = took
         self.answers += 1
         if not counts:
@@ -44,40 +46,42 @@ class AnswerTimes:
             self.typical = max(self.typical, min(elapsed, FIRST_ANSWER))
 
     def unanswered(self, elapsed: float) -> None:
-        """None has come."""
+        """Record a timeout."""
         self.took = elapsed
 
     def came_late(self, took: float) -> None:
-        """It came after nobody waited for it any more."""
+        """Record a reply that arrived after its timeout."""
         self._late = took if took <= LATEST_ANSWER else self._late
 
-    def patience(self, longest: float, place: bool) -> float:
-        """Seconds that an answer may take, ``longest`` by the protocol. A ``place`` is asked for again and again: a
-        lost one is soon missed.
+    def timeout(self, longest: float, position: bool) -> float:
+        """Return the timeout of a reply in seconds; ``longest`` is the protocol's. It is shorter for a ``position``,
+        which is polled: a lost reply is soon noticed and asked for again.
         """
         longest = max(longest, LATER * self._late)
-        if not place or self.answers < KNOWN:
+        if not position or self.answers < KNOWN:
             return longest
         return min(longest, max(SOON, QUICK * self.typical))
 
 
 class LateReplies:
-    """The unanswered questions. ``alike`` says whether an answer to the one could be taken for one to the other."""
+    """Requests that timed out and may still be answered. ``alike`` says whether a reply to one request could be
+    mistaken for a reply to the other.
+    """
 
     def __init__(self, alike: Callable[[Send, Send], bool]) -> None:
         self._alike = alike
         self._open: list[tuple[float, Send]] = []
 
     def add(self, ask: Send, until: float) -> None:
-        """A question stays open until then, in seconds of the line's clock."""
+        """Keep an unanswered request open until this time of the line's clock, in seconds."""
         self._open.append((until, ask))
 
     def until(self, ask: Send, now: float) -> float:
-        """When nothing but the answer to ``ask`` can be taken for it; ``now`` when that is so already."""
+        """Return the time from which no late reply can be mistaken for the reply to ``ask``; ``now`` if none can."""
         return max([end for end, _ in self._like(ask, now)], default=now)
 
     def count(self, ask: Send, now: float) -> int:
-        """How many answers may come that could be taken for the answer to ``ask``: one more than that is its own."""
+        """Return how many late replies could be mistaken for the reply to ``ask``; one reply more must be its own."""
         return len(self._like(ask, now))
 
     def _like(self, ask: Send, now: float) -> list[tuple[float, Send]]:

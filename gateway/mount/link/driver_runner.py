@@ -1,7 +1,7 @@
-"""Carries out what a driver's generators yield: their exchanges with the mount, as far as they can be believed.
+"""Runs the generators of a driver: sends the commands that they yield and gives the verified replies back to them.
 
-What a driver schedules for later, and a defect in it, is told by signals: who must act on that stands above. A mount
-that hibernates is left alone: what it would not answer in its sleep is refused without asking.
+Signals report what a driver schedules for later, and a defect in a driver; the parts that act on them are in higher
+layers. While the mount hibernates, a command that it would not answer is refused without sending it.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, POSITION, STOP
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Steps, Wait
 
-#: Seconds from one position that is tried to the next: no longer than where nobody asks a mount that is awake.
+#: Seconds between two position reads that test whether the mount is awake: the heartbeat of a mount that is awake.
 TRY_AGAIN = 5.0
 
 
 class HibernationGate:
-    """Asks the driver whether its mount sleeps, and tells it when the mount is heard to be awake.
+    """Decides which commands are sent to a hibernating mount, and tells the driver when its replies show it awake.
 
-    Stops are sent all the same, and the position is asked for now and then: somebody may have woken it at its keys, and
-    the first answer that no sleeper gives ends this. What a sleeper does not hear costs the line seconds, each time.
-    Where it is being woken, what is asked for after that is asked of a mount that is awake.
+    Each command that a hibernating mount ignores costs a timeout of seconds. Stops are sent anyway. The position is
+    read now and then, because a person may have woken the mount at its keys: the first reply that a hibernating mount
+    does not give ends hibernation. While a wake-up order is pending, every command is let through.
     """
 
     def __init__(self, context: Context) -> None:
@@ -36,32 +36,32 @@ class HibernationGate:
         self._next = 0.0
 
     def begun(self) -> None:
-        """The mount has just been sent to sleep."""
+        """Start waiting: the mount has just been sent to hibernate."""
         self._next = self._now() + TRY_AGAIN
 
-    def doubt(self) -> None:
-        """The line was lost, and the mount perhaps switched off: the next read is tried."""
+    def try_next_read(self) -> None:
+        """Let the next position read through: the line was lost, and the mount perhaps switched off and on."""
         self._next = 0.0
 
     @property
-    def deep(self) -> bool:
-        """Whether nothing would come of a read now."""
+    def closed(self) -> bool:
+        """Whether a read would be refused now."""
         return self._driver.asleep and self._now() < self._next and not self._wanted.waking
 
     def admit(self, ask: Send, rank: int) -> None:
-        """Whether to ask this of a mount that sleeps, now. Raises Asleep."""
-        if rank == STOP or self._heard(ask) or self._wanted.waking:
+        """Check that a command may be sent to the hibernating mount now. Raises Asleep if not."""
+        if rank == STOP or self._answered_asleep(ask) or self._wanted.waking:
             return
-        if self.deep or rank != POSITION:
+        if self.closed or rank != POSITION:
             raise Asleep
         self._next = self._now() + TRY_AGAIN
 
-    def _heard(self, ask: Send) -> bool:
+    def _answered_asleep(self, ask: Send) -> bool:
         return bool(self._driver.protocol.commands[ask.command].while_asleep)
 
     def answered(self, ask: Send) -> None:
-        """A mount that sleeps has answered."""
-        if not self._heard(ask):
+        """Note a reply of a mount that was thought to hibernate; most replies show that it is awake."""
+        if not self._answered_asleep(ask):
             self._driver.asleep = False
 
 
@@ -69,10 +69,10 @@ _T = TypeVar("_T")
 
 
 class DriverRunner:
-    """``perform`` carries out an operation at a rank of the line, ``drive`` any generator of the driver's.
+    """``perform`` carries out an operation with a priority, ``drive`` runs any generator of the driver.
 
-    ``stirs`` is emitted before something goes to the mount that may set it moving, ``scheduled`` with what the driver
-    wants done later, ``broken`` when a defect leaves it open what moves now.
+    ``stirs`` is emitted before anything is sent that may set the mount moving, ``scheduled`` with an operation that the
+    driver wants done later, ``broken`` when a defect leaves it unknown what moves now.
     """
 
     def __init__(self, context: Context, verifier: ReplyVerifier, gate: HibernationGate) -> None:
@@ -80,18 +80,17 @@ class DriverRunner:
         self.stirs: Signal[None] = Signal()
         self.scheduled: Signal[Schedule] = Signal()
         self.broken: Signal[None] = Signal()
-        #: How many exchanges the operation took that was carried out last, and when the questions were asked whose
-        #: answers it ended with, as many as a place takes.
+        #: The number of exchanges of the last operation, and the loop time at which it sent the first of its last
+        #: ``Driver.position_reads`` requests: a position read cannot be older than that.
         self.exchanges, self.asked_at = 0, 0.0
 
     async def perform(self, operation: Operation, rank: int) -> Any:
-        """Have the driver carry out an operation -> its answer. Raises Fault."""
+        """Have the driver carry out an operation and return its answer. Raises Fault."""
         return await self.drive(self._context.driver.perform(operation), rank)
 
     async def drive(self, steps: Steps, rank: int, since: float | None = None) -> Any:
-        """Exchanges and pauses -> the generator's value. What was asked for (``since``) too long ago is not begun.
-
-        Raises Fault.
+        """Run a generator of the driver and return its value. Raises Fault: Busy if it starts more than ``AT_ONCE``
+        seconds after ``since`` (loop time of the order), or if the line delayed the start of a motion by hand as long.
         """
         now, driver = self._context.now, self._context.driver
         self.exchanges = exchanges = 0
@@ -121,9 +120,9 @@ class DriverRunner:
             return value
         except (Fault, asyncio.CancelledError):
             raise
-        except Exception as error:  # a defect in a driver must cost one operation, never the gateway
+        except Exception as error:  # a defect in a driver may fail one operation, but never the gateway
             self._context.note(f"internal error, please report it: {error!r}")
-            if rank != STOP:  # a stop that fails is tried again by itself
+            if rank != STOP:  # a failed stop is retried anyway
                 self.broken.emit(None)
             raise Refused(f"Internal error: {error!r}") from error
 
@@ -134,7 +133,9 @@ async def carry_out(
     plan: Callable[[Schedule], object],
     remark: Callable[[str], object] = lambda text: None,
 ) -> _T:
-    """Run a driver's generator to its end -> its value. A Fault of an exchange is thrown into it. Raises Fault."""
+    """Run a driver's generator to its end and return its value. A Fault of an exchange is thrown into the generator;
+    ``plan`` receives what it schedules, ``remark`` its remarks. Raises the Fault that the generator raises.
+    """
     answer: Mapping[str, object] | None = None
     fault: Fault | None = None
     try:

@@ -1,8 +1,8 @@
-"""The line to the mount: one exchange at a time, in order of rank.
+"""The line to the mount: one exchange at a time, in order of priority.
 
-Stop goes first, then motion, then settings, then reads. A mount that is busy with itself for long is left alone, but
-for a stop. After a silence, or an answer of the wrong form, nothing is sent before the line has been proven to be in
-step. A lost port is opened again with growing pauses, for ever; one that stays mute is closed and opened anew.
+A stop goes first, then motions, then settings, then reads. While the mount works on a long operation only a stop is
+sent. After a timeout or a garbled reply, nothing is sent until the line has been checked to be in step. If the port is
+lost, the line reopens it with growing pauses, for ever; a port on which the mount stays mute is closed and reopened.
 """
 
 from __future__ import annotations
@@ -19,41 +19,42 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
 
-#: After half a command nothing is sent for this long: a hand control would take it for the other half.
+#: Seconds of silence after half a command: a hand control would take what is sent earlier for the other half.
 HALF_COMMAND = 3.5
-#: Between two commands whose answers nobody waits for.
+#: Seconds between two commands that are sent without waiting for replies.
 BLIND = 0.2
-#: A port that nobody has answered on for this long is opened anew.
+#: Seconds without a reply after which the port is closed and reopened.
 MUTE = 20.0
-#: Seconds after which an answer is overdue: whether the mount hears at all is not known from then on.
+#: Seconds after which a reply is overdue: from then on the mount may not be listening at all.
 OVERDUE = 2.0
+#: Seconds before each further attempt to open the port; the last one repeats.
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
-#: How often the line is proven before it counts as down; after a proof that failed, so many times more quiet is wanted.
+#: How often the line is checked before it counts as down, and the factor by which the quiet before each check grows.
 PROOFS, QUIETER = 3, 3.0
 
 
 class MountLink:
-    """Owns the wire, and serves the exchanges that wait for it. ``came_up`` tells when it comes up,
-    ``exchanged`` what has come of every exchange."""
+    """Owns the wire and carries out the requests that wait for it. ``came_up`` is emitted when the line comes up,
+    ``exchanged`` with the outcome of every exchange."""
 
     def __init__(
         self, wire: Transport, dialogue: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
     ) -> None:
         self.dialogue, self.wire_log = dialogue, wire_log
-        self.queue = RequestQueue() if queue is None else queue  # an empty one counts as false
+        self.queue = RequestQueue() if queue is None else queue  # `or` would replace an empty queue
         self.talk = Transaction(wire, self.queue, dialogue, wire_log)
-        #: The port was lost, perhaps in the middle of an exchange.
+        #: Emitted when the port is lost, perhaps in the middle of an exchange.
         self.lost = self.talk.wire_lost
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
         self.exchanged: Signal[dict[str, Any] | Fault] = Signal()
-        #: The port is open again: listeners add the requests that go out before anything else, a stop that is owed.
+        #: Emitted when the port is open again: listeners add requests that go out before all others, as an owed stop.
         self.reopened: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time
         self._spoken_on = False
         self._proofs = 0
-        #: Since when what was sent has not been answered; None while all is well.
+        #: Loop time of the first request since the last reply; None if every request was answered.
         self._silent_since: float | None = None
         self._task: asyncio.Task[None] | None = None
 
@@ -62,7 +63,7 @@ class MountLink:
 
     @property
     def wire(self) -> Transport:
-        """The way to the mount; until the line is started another may take its place."""
+        """The transport to the mount; it may be replaced until the line is started."""
         return self.talk.wire
 
     @wire.setter
@@ -76,7 +77,7 @@ class MountLink:
 
     @property
     def served(self) -> bool:
-        """Whether exchanges are carried out at all: not before the start, nor once the worker has ended."""
+        """Whether the worker task runs: exchanges are carried out only after the start and before its end."""
         return self._task is not None and not self._task.done()
 
     @property
@@ -85,23 +86,23 @@ class MountLink:
 
     @property
     def typical(self) -> float:
-        """How long an answer takes, seconds."""
+        """The average reply time in seconds."""
         return self.talk.times.typical
 
     @property
     def occupied(self) -> bool:
-        """Whether the mount is at a long piece of work and hears nothing but a stop."""
+        """Whether the mount works on a long operation and accepts nothing but a stop."""
         return self.state == "busy" or self.talk.long
 
     @property
     def overdue(self) -> bool:
-        """Whether an answer has not come for so long that the mount seems not to hear."""
+        """Whether a reply is missing for so long that the mount may not be listening."""
         if self._silent_since is None or self.occupied:
             return False
         return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical)
 
     def worked_after(self, when: float) -> bool:
-        """Whether it has been at a long piece of work since this loop time."""
+        """Whether the mount has worked on a long operation since this loop time."""
         return self.occupied or self.talk.long_until >= when
 
     @property
@@ -109,7 +110,7 @@ class MountLink:
         return self.talk.times.answers
 
     async def close(self) -> None:
-        """End the worker and close the wire; whatever waits, and whatever comes, gets no answer."""
+        """End the worker and close the wire; waiting and later requests fail with NoAnswer."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -118,7 +119,7 @@ class MountLink:
         self.queue.fail_all()
 
     def distrust(self) -> None:
-        """Another process has spoken on the wire: the line is proven to be in step before it is used again."""
+        """Check that the line is in step before it is used again: another process has written to the wire."""
         self._spoken_on = True
         self.queue.wake()
 
@@ -127,7 +128,7 @@ class MountLink:
         return (await self.timed(ask, rank))[0]
 
     async def timed(self, ask: Send, rank: int) -> tuple[dict[str, Any], float]:
-        """The same, and the seconds the reply took. Raises Fault, which knows them, too."""
+        """Like `exchange`, and return the seconds that the reply took too. Raises Fault with ``took`` set."""
         if self.state == "down":
             unheard = NoAnswer()
             unheard.sent = False
@@ -146,7 +147,7 @@ class MountLink:
         while True:
             try:
                 await self.wire.open(*self.talk.opening())
-            except Exception as error:  # pyserial has more kinds of failure than OSError
+            except Exception as error:  # pyserial raises more than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.wire_log.put("mount", "v", note=reason)
                 self._down(f"cannot open {self.wire.name}: {reason}")
@@ -156,20 +157,22 @@ class MountLink:
             failures = 0
             self.wire_log.put("mount", "^")
             self.talk.drop("came before the line was lost")
-            if self.talk.wrote > 0:  # something was said on this line before: it may still be answered
+            if self.talk.wrote > 0:  # a request was sent before the loss: its reply may still arrive
                 await self._reopened()
             else:
                 self._up()
             try:
                 await self._serve()
-            except Exception as error:  # a defect here must not leave the mount without a line for ever
+            except Exception as error:  # a defect here must not end the worker, and with it the line
                 self.wire_log.note("mount", f"internal error, please report it: {error!r}")
                 self._down("internal error")
                 await asyncio.sleep(BACK_OFF[0])
             await self.wire.close()
 
     async def _reopened(self) -> None:
-        """The wire is back: what is owed goes first, and nothing is taken for granted of what is on it."""
+        """Send an owed stop first, then check that the line is in step. Half a command may wait on the other side: it
+        is closed by ``dialogue.closing``, or the mount gets time to forget it.
+        """
         words: list[bytes] = []
         self.reopened.emit(words)
         half, self.talk.half = self.talk.half, False
@@ -194,7 +197,7 @@ class MountLink:
             self._silent_since = self._silent_since or self._now()
             try:
                 outcome = await self.talk.carry_out(request.ask, request.rank == STOP)
-            except BaseException:  # it does not come to an end, and nobody waits for that
+            except BaseException:  # the worker is ending: let the caller not wait for ever
                 request.fail(NoAnswer())
                 raise
             self.exchanged.emit(outcome)
@@ -215,7 +218,7 @@ class MountLink:
         self._down(f"{self.wire.name} was lost")
 
     async def _recover(self) -> None:
-        """Bring the line into step again, however long that takes, unless the wire is lost meanwhile."""
+        """Bring the line into step again, however long that takes; return early if the wire is lost."""
         began = self._now()
         while not self.talk.lost:
             if await self._prove():
@@ -228,7 +231,7 @@ class MountLink:
                 await asyncio.sleep(1.0)
 
     async def _prove(self) -> bool:
-        """Drain what is on the wire, then exchange proofs until the line is in step again -> whether it is."""
+        """Drain the wire, then check that the line is in step, several times if need be; return whether it is."""
         for attempt in range(PROOFS):
             await self.talk.drain(QUIET * QUIETER**attempt)
             if not self.talk.lost and await self.in_step():
@@ -240,26 +243,26 @@ class MountLink:
         return False
 
     async def in_step(self) -> bool:
-        """Whether every proof is answered as it should be, and nothing follows."""
+        """Whether every check command is answered as it should be, and nothing follows the last reply."""
         self._proofs += 1
         for ask in self.dialogue.proof(self._proofs):
             await asyncio.sleep(self.talk.gap(ask))
             outcome = await self.talk.exchange(ask, proof=True)
             if isinstance(outcome, Busy):
-                continue  # that is an answer, too
+                continue  # this is a reply as well
             if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
                 return False
         return not await self.talk.drain(QUIET)
 
     def _up(self) -> None:
-        """The line is in step; when it was not so before, whoever waits for it is told."""
+        """Note that the line is in step, and emit ``came_up`` if it was not up before."""
         self._silent_since = None
         if self.state != "up":
             self._state, self.reason = "up", ""
             self.came_up.emit(None)
 
     def _down(self, reason: str) -> None:
-        """Fail everything that waits; from now on every exchange fails at once."""
+        """Fail all waiting requests; from now on every exchange fails at once."""
         if (self.state, self.reason) != ("down", reason):
             self.wire_log.note("mount", reason)
         self._state, self.reason = "down", reason

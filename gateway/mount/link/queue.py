@@ -1,7 +1,7 @@
-"""The exchanges that wait for the line, and whose turn it is.
+"""The queue of requests to the mount, by priority.
 
-A stop goes first, then motion, then the position, then settings, then other reads; what has waited long rises in rank.
-A read that would delay something urgent waits for that. Who goes first is decided by pure functions.
+A stop goes first, then motion, then the position, then settings, then other reads; the priority of a request that has
+waited long rises. A read that would delay something urgent waits for that. Pure functions decide which request is next.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ from gateway.protocols.base.driver import Send
 
 STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
 READS = (POSITION, READ)
-#: What begins a motion by hand is refused when it could not be sent within so many seconds: whoever pressed the key has
-#: let it go by then, or pressed another.
+#: Seconds after which the start of a motion by hand is refused instead of sent: by then the user has released the key
+#: or pressed another.
 AT_ONCE = 2.0
-#: What is said of it.
-LATE = "The line to the mount was busy for too long: this motion is not begun any more."
-#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the
-#: gateway. The position always does, and before other reads: its halves must be of one instant.
+#: The message of that refusal.
+LATE = "The line to the mount was busy for too long: this motion was not started."
+#: Seconds after which the priority of a request rises. A read then goes before settings, so that clients that set
+#: values without pause do not hide the mount. The position always does: its two halves must be of one instant.
 AGED: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
-#: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide the mount.
+#: After this many motion exchanges in a row an aged read goes first: a flood of arrow commands must not hide the mount.
 IN_A_ROW = 1
-#: After so many exchanges for others an aged setting goes first: reads of a mount that is slow or asleep never end.
+#: After this many exchanges an aged setting goes first: a slow or hibernating mount always has reads waiting.
 PASSED_OVER = 4
-#: Something urgent is waited for that is due within so many times what an exchange takes, and this many seconds longer.
+#: Reads wait for an urgent request due within BEFORE_URGENT times the reply time, until AFTER_DUE seconds after it.
 BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
-#: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that
-#: waited for one, and a halt that is coming go before reads of a lower rank. Five would do; recordings count on eight.
+#: Event loop iterations in which a client that got a reply may queue its next request: the second half of a position, a
+#: motion that waited for one, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
 TURNS = 8
 
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 
 
 class Request:
-    """An exchange that waits for its turn; ``number`` counts them."""
+    """A command that waits for its turn; ``number`` is its sequence number."""
 
     __slots__ = ("ask", "asked", "chosen", "future", "number", "rank")
 
     def __init__(self, ask: Send, rank: int, number: int, future: Outcome) -> None:
         self.ask, self.rank, self.number, self.future = ask, rank, number, future
         self.asked = future.get_loop().time()
-        #: It was this one's turn, and only quiet was waited for: a read that comes meanwhile does not go before it.
+        #: It was this request's turn and it only waits for quiet on the line: a read that comes now goes after it.
         self.chosen = False
 
     def fail(self, fault: Fault) -> None:
@@ -57,7 +57,7 @@ class Request:
 
 
 class RequestQueue:
-    """``add`` puts one in, ``next`` takes out the one whose turn it is."""
+    """The waiting requests: ``add`` queues one, ``next`` returns the one whose turn it is."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -71,42 +71,42 @@ class RequestQueue:
         return len(self._waiting)
 
     def add(self, ask: Send, rank: int) -> Outcome:
-        """An exchange that is asked for now -> its outcome."""
+        """Queue a command and return the future of its outcome."""
         future: Outcome = self._loop.create_future()
         self._waiting.append(Request(ask, rank, next(self._numbers), future))
         self._wake.set()
         return future
 
     def wake(self) -> None:
-        """Something has happened that whoever waits here must look at."""
+        """Wake the worker, because the state of the line has changed."""
         self._wake.set()
 
     def expect_urgent(self, when: float) -> None:
-        """Something urgent will be due at this loop time: reads that would delay it are held back."""
+        """Hold back reads that would delay something urgent at this loop time."""
         heapq.heappush(self._urgent, when)
 
     @property
     def stop_waits(self) -> bool:
-        for request in self._waiting:  # noqa: SIM110  # asked in every turn: a generator costs more than the rest
+        for request in self._waiting:  # noqa: SIM110  # called in every iteration, and faster than a generator
             if request.rank == STOP and not request.future.done():
                 return True
         return False
 
     async def news(self) -> None:
-        """Wait until something comes or happens."""
+        """Wait until a request is added or ``wake`` is called."""
         self._wake.clear()
         await self._wake.wait()
 
     async def woken(self, seconds: float) -> bool:
-        """The same for so many seconds at most -> whether it did."""
+        """Like `news`, but for so many seconds at most; return whether it happened."""
         self._wake.clear()
         return await self._wake.within(seconds)
 
     async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
-        """The request whose turn it is; None when that was waited for, and must be looked at again.
+        """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
-        ``typical`` is how long an exchange takes, ``gap`` how much quiet a question still wants before it. Whoever
-        was ``answered`` just now may ask on first.
+        ``typical`` is the average reply time in seconds, ``gap`` returns the seconds of quiet still needed before a
+        command. If a client was ``answered`` just now, it may queue its next request first.
         """
         if answered:
             await self._what_follows()
@@ -114,7 +114,7 @@ class RequestQueue:
         self._waiting = [request for request in self._waiting if not self._over(request, now)]
         if not self._waiting:
             await self.news()
-            await self._what_follows()  # what woke a read may have brought a stop as well
+            await self._what_follows()  # the event that queued a read may queue a stop as well
             return None
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
@@ -142,16 +142,17 @@ class RequestQueue:
 
     @types.coroutine
     def _what_follows(self) -> Iterator[None]:
-        """Give whoever had an answer its turns, unless nothing or a stop waits."""
+        """Let clients that just got a reply queue their next request, unless the queue is empty or holds a stop."""
         for _ in range(TURNS):
             if not self._waiting or self.stop_waits:
                 return
-            yield  # a turn, as asyncio.sleep(0) is one; there are eight to an exchange
+            yield  # one event loop iteration, cheaper than asyncio.sleep(0)
 
     def while_it_works(self, busy: bool, send: Callable[[Send], bool | None]) -> int:
-        """The mount is at long work: have the stops sent that need no answer -> how many were.
+        """During a long operation of the mount, send the stops that need no reply; return how many were sent.
 
-        ``send`` says of a stop whether it was, None where it needs an answer. Once it is ``busy`` all else is refused.
+        ``send`` returns whether a stop was sent, or None if it needs a reply. Once the mount counts as ``busy``, all
+        other requests are refused.
         """
         sent, waiting = 0, sorted(self._waiting, key=lambda request: (request.rank, request.number))
         self._waiting = []
@@ -168,22 +169,22 @@ class RequestQueue:
         return sent
 
     def fail_all(self) -> None:
-        """The line is lost: whatever waits gets no answer."""
+        """Fail all waiting requests with NoAnswer: the line is lost."""
         for request in sorted(self._waiting, key=lambda request: (request.rank, request.number)):
             request.fail(NoAnswer())
         self._waiting.clear()
 
     def _over(self, request: Request, now: float) -> bool:
-        """Whether nobody waits for it, or it has waited too long."""
+        """Whether the request was cancelled, or has waited too long and was refused here."""
         if not request.future.done() and too_late(request, now):
             request.future.set_exception(Busy(LATE))
         return request.future.done()
 
 
 def in_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: int) -> list[Request]:
-    """Whatever waits, in the order in which its turn comes.
+    """Return the waiting requests in the order in which they will be sent.
 
-    ``motions`` is how many exchanges in a row were for motions, ``passed_over`` how many since the last setting.
+    ``motions`` is how many exchanges in a row were motions, ``passed_over`` how many there were since the last setting.
     """
     before_all = STOP + 0.5
     waited = before_all if motions >= IN_A_ROW else WAITED
@@ -199,9 +200,9 @@ def in_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: i
 
 
 def held_back(first: Request, now: float, urgent: float | None, typical: float) -> float | None:
-    """Seconds for which a read waits for something ``urgent`` that is due then; None when it need not.
+    """Return the seconds that a read waits for something due at loop time ``urgent``; None if it need not wait.
 
-    ``typical`` is how long an exchange takes.
+    ``typical`` is the average reply time in seconds.
     """
     if urgent is None or first.rank not in READS or urgent - now >= BEFORE_URGENT * typical:
         return None
@@ -209,5 +210,5 @@ def held_back(first: Request, now: float, urgent: float | None, typical: float) 
 
 
 def too_late(one: Request, now: float) -> bool:
-    """Whether it begins a motion by hand that is no longer meant."""
+    """Whether the request begins a motion by hand that was asked for too long ago."""
     return one.ask.prompt and now - one.asked > AT_ONCE

@@ -1,8 +1,8 @@
-"""One exchange on an open line: a request, its reply, and whether that reply can be its own.
+"""One exchange on an open line: a request, its reply, and whether that reply can belong to the request.
 
-A reply counts only in its exact form and when nothing follows it: of two, one belongs to another request. A command
-without a reply may still be objected to. After a disturbance the line is drained, and proofs are exchanged until it is
-in step; otherwise every later reply would be taken for the answer to an earlier request.
+A reply counts only if it has the exact form and nothing follows it: of two replies, one belongs to another request. A
+command that has no reply may still be answered with an objection. After a disturbance the line is drained, and checked
+until it is in step; otherwise every later reply would be taken for the reply to the request before.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
 QUIET = 0.15
-#: No disturbance is waited out for longer than that at a time.
+#: Seconds after which draining gives up, even if the line is still not quiet.
 DRAIN = 5.0
-#: A second copy of a reply follows the first within this; what might be mistaken for it is not asked before, where it
-#: is an acknowledgement and no more, or where bytes that answer nothing have come within the last minutes.
+#: A second copy of a reply follows within GAP seconds. Until then the gateway does not send a request that the copy
+#: could answer, if its reply is an acknowledgement only or if stray bytes came within the last UNRULY seconds.
 GAP, UNRULY = 0.05, 300.0
-#: Whoever talks on for so long after a question is not still answering it: quiet is waited for no longer.
+#: Seconds after a request from which arriving bytes are no reply to it: the gateway no longer waits for them to end.
 BABBLE = 3.0
-#: A reply that is an acknowledgement and no more counts when nothing has followed it for this long.
+#: A reply that is an acknowledgement only counts when nothing has followed it for this many seconds.
 SETTLE = 0.02
-#: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
+#: Seconds that a long operation of the mount may take before the requests that wait behind it are refused.
 BUSY_AFTER = 1.0
 
-#: What was answered, and that with how many bytes it takes.
+#: The fields of a reply or the fault that it is, and the same with the length in bytes.
 Answer = dict[str, Any] | Fault
 Taken = tuple[Answer, int]
 
 
 class Transaction:
-    """Exchanges over a wire, until it is ``lost``.
+    """Carries out exchanges over a wire until it is ``lost``.
 
-    Of what waits in the ``queue`` stops may go out while the mount is at a long piece of work, and one cuts the pause
-    short that some mounts need after a command.
+    A stop that waits in the ``queue`` may be sent during a long operation of the mount, and shortens the pause that
+    some mounts need after a command.
     """
 
     def __init__(self, wire: Transport, queue: RequestQueue, dialogue: ReplyRules, wire_log: WireLog) -> None:
@@ -52,30 +52,31 @@ class Transaction:
         self.dialogue, self.wire_log = dialogue, wire_log
         self.lost = False
         self.wire_lost: Signal[None] = Signal()
-        #: The line was lost in the middle of an exchange: perhaps with half a command on the other side.
+        #: The line was lost during an exchange: the mount may have received half a command.
         self.half = False
         self.request = b""
-        #: At a long piece of work, for so long that whatever else comes is refused, and when the last one was over.
+        #: Whether a long operation is under way, whether it takes so long that other requests are refused, and the loop
+        #: time at which the last one ended.
         self.long, self.busy, self.long_until = False, False, -1e9
-        #: When something was written last, seconds of the loop's clock; never yet is long ago.
+        #: Loop time of the last write; long ago if there was none.
         self.wrote = -1e9
         self.times = AnswerTimes()
         self.late = LateReplies(dialogue.alike)
         self._now = asyncio.get_running_loop().time
-        #: Whether any byte has ever come; the last question that was not answered as it should, and what came instead.
+        #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
         self.heard_ever = False
         self.trouble = b"", b""
         self._buffer, self._arrived = b"", TimedEvent()
         self._heard = self._stray = -1e9
         self._last: Send | None = None
         self._stops = 0
-        #: When the last question was asked that has had no answer yet.
+        #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
         self._settling = self._hurried = self._cut_short = False
         self._opened = 0
 
     def opening(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
-        """The wire is being opened -> what it calls; a reader that outlived its opening is not listened to."""
+        """Return the callbacks (on_data, on_lost) for opening the wire; those of earlier openings become inactive."""
         self._opened += 1
         opening, self.lost = self._opened, False
 
@@ -97,7 +98,7 @@ class Transaction:
         self._arrived.set()
 
     def lose(self, reason: str) -> None:
-        """The wire is gone, whoever noticed it first."""
+        """Note that the wire is lost, and end the exchange under way; further calls change nothing."""
         if not self.lost:
             self.wire_log.put("mount", "v", note=reason)
             self.wire_lost.emit(None)
@@ -106,18 +107,18 @@ class Transaction:
         self._queue.wake()
 
     def nudge(self, stop: bool) -> None:
-        """A stop waits, or something else while the mount is at a long piece of work: it cannot wait for the reply."""
+        """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
         self._hurried |= stop
         if self.long or (stop and self._settling):
             self._arrived.set()
 
     def send(self, request: bytes) -> bool:
-        """Write to the wire -> whether it was there."""
+        """Write to the wire; return False if it was lost."""
         self.wire_log.put("mount", ">", request)
         self.request = request
         try:
             self.wire.write(request)
-        except Exception as error:  # the port went away in the middle of it, whatever its driver calls that
+        except Exception as error:  # the port was lost during the write; drivers raise various exceptions
             self.lose(str(error))
             return False
         return True
@@ -125,7 +126,9 @@ class Transaction:
     # --- one exchange -----------------------------------------------------------------------------------------------
 
     def gap(self, ask: Send) -> float:
-        """Seconds of quiet still wanted before a question, lest the rest of the last answer be taken for its own."""
+        """Return the seconds of quiet still needed before a command, so that the rest of the last reply is not taken
+        for its own.
+        """
         now = self._now()
         left = self._heard + GAP - now
         if left <= 1e-6 or now > self.wrote + BABBLE:
@@ -138,27 +141,29 @@ class Transaction:
         return left
 
     async def carry_out(self, ask: Send, stop: bool) -> Answer:
-        """The exchange whose turn it is; a pause that was cut short for a stop is kept after it."""
+        """Carry out one exchange. If the exchange before cut its pause short for a stop, keep the pause after this one,
+        and send a stop twice.
+        """
         hurried, self._cut_short = self._cut_short, False
         try:
             outcome = await self.exchange(ask, firm=hurried, stop=stop)
             if hurried and stop and self.dialogue.expected(ask).pace:
-                outcome = await self.exchange(ask, stop=True)  # a scope that needs its pause may have missed it
+                outcome = await self.exchange(ask, stop=True)  # without the pause the mount may have missed the first
             return outcome
         finally:
             self.busy = False
 
     async def exchange(self, ask: Send, firm: bool = False, proof: bool = False, stop: bool = False) -> Answer:
-        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end; a
-        ``proof`` is waited for as long as the protocol says. A ``stop`` waits for no quiet before it.
+        """Send a request and return the fields of its reply, or the Fault that came instead. A ``firm`` pause after it
+        is not cut short; a ``proof`` has the protocol's timeout, not a shorter one. A ``stop`` does not wait for quiet.
         """
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
             return fault
         expected = self.dialogue.expected(ask)
-        settle = GAP if stop and self.gap(ask) else SETTLE  # what did not wait before must look longer after
-        self.drop("nobody asked")
+        settle = GAP if stop and self.gap(ask) else SETTLE  # a request that skipped the quiet must wait after the reply
+        self.drop("unsolicited")
         self._arrived.clear()
         self._last = ask
         began = self.wrote = self._now()
@@ -168,7 +173,7 @@ class Transaction:
         if taken is None:
             return self._unanswered(ask, expected, began)
         outcome, length = taken
-        if len(self._buffer) > length + self._stops:  # a stop that was sent meanwhile may be refused by one byte
+        if len(self._buffer) > length + self._stops:  # each stop sent meanwhile may have been refused with one byte
             outcome = Garbled()
         if isinstance(outcome, Garbled):
             self._distrust(ask, expected, began)
@@ -183,11 +188,13 @@ class Transaction:
         return outcome
 
     def _send_unanswered(self, ask: Send) -> bool | None:
-        """Send a command that needs no answer -> whether the wire was there; None where it needs one."""
+        """Send a command if it needs no reply, and return whether it was sent; return None if it needs a reply."""
         return self.send(self.dialogue.encode(ask)) if self.dialogue.expected(ask).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
+        """Give the mount time after a command without a reply. Return False if a stop cut the pause short, which it
+        cannot if the pause is ``firm``.
+        """
         until = self._now() + seconds
         while not self.lost and (left := until - self._now()) > 0:
             if not firm and self._queue.stop_waits:
@@ -197,12 +204,12 @@ class Transaction:
         return True
 
     async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, proof: bool) -> Taken | None:
-        """The reply and its length, once it is complete; None when it is not in time, or the wire was lost.
+        """Return the reply and its length when it is complete; None if it is not in time, or the wire was lost.
 
-        A bare one is complete when nothing follows it for so many seconds (``settle``).
+        A reply without a terminator is complete when nothing follows it for ``settle`` seconds.
         """
         place = expected.kind == "position" and not proof
-        deadline, busy_at = began + (ask.patience or self.times.patience(expected.timeout, place)), began + BUSY_AFTER
+        deadline, busy_at = began + (ask.patience or self.times.timeout(expected.timeout, place)), began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
@@ -211,8 +218,8 @@ class Transaction:
                 self._stops += self._queue.while_it_works(self.busy, self._send_unanswered)
             taken = self._take(ask) if self._buffer or expected.silent else None
             if taken is not None and self._stops and isinstance(taken[0], Busy):
-                self._stops -= 1  # said to a stop, while nothing moves anyway
-                self._cut(taken[1], "busy: the stop was not heard")
+                self._stops -= 1  # the busy reply to a stop; nothing moves during a long operation
+                self._cut(taken[1], "busy: the mount refused the stop")
                 self._arrived.set()
             elif taken is not None:
                 if taken[1] and expected.bare and not self._hurried:
@@ -238,13 +245,13 @@ class Transaction:
         return Garbled() if half and ask.patience is not None else NoAnswer()
 
     def _distrust(self, ask: Send, expected: Expected, began: float) -> None:
-        """The answer may still come."""
+        """Note that the reply to a request may still arrive."""
         self.late.add(ask, began + max(expected.timeout, ask.patience or 0.0) + LATEST)
         self._unanswered_since = began
         self.trouble = self.request, self._buffer
 
     def _objection(self, ask: Send) -> Fault | None:
-        """What a command without a reply was answered with all the same: that the mount is busy."""
+        """Return the Fault with which the mount objected to a command that has no reply; None if it did not."""
         taken = self._take(ask) if self._buffer else None
         if taken is None or not isinstance(taken[0], Fault):
             return None
@@ -252,10 +259,10 @@ class Transaction:
         return taken[0]
 
     def _take(self, ask: Send) -> Taken | None:
-        """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
+        """Return the reply if it is complete. Bytes that the parser fails on are a garbled reply."""
         try:
             return self.dialogue.take(ask, self._buffer)
-        except Exception:  # whatever it is, the line goes on
+        except Exception:  # a parser's defect must not end the line
             return Garbled(), len(self._buffer)
 
     def _cut(self, length: int, note: str = "") -> None:
@@ -268,7 +275,7 @@ class Transaction:
             self._cut(len(self._buffer), f"dropped: {why}")
 
     async def drain(self, quiet: float) -> bool:
-        """Wait until the wire has been quiet for so long, and forget what came -> whether anything did."""
+        """Wait until the wire has been quiet for so many seconds, and drop what came; return whether anything came."""
         give_up = self._now() + DRAIN
         while not self.lost and self._now() < give_up:
             left = max(self._heard, self.wrote) + quiet - self._now()

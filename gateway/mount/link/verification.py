@@ -1,9 +1,9 @@
 """Reply verification: accept a reply that is plausible after the last one, otherwise ask again until several agree.
 
-A byte that was changed on the way can leave a reply's form intact. So a reply like the last one is accepted at once.
-Any other is asked for again until replies in a row agree: two where the mount can have moved that far, three where it
-cannot or where the value seldom changes, and one more than the late replies that may still come. A reply that took
-unusually long is not counted.
+A byte that was changed on the way can leave the form of a reply intact. Therefore a reply like the last one is accepted
+at once. For any other reply the request is repeated until replies in a row agree: two if the mount can have moved that
+far, three if it cannot or if the value seldom changes, and one more than the late replies that may still arrive. A
+reply that took unusually long does not count.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import AT_ONCE, STOP
 from gateway.protocols.base.driver import Send
 
-#: Degrees that a position may differ from the last one and be believed at once.
+#: Degrees by which a position may differ from the last one and be accepted at once.
 NEAR = 0.05
-#: Degrees a second that any mount moves at most on one axis, and the worst of both together.
+#: The highest speed of any mount in degrees a second: 8 on one axis, both axes combined.
 FASTEST = 8.0 * math.sqrt(2.0)
-#: Degrees that a latitude grows at most between two answers in a row.
+#: Degrees by which a latitude grows at most between two replies in a row.
 POLEWARD = 2.0
-#: Seconds that a clock may be off what it said before; it tells whole seconds, and answers take their time.
+#: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
 CLOCK = 1.6
-#: Seconds an answer may take, on a line that is usually quick: one that took longer may be as old as that.
+#: A reply that took over PROMPT seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
 PROMPT, SLOW_TRIES = 0.5, 3
-#: How often something is asked, and how often when the answer was garbled.
+#: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 TRIES, GARBLED_TRIES = 9, 3
-#: Timers come up to so much too early: who waits for the rest of it waits at least so long.
+#: Shortest sleep in seconds: timers may fire this much too early.
 TICK = 0.001
-#: An order waits so long, in seconds, until older ones like it can no longer be answered.
+#: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
 DOUBTFUL = 12.0
-#: Answers to older questions that are reckoned with at a time: of one more that agree, one is no stranger.
+#: How many late replies are taken into account at most: if one reply more agrees, one must be the request's own.
 MOST_STRANGERS = 4
-#: How many questions' last answers are remembered: programs may ask for devices without end.
+#: How many requests have their last reply remembered: clients may ask for any number of devices.
 KNOWN = 100
 DAY = 86400.0
-#: What is told of an answer's form, not of its meaning.
+#: Fields that describe the form of a reply, not its meaning.
 _FORM = ("length", "raw")
 #: The angles on a sphere: each longitude with its latitude.
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 
 
 class Heard(Struct):
-    """An answer, or the fault that is one (silence, no such device), and when its question was sent and it came."""
+    """A reply, or a fault that counts as one (silence, no such device); the loop times of the request and the reply."""
 
     values: Mapping[str, Any]
     fault: Fault | None
@@ -58,16 +58,18 @@ class Heard(Struct):
 
 
 class ReplyVerifier:
-    """Between the drivers and the line. ``hurry`` is how many times faster than real ones a simulated mount slews."""
+    """Sends requests to the line and verifies the replies for the drivers. A simulated mount slews ``speed_factor``
+    times faster than a real one.
+    """
 
-    def __init__(self, line: MountLink, now: Callable[[], float], hurry: float = 1.0) -> None:
-        self._line, self._now, self._fastest = line, now, FASTEST * hurry
+    def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
+        self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
         self._late = line.talk.late
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
     async def exchange(self, ask: Send, rank: int) -> tuple[Heard, int]:
-        """An answer that can be believed, and how many exchanges that took. Raises Fault."""
+        """Return a verified reply, and how many exchanges that took. Raises Fault."""
         kind = self._line.dialogue.expected(ask).kind
         if kind is None:
             asked = self._now()
@@ -80,9 +82,9 @@ class ReplyVerifier:
             times += 1
             strangers = max(strangers, self._late.count(ask, self._now()))
             heard = await self._hear(ask, rank)
-            mute = isinstance(heard.fault, Silence)  # which takes its time always
+            mute = isinstance(heard.fault, Silence)  # which always takes its whole timeout
             if mute and not ask.raw:
-                break  # whoever asks so knows what to make of it
+                break  # the driver asked for this answer by ``patience``
             if ask.light:
                 break
             took = heard.came - heard.asked
@@ -96,23 +98,23 @@ class ReplyVerifier:
             if len(row) >= self._wanted(kind, self._known.get(key), heard, strangers):
                 break
         else:
-            if len(row) < 2 and not (kind == "position" and longest == 1):  # a place may change that fast, and no other
+            if len(row) < 2 and not (kind == "position" and longest == 1):  # only a position may change so fast
                 raise Garbled
         self._remember(key, heard)
         self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
         if heard.fault is not None:
-            raise type(heard.fault)(str(heard.fault))  # what is raised holds on to whoever asked
+            raise type(heard.fault)(str(heard.fault))  # a copy: a raised exception keeps its callers' frames alive
         return heard, times
 
     def _remember(self, key: tuple[Any, ...], heard: Heard) -> None:
-        """The last answer; of too many the one that was heard longest ago is forgotten."""
+        """Remember the last reply; if there are too many, forget the oldest."""
         self._known.pop(key, None)
         self._known[key] = heard
         if len(self._known) > KNOWN:
             del self._known[next(iter(self._known))]
 
     async def _order(self, ask: Send, rank: int) -> Mapping[str, Any]:
-        """A command that changes something: not before its acknowledgement can be told from an older one's.
+        """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
 
         A stop never waits: it is sent until one of its acknowledgements must be its own.
         """
@@ -121,7 +123,7 @@ class ReplyVerifier:
                 async with asyncio.timeout(AT_ONCE if ask.prompt else DOUBTFUL):
                     while (left := self._late.until(ask, self._now()) - self._now()) > 0:
                         await asyncio.sleep(max(left, TICK))
-            except TimeoutError:  # others like it go on failing: nobody is kept waiting for the end of that
+            except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
                 raise NoAnswer from None
             return await self._line.exchange(ask, rank)
         times = 0
@@ -133,7 +135,7 @@ class ReplyVerifier:
                 return answer
 
     async def _hear(self, ask: Send, rank: int) -> Heard:
-        """One answer; garbled ones are asked again. Raises NoAnswer and Busy."""
+        """Return one reply; if it is garbled, ask again. Raises NoAnswer and Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Mapping[str, Any] = {}
             fault: Fault | None = None
@@ -143,7 +145,7 @@ class ReplyVerifier:
                 if attempt == GARBLED_TRIES - 1:
                     raise
                 continue
-            except (NoAnswer, Busy):  # neither says anything about the mount
+            except (NoAnswer, Busy):  # neither is an answer to the request
                 raise
             except Fault as said:
                 fault, took = said.with_traceback(None), said.took
@@ -152,13 +154,13 @@ class ReplyVerifier:
         raise NoAnswer
 
     def _wanted(self, kind: str, known: Heard | None, heard: Heard, strangers: int) -> int:
-        """How many answers in a row must agree with this one to be believed."""
+        """Return how many replies in a row must agree, this one included, for it to be accepted."""
         least = min(strangers, MOST_STRANGERS) + 1
         if known is None:
             return max(2, least)
         if kind != "position":
             return least if self._agree(kind, known, heard) else max(3, least)
-        if known.values.get("length") != heard.values.get("length"):  # in high precision now, or in low
+        if known.values.get("length") != heard.values.get("length"):  # the precision was switched
             return max(2, least)
         gone = self._distance(known, heard)
         if gone <= NEAR:
@@ -166,7 +168,7 @@ class ReplyVerifier:
         return max(2, least) if gone <= self._reach(known, heard) else max(3, least)
 
     def _agree(self, kind: str, before: Heard, after: Heard) -> bool:
-        """Whether both can be true."""
+        """Whether both replies can be correct."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
         if kind == "position":
@@ -177,14 +179,14 @@ class ReplyVerifier:
         return before.values == after.values
 
     def _reach(self, before: Heard, after: Heard) -> float:
-        """Degrees that the mount can have moved between two answers, and while the first one came."""
+        """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
         took = min(before.came - before.asked, 2.5 * self._line.typical)
         return NEAR + self._fastest * (after.came - before.came + took)
 
     def _distance(self, before: Heard, after: Heard, poleward: float = 0.0) -> float:
-        """Degrees between two answers; infinite when they differ in form.
+        """Return the degrees between two replies; infinite if they differ in form.
 
-        Where the latitude comes by a question of its own, it may have grown by ``poleward`` since.
+        If the latitude is read by a request of its own, it may have grown by ``poleward`` degrees since.
         """
         if before.fault is not None or after.fault is not None or before.values.keys() != after.values.keys():
             return math.inf
@@ -211,7 +213,7 @@ def _seconds(values: Mapping[str, Any]) -> float:
 
 
 def _runs_on(before: Heard, after: Heard) -> bool:
-    """Whether a clock that told the one may tell the other; its date may change at midnight only."""
+    """Whether two readings of a clock fit together; its date may change at midnight only."""
     then, now = _seconds(before.values), _seconds(after.values)
     gone = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
     slack = CLOCK + (before.came - before.asked) + (after.came - after.asked)

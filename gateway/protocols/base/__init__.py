@@ -1,1 +1,1 @@
-"""What every protocol is made of: a surface towards programs, a driver towards mounts, frames."""
+"""What all protocols build on: the surface that programs talk to, the driver that talks to mounts, and framing."""

@@ -1,9 +1,9 @@
-"""Driver: operations in, commands out, without I/O.
+"""Driver: turns operations into commands and replies into answers, without I/O.
 
-A driver is a generator machine: ``perform(operation)`` yields what it wants done and is sent the outcome. It may
-yield four things only: ``Send`` (send this command, give me its fields), ``Wait`` (give the line to others for a
-while), ``Schedule`` (do this operation after some seconds) and ``Remark`` (say this in the log). Rows of
-``driver.toml`` with ``send`` are carried out here; those with ``call`` are functions of the protocol's own package.
+``perform(operation)`` is a generator: it yields steps, and the caller sends back the outcome of each. There are four
+kinds of steps: ``Send`` (send this command and return the fields of its reply), ``Wait`` (leave the line to others for
+some seconds), ``Schedule`` (perform this operation later) and ``Remark`` (write this to the log). Rows of
+``driver.toml`` with ``send`` are carried out here; rows with ``call`` name functions of the protocol's own package.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from msgspec import Struct
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import Model, Version, Way
+from gateway.protocols.wireformat.rows import Implementation, Model, Version
 
 _T = TypeVar("_T")
-#: Outcomes of ways by which nothing is done.
-IN_VAIN = ("refused", "silent")
-#: Seconds between two looks whether a goto has begun whose acknowledgement was lost.
-LOOK_AGAIN = 0.5
-#: Why there is no guide pulse.
+#: Outcomes of rows that change nothing on the mount.
+WITHOUT_EFFECT = ("refused", "silent")
+#: Seconds before the driver checks again whether a goto has begun, after its acknowledgement was lost.
+RECHECK_AFTER = 0.5
 SLEWING = "The mount is slewing: the guide pulse is dropped."
 
 
 class Send(NamedTuple):
-    """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
+    """Send a command with these field values. The generator receives the reply's fields, or a Fault is raised in it.
 
-    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not said to be down.
-    A ``prompt`` one begins a motion by hand: it waits for no line and no mount that is busy, but is refused.
-    A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
-    everything else is refused as busy, and silence at the end is a fault of the line.
-    A ``raw`` one is answered with the reply's bytes, too, as the field ``raw``. Of a ``light`` one the first answer
-    will do: nothing hangs on it. One that is asked ``once`` is believed as it comes: its answer belongs to what was
-    sent just before, or to nobody but the program that asked.
+    patience   seconds after which no reply counts as an answer: ``Silence`` is raised, the line is not considered down
+    long       the mount may be busy with it for ``patience`` seconds: meanwhile only a stop that needs no reply is
+               sent, other commands are refused as busy, and no reply at the end is a fault of the line
+    prompt     it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
+    raw        return the bytes of the reply too, as the field ``raw``
+    light      accept the first reply without verification: nothing depends on it
+    once       do not compare the reply with earlier ones: it concerns the command sent just before it, or only the
+               client that asked
     """
 
     command: str
@@ -51,16 +51,16 @@ class Send(NamedTuple):
 
 
 class Wait(NamedTuple):
-    """Wait without holding the line."""
+    """Wait while other requests may use the line."""
 
     seconds: float
 
 
 class Schedule(NamedTuple):
-    """Have an operation performed after some seconds; a newer one with the same operation replaces it.
+    """Perform an operation after some seconds; a newer ``Schedule`` of an equal operation replaces this one.
 
-    ``urgent`` operations go to the line like a stop does (the end of a motion that is sent again). A ``heard`` one
-    waits while the mount is at a long piece of work, in which it hears nothing but a stop.
+    An ``urgent`` operation has the priority of a stop (used to repeat the end of a motion). A ``heard`` operation waits
+    while the mount is busy with a long command, during which it accepts nothing but a stop.
     """
 
     seconds: float
@@ -70,229 +70,233 @@ class Schedule(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """Something is done otherwise than it was asked for: said once in the log, in words."""
+    """A sentence for the log, written once: the driver does something differently from what was requested."""
 
     text: str
 
 
 Step = Send | Wait | Schedule | Remark
-#: What a driver does, step by step, and what comes of it.
+#: The steps of a driver's function. Its return value is the answer to the operation.
 Steps = Generator[Step, Any, Any]
-#: A function of a protocol's driver, (state, operation) -> steps: each for its own kind of operation.
+#: A function of a protocol's driver, (driver, operation) -> steps. Each handles one kind of operation.
 Handler = Callable[..., Steps]
 FollowUps = dict[type[op.Operation], Handler]
-#: What must outlive the gateway.
-Remembered = dict[str, Any]
+#: What the state file stores for a driver.
+SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
-    """A goto under way: since when, and what is done at its goal.
+    """A goto under way. ``then`` is what the mount becomes at the goal (``park``).
 
-    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
+    since         when it was acknowledged, by the driver's clock; infinite until then
+    unconfirmed   the acknowledgement was lost, and no reading has shown yet whether the goto has begun
     """
 
     since: float
     then: str | None = None
-    unsure: bool = False
+    unconfirmed: bool = False
 
 
 class Driver:
-    """Carries out operations by the rows of ``driver.toml``, and keeps what is known of the mount.
+    """Carries out operations by the rows of ``driver.toml``, and owns what is known of the mount.
 
-    ``handlers`` are the functions that rows call, ``(driver, operation) -> Steps``. They are given to it: what a driver
-    knows and remembers has no part in how it is used.
+    ``handlers`` are the functions that rows call, ``(driver, operation) -> Steps``. They are passed in, so that the
+    state of a driver does not import the functions that use it.
     """
 
-    #: Whether an aligned mount may be told site and time without losing its alignment.
+    #: Whether site and time can be set on an aligned mount without consequences.
     takes_site_aligned = False
+    #: Whether setting site or time costs the mount its alignment.
     loses_alignment = False
-    #: How many questions it takes to learn where the mount points.
+    #: How many commands it takes to read the position.
     position_reads = 1
-    #: When the two halves of the last place were told, where they come one after the other: loop times.
-    halves: tuple[float, float] | None = None
-    #: How finely it tells where it points, degrees: at rest two answers differ by no more.
+    #: When the two coordinates of the last position were read, loop times, if they take one command each.
+    read_at: tuple[float, float] | None = None
+    #: Resolution of the reported position, degrees: at rest two readings differ by no more than this.
     resolution = 20.0 / 3600.0
-    #: How many times faster than a real one the mount slews: simulated ones may.
-    hurry = 1.0
-    #: The years that its clock, or what stands in for it here, can be set to.
+    #: How many times faster than a real mount a simulated one slews.
+    speed_factor = 1.0
+    #: The years that its clock, or the gateway's substitute for it, can be set to.
     years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own.
     gps = False
-    #: Whether a sync is kept here that the mount's own axes know nothing of.
-    displaced = False
-    #: Whether motion by hand is a chain of small gotos, in right ascension and declination whatever the mount.
-    stepping = False
-    #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
+    #: Whether the gateway stores a sync that the mount's own axis readings do not include.
+    has_sync_offset = False
+    #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.
+    moves_by_gotos = False
+    #: The equinox of the mount's coordinates, as far as its version tells: ``jnow`` or ``j2000``.
     equinox = "jnow"
-    #: Whether a sync aligns the mount; else one that is not aligned takes none, and cannot be sent to the sky.
+    #: Whether a sync aligns the mount. If not, an unaligned mount accepts neither a sync nor a goto to the sky.
     sync_aligns = True
-    #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
+    #: Whether it is a German mount, whose tube changes sides of the pier; None while that is unknown.
     german: bool | None = None
     protocol: CommandSet
-    #: Any clock that never goes back, seconds.
+    #: A monotonic clock, seconds.
     now: Callable[[], float]
     model: str | None = None
     version: Version | None = None
-    #: Whether tracking was put off for a motion and has not been put back yet.
+    #: Whether tracking was suspended for a motion and has not been resumed yet.
     tracking_suspended = False
     goto: GotoUnderWay | None = None
-    #: The site that the mount has told, or was told.
+    #: The site that the mount has reported, or that was set on it.
     site: op.Place | None = None
-    #: Whether its motors have no power while it answers all the same.
+    #: Whether the motors have no power although the mount still answers.
     powerless = False
-    #: Seconds after which it counts as an answer that what was handed on to the mount stays unanswered; None where all
-    #: that it has is answered.
+    #: Seconds after which no reply to a passed-on command counts as an answer; None if the mount answers all it has.
     patience: float | None = None
-    #: Whether the mount was sent to sleep.
+    #: Whether the mount hibernates.
     asleep = False
-    #: Whether it stands at its park position, to which it was sent, and nobody has taken it up again.
+    #: Whether the mount was parked, stands at its park position, and was not unparked or moved since.
     parked = False
 
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
         self.handlers = handlers
 
     @property
-    def unsure(self) -> bool:
-        """Whether a goto may be under way that the mount was sent and has not acknowledged."""
-        return self.goto is not None and self.goto.unsure
+    def goto_unconfirmed(self) -> bool:
+        """Whether a goto was sent that the mount has not acknowledged and may be carrying out."""
+        return self.goto is not None and self.goto.unconfirmed
 
     @property
     def southern(self) -> bool:
-        """Whether it is known to stand in the south."""
+        """Whether the site is known to be in the southern hemisphere."""
         return self.site is not None and self.site.latitude < 0
 
     @property
     def equatorial_mode(self) -> op.Tracking:
-        """The mode in which it tracks by one axis."""
+        """The equatorial tracking mode of its hemisphere."""
         return op.Tracking.EQ_SOUTH if self.southern else op.Tracking.EQ_NORTH
 
-    def knows(self, name: str) -> bool:
-        """Whether the mount that was found has this command, by the manual: nothing is probed."""
+    def supports(self, name: str) -> bool:
+        """Whether this model and version have the command according to the manual; nothing is sent to find out."""
         return self.protocol.commands[name].known_to(self.model, self.version)
 
-    def way(self, operation: type[op.Operation]) -> Way | None:
-        """The first way of carrying out an operation whose commands this mount has."""
+    def implementation(self, operation: type[op.Operation]) -> Implementation | None:
+        """Return the first row for this operation whose commands the mount supports, or None."""
         return next(filter(self._has, self.protocol.driver.get(operation.__name__, ())), None)
 
-    def _has(self, way: Way) -> bool:
-        return all(self.knows(name) for name in (*way.send, *way.needs))
+    def _has(self, row: Implementation) -> bool:
+        return all(self.supports(name) for name in (*row.send, *row.needs))
 
     @property
     def ends(self) -> frozenset[str]:
-        """The commands that end a motion and do nothing else, where a stop consists of more."""
-        way = self.way(op.AbortMotion)
-        return frozenset() if way is None else frozenset(way.ends)
+        """The commands of a stop that end a motion and do nothing else."""
+        row = self.implementation(op.AbortMotion)
+        return frozenset() if row is None else frozenset(row.ends)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
-        """What an operation would be refused with, as far as that is known without asking the mount."""
+        """Return the fault that this operation would certainly end with, as far as known without asking the mount."""
         return None
 
     def speed(self, rate: op.Rate) -> float:
-        """How fast the mount moves at a hand rate, degrees a second."""
+        """Return how fast the mount moves at a hand rate, degrees per second."""
         raise NotImplementedError
 
     def can_do(self, equatorial: bool) -> op.Abilities:
-        """What it can do by the tables, as it stands; a way that ends in a refusal is none."""
+        """Return what the mount can do according to the tables, without operations that would only be refused."""
         traits = self.protocol.traits(self.model or "", equatorial and not self.german)
         can = (
             name
-            for name, ways in self.protocol.driver.items()
-            for way in ways
-            if way.outcome not in IN_VAIN and (way.part is None or way.part in traits) and self._has(way)
+            for name, rows in self.protocol.driver.items()
+            for row in rows
+            if row.outcome not in WITHOUT_EFFECT and (row.part is None or row.part in traits) and self._has(row)
         )
         keys = sorted({self.speed(op.Rate(key=key)) for key in range(1, 10)})
         return op.Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
-        """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
+        """Return the axis readings at the end of Park or Home, or None if only the mount itself knows them."""
         return None
 
-    def not_sent_home(self) -> None:
-        """Park or Home was refused: where the mount does not tell of its home itself, that has failed."""
+    def home_refused(self) -> None:
+        """React to a refused Park or Home: on a mount that does not report its home state, the search has failed."""
 
     def tube_side(self, told: str) -> str | None:
-        """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
+        """Return the side of the pier (E, W) that the tube really is on, given the answer to PierSide.
+
+        None if this mount has no sides.
+        """
         return None
 
     def give_up_goto(self) -> None:
-        """The goto under way is over before it came to its goal."""
+        """Forget the goto under way: it has ended before its goal."""
         self.goto = None
 
-    def set_out(self, state: GotoUnderWay, order: Steps, moves: Handler) -> Steps:
-        """Begin a goto by an order. It counts as under way before that is sent, for a stop must know of it.
+    def begin_goto(self, state: GotoUnderWay, order: Steps, moves: Handler) -> Steps:
+        """Begin a goto with the steps of ``order``. It counts as under way before they are sent: a stop must know it.
 
-        Where the acknowledgement is lost ``moves`` tells whether it was begun. Raises NoAnswer while nobody can.
+        If the acknowledgement is lost, ``moves`` finds out whether the mount slews. Raises NoAnswer if it does not.
         """
         self.parked, self.goto = False, state
-        state.since = math.inf  # a mount that was not told yet stands still, and that is not its end
+        state.since = math.inf  # a mount that stands still before the command is sent has not ended the goto
         try:
             yield from order
         except NoAnswer:
-            state.unsure = True
+            state.unconfirmed = True
             if not (yield from moves(self)):
-                yield Wait(LOOK_AGAIN)
+                yield Wait(RECHECK_AFTER)
                 if not (yield from moves(self)):
                     self.give_up_goto()
                     raise
-            self.goto, state.unsure = state, False
+            self.goto, state.unconfirmed = state, False
         except Fault:
             self.give_up_goto()
             raise
         finally:
             state.since = self.now()
 
-    def memory(self, moving: bool) -> Remembered:
-        """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
+    def saved_state(self, moving: bool) -> SavedValues:
+        """Return the values to store in the state file; while the mount moves, also what is needed to stop it."""
         return {}
 
-    def recall(self, memory: Remembered, moving: bool) -> None:
-        """Take up what an earlier run has remembered; nonsense is ignored."""
+    def restore_state(self, saved: SavedValues, moving: bool) -> None:
+        """Restore what ``saved_state`` returned in an earlier run; invalid values are ignored."""
 
     def line_was_lost(self) -> None:
-        """Nobody knows what has happened to the mount meanwhile: perhaps it was switched off and on."""
+        """React to a lost line: the mount may have been switched off and on meanwhile."""
 
-    def greet(self) -> Steps:
-        """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
-        yield from ()  # a generator like all others
+    def probe(self) -> Steps:
+        """Check that a mount of this kind is on the line, before sending commands that another kind might misread."""
+        yield from ()  # makes this a generator
 
     def contact(self) -> Steps:
-        """What must be known before the mount can be asked where it points, and where that is, if it was told.
+        """Find out what reading the position requires, by the handler ``contact`` if there is one.
 
-        Its name is asked for after that. By the handler ``contact``, where there is one.
+        Return the position if the mount has reported it. The mount's name is asked for later.
         """
         return (yield from self.handlers["contact"](self, None)) if "contact" in self.handlers else None
 
     def presented(self) -> Model:
-        """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
+        """Return the model constants for a surface of the same protocol that presents the mount itself."""
         return {}
 
-    def told_model(self, identity: op.Identity) -> str | None:
-        """The model that the mount itself says it is, whatever it was named; None where it does not say."""
+    def reported_model(self, identity: op.Identity) -> str | None:
+        """Return the model that the mount itself reports, whatever the user has configured; None if it reports none."""
         return None
 
     def own(self, operation: op.Own) -> Steps:
-        """What the mount itself answers -> bytes. Raises Unsupported for a command that this mount has not."""
-        if not self.knows(operation.command):
+        """Return the bytes of the mount's own reply. Raises Unsupported for a command that this mount lacks."""
+        if not self.supports(operation.command):
             raise Unsupported
         return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
 
     def perform(self, operation: op.Operation[_T]) -> Generator[Step, Any, _T]:
-        """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
+        """Carry out one operation. The generator's return value is the operation's answer. Raises Fault."""
         if isinstance(operation, op.PassThrough):
-            if not self.knows(operation.command):
+            if not self.supports(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
             return cast(_T, (yield Send(operation.command, dict(operation.fields), patience, once=True)))
         if isinstance(operation, op.Own):
             return cast(_T, (yield from self.own(operation)))
-        way = self.way(type(operation))
-        if way is None:
+        row = self.implementation(type(operation))
+        if row is None:
             raise Unsupported
-        if way.call:
-            return cast(_T, (yield from self.handlers[way.call](self, operation)))
+        if row.call:
+            return cast(_T, (yield from self.handlers[row.call](self, operation)))
         given = {name: getattr(operation, name) for name in operation.__struct_fields__}
         fields: op.Values = {}
-        for name in way.send:
+        for name in row.send:
             fields |= yield Send(name, given)
         if isinstance(operation, op.Read) and operation.answers is not None:
             return cast(_T, operation.answers(**fields))

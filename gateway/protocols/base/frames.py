@@ -1,11 +1,11 @@
-"""Frames: what a protocol's framing cuts out of a client's bytes.
+"""Frames: the commands that a protocol's framer cuts out of a client's byte stream.
 
-A frame is ``bytes``, one whole command. Two kinds say more than their bytes: a command with an argument that lost its
-end, which nobody carries out because nobody can tell where it ended, and a command that came together with such a one,
-which is answered but begins no motion. A framer is told the time with the bytes, because quiet on the line is what
-tells two commands apart when nothing else does: where a command has a length instead of an end, what begins nothing is
-dropped with all that comes with it, and so is half a command whose rest has not come. So what waits is never longer
-than one command.
+A frame is ``bytes``, one whole command. Two subclasses carry more: ``Unterminated``, a command whose terminator was
+lost, which is never carried out because its argument may be incomplete, and ``Suspect``, a command that arrived
+together with an unterminated one, which is answered but may not begin a motion. A framer receives the time with the
+bytes, because a pause may be all that separates two commands: in a protocol of fixed lengths, bytes that begin no
+command are dropped with everything that arrives with them, and half a command is dropped when its rest does not
+arrive. The buffer never holds more than one command.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from typing import Protocol
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
 QUIET_GAP = 1.0
-#: Seconds of quiet after which bytes may begin a command again, behind some that could not.
+#: Seconds of quiet after which bytes may begin a command again, after some that could not.
 RESYNC_GAP = 0.1
 
 
 class Unterminated(bytes):
-    """A command that lost its end, with everything up to the next end: refused as a whole.
+    """A command without its terminator, and all bytes up to the next terminator: refused as a whole.
 
-    ``names`` are the rows of ``commands.toml`` that were in it, in order; "" stands for one that nobody knows. It is
-    ``late`` when its sender has paused since: whoever waited for an answer does not wait any more.
+    ``names`` are the rows of ``commands.toml`` found in it, in order; "" stands for an unknown command. It is ``late``
+    if the client has paused since: then the client no longer waits for a reply.
     """
 
     names: tuple[str, ...]
@@ -36,46 +36,45 @@ class Unterminated(bytes):
 
     @property
     def words(self) -> str:
-        """Why it is refused, for the log."""
+        """The log message that says why it is refused."""
         text = bytes(self)
         if self.late:
-            return f"{text!r} came without its end (#): it is not done, and what it would have set is cleared"
+            return f"{text!r} arrived without its end (#): it is not done, and what it would have set is cleared"
         return (
-            f"{text!r} is refused as a whole: the first command in it came without its end (#). What it would have "
-            "set is cleared. Until 0.1 s of quiet nothing that follows begins a motion; stops are carried out"
+            f"{text!r} is refused as a whole: the first command in it arrived without its end (#). What it would have "
+            "set is cleared. Until the client pauses for 0.1 s its commands begin no motion; stops are carried out"
         )
 
 
 class Suspect(bytes):
-    """A command in one run of bytes with one that lost its end: it begins no motion."""
+    """A command that arrived in one burst of bytes with an unterminated one: it may not begin a motion."""
 
 
 class Dropped(dict[str, bytearray]):
-    """What the bytes fed last have had dropped: reason -> bytes, for the log alone."""
+    """The bytes that the last call of a framer has dropped, reason -> bytes; only for the log."""
 
     def add(self, data: bytes, why: str) -> None:
-        """More bytes of no use."""
         self.setdefault(why, bytearray()).extend(data)
 
 
 class WholeFramer:
-    """What framers have in common for whose programs half a command asks for nothing; ``cut_off`` says why that is."""
+    """Base of framers that drop half a command at the end of a connection; ``cut_off`` is the reason for the log."""
 
     cut_off: str
 
     def __init__(self) -> None:
         self._pending = bytearray()
-        #: What comes is of no use: it belongs to what was dropped.
+        #: Whether the next bytes are dropped, because they may belong to what was dropped before.
         self._lost = False
         self.dropped = Dropped()
 
     @property
     def idle(self) -> bool:
-        """Whether the next byte begins a command, whatever came before."""
+        """Whether the next byte begins a new command."""
         return not (self._pending or self._lost)
 
     def end(self) -> list[Unterminated]:
-        """Nothing more comes: half a command is dropped."""
+        """Handle the end of the connection: half a command is dropped."""
         self.dropped.clear()
         if self._pending:
             self.dropped.add(bytes(self._pending), self.cut_off)
@@ -83,11 +82,11 @@ class WholeFramer:
 
 
 class LengthFramer(WholeFramer, ABC):
-    """For commands that have a length instead of an end. ``noise`` and ``half`` say why bytes are of no use."""
+    """Base of framers for commands with a length and no terminator. ``noise`` and ``half`` are reasons for the log."""
 
     noise: str
     half: str
-    #: Whether what comes after half a command may be its other half, and counts only after more quiet.
+    #: Whether the bytes after a dropped half command may be its other half, and are dropped until the next pause.
     wary = False
 
     def __init__(self) -> None:
@@ -95,7 +94,7 @@ class LengthFramer(WholeFramer, ABC):
         self._heard = 0.0
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """The commands that these bytes complete, in order. ``now`` is any clock, in seconds."""
+        """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
         if not data:
             return []
         self.dropped.clear()
@@ -113,11 +112,11 @@ class LengthFramer(WholeFramer, ABC):
 
     @abstractmethod
     def _cut(self, data: bytes) -> list[bytes]:
-        """The commands that are whole with these bytes."""
+        """Return the commands that these bytes complete."""
 
 
 class Framer(Protocol):
-    """Cuts a protocol's commands out of a byte stream. ``idle``: what comes next stands alone, whatever came before."""
+    """Cuts a protocol's commands out of a byte stream. It is ``idle`` while the next byte begins a new command."""
 
     dropped: Dropped
 

@@ -1,6 +1,7 @@
-"""What a line must know to exchange a protocol's commands with a mount: how requests and replies look on the wire.
+"""What the mount link must know of a protocol to exchange commands: how requests and replies look on the wire.
 
-A protocol that is never spoken to a mount has its replies taken apart by the tables alone, for the log and ``decode``.
+If the gateway speaks a protocol only to programs, ``PlainReplies`` decodes its replies by the tables alone, for the log
+and for ``decode``.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from gateway.protocols.wireformat.command_set import CommandSet
 
 
 class Expected(NamedTuple):
-    """What is known of an answer before it comes.
+    """What is known of a reply before it arrives.
 
-    ``kind`` is what it may do from one time to the next, None where it is believed as it comes or the command is no
-    question. It may take ``timeout`` seconds; behind a command that is ``silent``, which has none, a scope needs a
-    pause of ``pace`` seconds. Of a ``bare`` one nothing tells that it is complete, and an unanswered command that
-    ``leaves_open`` what follows must be closed.
+    kind          how the answer may change from one time to the next; None if it is accepted without verification
+    timeout       how many seconds the reply may take
+    bare          the reply has no terminator, so that nothing shows that it is complete
+    pace          the pause in seconds that the mount needs after a ``silent`` command
+    silent        the command has no reply
+    leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
     """
 
     kind: str | None
@@ -33,9 +36,9 @@ class Expected(NamedTuple):
 
 
 def kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | None:
-    """What an answer may do from one time to the next, by the tables and by how it was asked for.
+    """Return how the answer to a command may change: a word of ``ANSWERS``, or None to accept it without verification.
 
-    What a program is told as the mount has written it is asked again like a state, whatever it is.
+    A raw reply, which a client receives as the mount has written it, is verified like a state.
     """
     answer = commands.commands[command].answer
     if once or answer == "stream":
@@ -44,7 +47,7 @@ def kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | Non
 
 
 class Replies(Protocol):
-    """How replies are taken apart: the reply at the start of the bytes, or the fault that it is, and its length."""
+    """Parses replies: ``take`` returns the values or the fault of the reply that begins the buffer, and its length."""
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None: ...
 
@@ -54,19 +57,22 @@ class PlainReplies:
         self._commands = commands.commands
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """The reply at the start of the buffer and its length; None while it is incomplete. Raises ValueError."""
-        for reply, picture in self._commands[ask.command].replies:
-            if (found := picture.matcher.match(buffer)) is not None:
+        """Return the reply at the start of the buffer and its length, or None while it is incomplete.
+
+        Raises ValueError for a field that is out of range.
+        """
+        for reply, template in self._commands[ask.command].replies:
+            if (found := template.matcher.match(buffer)) is not None:
                 if reply.fault is not None:
                     return getattr(errors, reply.fault)(), found.end()
-                return picture.decode(found[0]), found.end()
+                return template.decode(found[0]), found.end()
         return None
 
 
 class ReplyRules(Replies, Protocol):
-    """How a protocol's requests and replies look on the wire. ``closing`` ends a command of which half was sent.
+    """How a protocol's requests and replies look on the wire.
 
-    It is sent, too, behind an unanswered one that ``leaves_open`` what follows.
+    ``closing`` are the bytes that end a half-sent command, and an unanswered one that ``leaves_open``.
     """
 
     closing: bytes

@@ -1,8 +1,9 @@
-"""What belongs to one client of a surface, and what all clients of a mount have in common.
+"""The state of one client of a surface, and the settings that all clients of a mount share.
 
-``Session.kept`` is what the client itself has set; each protocol has its own struct for that, and the next connection
-of the same program begins with a copy of it. ``MountSettings`` is what a real hand control would keep for everybody: a
-frozen value in a box that all sessions hold, so it can only be replaced, and only by who may.
+``Session.kept`` holds what the client itself has set; each protocol has its own struct for it, and the next connection
+of the same program begins with a copy. ``MountSettings`` holds what a real hand control stores for all programs: it is
+frozen, and sessions refer to it through ``Shared``, so that it can only be replaced as a whole, and not by a client
+that may only read.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from gateway.protocols.wireformat.rows import Model
 
 
 class AltitudeLimits(Protocol):
-    """The altitudes that the operator allows, in degrees."""
+    """The altitudes that the user allows, degrees."""
 
     @property
     def lowest(self) -> float: ...
@@ -29,7 +30,7 @@ class AltitudeLimits(Protocol):
 
 
 class ClientSettings(Struct, frozen=True):
-    """What holds for every client of a surface, until it sets something else."""
+    """The initial settings of every client of a surface."""
 
     limits: AltitudeLimits
     precision: str = "high"
@@ -37,26 +38,27 @@ class ClientSettings(Struct, frozen=True):
 
 
 class NamedSite(Struct, frozen=True, omit_defaults=True):
-    """One of the four: degrees, north and east positive. A name is 1 to 15 printable characters without ``#``."""
+    """A stored site, degrees, north and east positive. A name is 1 to 15 printable characters without ``#``."""
 
     name: Annotated[str, Meta(pattern=r"^[ -\"$-~]{1,15}$")] | None = None
     latitude: Annotated[float, Meta(ge=-90, le=90)] | None = None
     longitude: Annotated[float, Meta(ge=-360, le=360)] | None = None
 
 
-#: A site of which nothing is stored.
+#: A site number with nothing stored.
 UNNAMED = NamedSite()
 
 
 class MountSettings(Struct, frozen=True):
-    """What all clients of a mount have in common. The first five outlive the gateway.
+    """The settings that all clients of a mount share. The first five are stored in the state file.
 
-    ``zone`` is in hours, with those of daylight saving; ``motors`` are values of the two motors by their names
-    (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends`` is when the last guide pulse of an axis is over, Unix time.
+    ``zone`` is the UTC offset in hours, and how many of them are daylight saving; ``motors`` are values of the two
+    motors by name (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends`` is when the last guide pulse of an axis ends,
+    Unix time.
     """
 
     sites: Mapping[int, NamedSite] = {}
-    #: The site that was selected last, from 0; None: none ever was.
+    #: The site that was selected last, from 0; None if none ever was.
     site: int | None = None
     zone: tuple[float, int] | None = None
     pec: bool | None = None
@@ -68,16 +70,16 @@ class MountSettings(Struct, frozen=True):
         return self.sites.get(index, UNNAMED)
 
     def with_site(self, index: int, site: NamedSite) -> MountSettings:
-        """The same with something else stored of one site."""
+        """Return a copy with one site replaced."""
         return replace(self, sites={**self.sites, index: site})
 
     def with_motor(self, name: str, value: int) -> MountSettings:
-        """The same with another value of a motor."""
+        """Return a copy with one value of a motor replaced."""
         return replace(self, motors={**self.motors, name: value})
 
 
 class Shared:
-    """The settings of a mount as they are now. ``changed`` is called when the lasting part is another one."""
+    """Holds the current settings of a mount. ``changed`` is called when a part that is stored has changed."""
 
     __slots__ = ("changed", "settings")
 
@@ -86,17 +88,17 @@ class Shared:
 
 
 class Kept(Struct):
-    """What a client has set for itself."""
+    """The settings that a client has made for itself."""
 
     precision: str
 
 
 class Session:
-    """What belongs to one client of a surface: what it has set, what it is presented, and what it has in common."""
+    """One client of a surface: its own settings, the model presented to it, and the settings shared by all clients."""
 
-    #: Whether the next connection of the same host goes on with what this one has set.
+    #: Whether the next connection from the same host begins with the settings of this one.
     inherits = True
-    #: What a client of this protocol can set for itself.
+    #: The struct of the settings that a client of this protocol has for itself.
     state: type[Kept] = Kept
     kept: Kept
 
@@ -105,16 +107,16 @@ class Session:
     ) -> None:
         self.model, self.settings, self.clock = model, settings, clock
         self.common = shared or Shared()
-        #: For a client that only looks: called when it tries to set something.
+        #: For a read-only client: called when it tries to set something.
         self.may_not_set: Callable[[], None] | None = None
-        #: The frame before this one.
+        #: The previous frame.
         self.last = b""
-        #: What the command just handled asked for in vain, where its protocol has no form to say so; empty: nothing.
+        #: Why the current command was refused, if its protocol has no reply form for a refusal; else empty.
         self.refused = ""
         self.forget()
 
     def forget(self) -> None:
-        """This client's state as at power-on."""
+        """Reset the client's own settings to those at power-on."""
         self.kept = self.state(self.settings.precision)
 
     @property
@@ -122,19 +124,19 @@ class Session:
         return self.common.settings
 
     def set_for_all(self, settings: MountSettings, *, lasting: bool = True) -> None:
-        """Set what all clients have in common; ``lasting``: it outlives the gateway. Raises ReadOnly."""
+        """Replace the shared settings; ``lasting`` writes them to the state file. Raises ReadOnly."""
         self.check_may_set()
         self.common.settings = settings
         if lasting:
             self.common.changed()
 
     def check_may_set(self) -> None:
-        """For what is set later than it is answered. Raises ReadOnly for a client that only looks."""
+        """Check the permission before a reply whose setting takes effect later. Raises ReadOnly."""
         if self.may_not_set is not None:
             self.may_not_set()
             raise ReadOnly
 
     def known(self, name: str) -> object:
-        """A kept value, else the presented model's constant, else None."""
+        """Return the client's own setting, else the constant of the presented model, else None."""
         value = getattr(self.kept, name, None)
         return self.model.get(name) if value is None else value

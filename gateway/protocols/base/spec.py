@@ -1,7 +1,7 @@
-"""What the rest of the gateway knows of a protocol: one value, made by the protocol's own folder.
+"""What the rest of the gateway knows of a protocol: one ``ProtocolSpec``, created in the protocol's own folder.
 
-The list of them is ``gateway/protocols/registry.py``. A specification is read at every start, so it holds data and
-functions only: whatever a function needs is imported when it is called.
+``gateway/protocols/registry.py`` lists them. Every start imports all of them, so they hold only data and functions;
+a function imports what it needs when it is called.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 
 class SurfaceSettings(Struct, frozen=True):
-    """What a user may set for a surface. ``limits`` are the altitudes that no client widens.
+    """What a user may configure for a surface. ``limits`` are the altitude limits, which no client can widen.
 
-    ``equinox`` is what its programs count in, ``jnow`` or ``j2000``: they are converted, and may ask which it is.
+    ``equinox`` is that of the programs' coordinates, ``jnow`` or ``j2000``: they are converted, and programs may ask.
     """
 
     model: str | None
@@ -42,8 +42,7 @@ class SurfaceSettings(Struct, frozen=True):
 class MadeSurface(Struct, frozen=True):
     """A surface, and the constants of the model that it presents.
 
-    ``fit`` gives the model for a mount that is equatorial or not, German or not, with a GPS receiver or without; it is
-    None where the user has named a model.
+    ``fit(equatorial, german, gps)`` returns the model constants that suit a mount; None if the user has named a model.
     """
 
     surface: Surface
@@ -53,21 +52,21 @@ class MadeSurface(Struct, frozen=True):
 
 
 class DriverSettings(Struct, frozen=True):
-    """What a user may set for a mount, as far as its driver goes by it; the defaults leave it to the driver."""
+    """The configuration of a mount that concerns its driver; a default of None leaves the choice to the driver."""
 
     model: str | None = None
     version: str | None = None
     site: tuple[float, float] | None = None
     mode: str | None = None
     guide_rate: float | None = None
-    guide_directions: str = "motor"  # what a pulse's direction means: the motor's, or the sky's
+    guide_directions: str = "motor"  # whether the direction of a guide pulse means the motor's or the sky's
     park: tuple[float, float] | None = None
-    aux_home: bool = False  # home is where the motors' own switches are
-    lowest: float = 0.0  # where nobody has chosen a park position it is not below that
+    aux_home: bool = False  # home is at the motors' own switches
+    lowest: float = 0.0  # the default park position is not below this altitude, degrees
 
 
 class MadeDriver(NamedTuple):
-    """A driver, what it does later by itself, and how its line exchanges commands."""
+    """A driver, the handlers of its scheduled operations, and the rules of requests and replies on its line."""
 
     driver: Driver
     follow_ups: FollowUps
@@ -75,12 +74,13 @@ class MadeDriver(NamedTuple):
 
 
 class Question(Struct, frozen=True):
-    """What ``detect`` may send to an unknown device, and what an answer to it says.
+    """What ``detect`` may send to an unknown device, and how it judges the answer.
 
-    ``rank`` is its place among the questions of all protocols: what does no harm to any mount comes first. One that is
-    only for a port whose protocol the user has ``named`` is not asked otherwise. ``judge`` is given the bytes that have
-    come since, and for how many seconds nothing more has: it returns the protocol's name, another state, or None. The
-    answer to one may come ``late``, behind the next questions.
+    rank    its place among the questions of all protocols: what is harmless to every mount is sent first
+    judge   receives the bytes that have arrived since, and for how many seconds no more have; it returns the name of
+            the protocol, another state, or None
+    named   only sent to a port whose protocol the user has named
+    late    the answer may arrive after the next questions
     """
 
     rank: int
@@ -91,8 +91,8 @@ class Question(Struct, frozen=True):
 
 
 class NightRows(Struct, frozen=True):
-    """Commands that the report of a night looks at: those whose replies tell where the tube points, and the site, and
-    those that send it somewhere. ``east`` is 1 where longitudes count east, else -1."""
+    """The commands that the report of a night evaluates: those whose replies contain the position (``places``) or the
+    site, and those that begin a goto. ``east`` is 1 if longitudes are positive to the east, else -1."""
 
     places: frozenset[str] = frozenset()
     site: frozenset[str] = frozenset()
@@ -100,110 +100,109 @@ class NightRows(Struct, frozen=True):
     east: int = 1
 
 
-def _written(text: str) -> str:
-    """The same. Raises ValueError for what is no version."""
+def _checked(text: str) -> str:
+    """Return the text unchanged. Raises ValueError if it is not a version."""
     parse_version(text)
     return text
 
 
 class ProtocolSpec(Struct, frozen=True, kw_only=True):
-    """One protocol. ``name`` is what users write, and what its folders are called."""
+    """One protocol. ``name`` is the word in the configuration, and the name of its folders."""
 
     name: str
-    #: The protocol, a program that speaks it, a mount that does, and that mount in a program's menu: for messages.
+    #: Words for messages: the protocol, a program and a mount that speak it, and that mount in a program's menu.
     title: str
     a_program: str
     a_mount: str
     preset: str
-    #: What the mounts are called where one was not found.
+    #: The mounts, in the message that none was found.
     mounts: str
-    #: Who builds the mounts, first the best known; and the words that may stand before a model's name.
+    #: The makers of the mounts, the best known first; and the words that may precede a model's name.
     makers: tuple[str, ...] = ()
     brands: tuple[str, ...] = ()
-    #: What is simulated, driven and presented where nobody names a model.
+    #: The model that is simulated, driven and presented if the user names none.
     default_model: str | None = None
-    #: The TCP port that programs have in mind for it.
+    #: The TCP port that programs use for it by default.
     usual_port: int = 4030
-    #: What its programs' coordinates are counted in where nobody says otherwise: ``jnow`` or ``j2000``.
+    #: The default equinox of its programs' coordinates: ``jnow`` or ``j2000``.
     equinox: str = "jnow"
-    #: A mount for the demonstration, as an endpoint names it, and in words; a model for help texts.
+    #: A mount for the demonstration, as an endpoint and in words; a model for help texts.
     demo: tuple[str, str] | None = None
     example: str = ""
 
-    # --- what it is made of; None where there is no such thing ---
-    #: How commands are cut out of bytes, by a clock; what a program may begin a connection with; how replies are taken
-    #: apart, where a mount is spoken to in this protocol.
+    # --- its parts; None if it has no such part ---
+    #: Makes the framer; what a program may begin a connection with; the rules of replies, if mounts speak the protocol.
     framing: Callable[[], Framer]
     opening: re.Pattern[bytes]
     reply_rules: Callable[[], ReplyRules] | None = None
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None
-    #: Where its programs speak HTTP: what turns that into lines.
+    #: If its programs speak HTTP: makes the converter from HTTP to lines.
     web: Callable[[], Web] | None = None
     make_driver: Callable[[DriverSettings, Callable[[], float]], MadeDriver] | None = None
-    #: Model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings by name.
+    #: Takes model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings as keywords.
     make_simulator: Callable[..., Simulated] | None = None
-    #: Switches of the simulated mount that no other has, with their help texts; what rehearsals switch on.
+    #: Flags that only this simulated mount has, with their help texts; the settings used in rehearsals.
     simulator_switches: Mapping[str, str] = {}
     rehearsed_with: Callable[[bool], dict[str, object]] = lambda wedge: {}
 
     # --- versions ---
-    #: The version whose commands a mount of a version has. Raises ValueError.
+    #: Version text -> the version whose command set a mount of that version has. Raises ValueError.
     counts_as: Callable[[str], Version] = parse_version
-    #: A version as it is written. Raises ValueError for what is none, UserError for one that there never was.
-    check_version: Callable[[str], str] = _written
-    #: The versions of a row of models.toml.
+    #: Normalises a version text. Raises ValueError if it is not a version, UserError if none was ever released.
+    check_version: Callable[[str], str] = _checked
+    #: A row of models.toml -> the versions of that model.
     made_with: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
-    #: Words in the place of a model that name a version: (word, version or None) -> version.
+    #: Words that may replace a model and name a version: (word, version or None) -> version.
     version_words: Mapping[str, Callable[[str | None], str]] = {}
-    #: The version that programs are told where nobody names one.
+    #: The version that is presented to programs if the user names none.
     presented_version: str | None = None
 
     # --- recognising it ---
-    #: How surely these bytes of a client are in this protocol, 0 to 1.
+    #: The probability that these bytes of a client are in this protocol, 0 to 1.
     recognises: Callable[[bytes], float] = lambda sent: 0.0
-    #: What its programs begin with, where that is no command of any other protocol: there they are turned away.
+    #: The first bytes of its programs, if no other protocol has such a command: other surfaces refuse the connection.
     greeting: bytes = b""
-    #: Whether its programs wait for the first word: where every protocol is spoken, one that says nothing is one of
-    #: them; and commands that programs of other protocols begin with as well: answered there, they decide nothing.
+    #: Whether its programs wait for the mount to speak first: on a port for all protocols a silent client is one of
+    #: them; and commands that programs of other protocols send first too: there they are answered and decide nothing.
     waits: bool = False
     also_others: re.Pattern[bytes] | None = None
     questions: tuple[Question, ...] = ()
-    #: Other states that an answer may tell, in words.
+    #: Other states that an answer to a question may show, with their descriptions.
     states: Mapping[str, str] = {}
-    #: What ``detect`` says that a mount does (coordinates, tracking, sync, arrows, site, clock): command -> words, of
-    #: which the first counts whose command this mount has.
+    #: The abilities that ``detect`` reports (coordinates, tracking, sync, arrows, site, clock), each with a mapping
+    #: command -> words; the first command that the mount supports decides.
     capabilities: Mapping[str, Mapping[str, str]] = {}
     night: NightRows = NightRows()
-    #: Where the cable belongs; which mount may hear none of the questions that are asked of any port, at ``{port}``.
+    #: Where to plug in the cable; which mount may not hear the questions that are sent to every port (at ``{port}``).
     cable: str = ""
     deaf: str = ""
-    #: Who says that mounts of a version count in J2000.
+    #: The source for the statement that mounts of a version use J2000.
     j2000_by: str = "its maker"
-    #: What a person should know of a mount whose model is not known, given its version.
+    #: What the user should know of a mount of an unknown model, given its version.
     unknown_model: Callable[[str], str] = lambda version: ""
 
     # --- words and examples ---
-    #: Whether the mount has a park position of its own, and no other.
+    #: Whether the mount can only park at a position of its own.
     parks_itself: bool = False
-    #: The slowest mount, and how many seconds its first answer may take: with its model named, and without.
+    #: The slowest mount, and how many seconds its first answer may take: with its model configured, and without.
     slowest: str = "a mount"
     takes: tuple[int, int] = (4, 4)
-    #: Requests that give a client a target, and what may be wrong with one that is not known; without it a command that
-    #: begins alike is shown.
+    #: Requests that give a client a target.
     target: tuple[str, ...] = ()
-    #: Requests without which no client is answered anything.
+    #: Requests that a client must send before it is answered anything.
     hello: tuple[str, ...] = ()
+    #: Explains what may be wrong with an unknown command; without it a similar command is suggested.
     hint: Callable[[bytes], str] | None = None
-    #: What the tables say above the models that it presents.
+    #: A remark for the generated tables, above the models that it presents.
     presented_remark: str = ""
 
     @property
     def commands(self) -> CommandSet:
-        """Its tables. Raises MappingError."""
+        """The command set of this protocol. Raises MappingError."""
         return load(self.name)
 
     def shown(self, model: str | None, version: str | None) -> str:
-        """``PROTOCOL[:MODEL[/VERSION]]``."""
+        """Return ``PROTOCOL[:MODEL[/VERSION]]``, as an endpoint is written."""
         if model is None and version is not None and version.partition("-")[0] in self.version_words:
             return f"{self.name}:{version.replace('-', '/')}"
         return f"{self.name}{f':{model}' if model else ''}{f'/{version}' if version else ''}"

@@ -1,8 +1,7 @@
-"""Surface: a client's commands in, operations out, replies back; without I/O.
+"""Surface: turns a client's commands into operations and their answers into replies, without I/O.
 
-``handle`` runs one command as a generator: it yields operations and is sent their answers, and its value is the reply.
-The rows of ``surface.toml`` say what is done; those with ``call`` are functions of the protocol's own package. A
-``FireAndForget`` is an operation whose outcome the client is never told: it is not waited for.
+``handle`` runs one command as a generator: it yields operations, is sent their answers, and returns the reply. The rows
+of ``surface.toml`` define what a command does; rows with ``call`` name functions of the protocol's own package.
 """
 
 from __future__ import annotations
@@ -25,46 +24,49 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, SurfaceRow
 
-#: What some protocols answer whatever was done.
+#: The reply that some protocols give whether or not the command was carried out.
 ACKNOWLEDGED = b"#"
-#: What a row's ``call`` names: a function ``(session, command, values)`` -> the reply's values, or steps to them.
-Special = Callable[..., object]
+#: What a row's ``call`` names: ``(session, command, values)`` -> the reply's values, or a generator that returns them.
+Handler = Callable[..., object]
 
 
 class Ending(NamedTuple):
-    """What a command ends in the moment in which it comes, and the commands that do not get their turn any more."""
+    """What an urgent command ends at once: the operation to perform, and the queued frames that are discarded."""
 
     operation: Operation
     takes_back: frozenset[bytes]
 
 
 class Surface:
+    """One protocol as its programs see it. The state of a client is in its session, which every method receives."""
+
     def __init__(
         self,
         protocol: CommandSet,
-        handlers: Mapping[str, Special],
+        handlers: Mapping[str, Handler],
         unanswered: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b"",
     ) -> None:
-        #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
+        #: ``unanswered`` returns the reply to a frame that no row answers, and to a fault without a reply form.
         self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
-        #: What belongs to one client of this protocol.
+        #: The session class of this protocol.
         self.session: type[Session] = Session
-        #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
+        #: Whether the mount speaks the same protocol: commands that the gateway does not handle are then passed on
+        #: unchanged, if ``passes`` allows it.
         self.verbatim = False
         self.passes: Callable[[str, Values], bool] = lambda name, values: True
-        #: Whether this client was told something that the mount's own answer would contradict.
+        #: Whether the mount's own answer would contradict what this client was told before.
         self.stands_against: Callable[..., bool] = lambda session, name, values: False
-        #: A reply as the mount itself would write it, where it is the mount that is presented.
+        #: Reply -> the reply in the mount's own notation, if the surface presents the mount itself.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
-        #: What a client is told without asking, from the beginning of its connection on.
+        #: What a client is sent without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
-        #: Whether a reply says no, where no row has a form for that.
+        #: Whether a reply is a refusal, in protocols whose rows have no reply form for one.
         self.denies: Callable[[bytes], bool] = lambda reply: False
-        #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
+        #: Why the presented model does not have a command, which is then ignored; empty if it has it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     def ending(self, session: Session, frame: bytes) -> Ending | None:
-        """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
+        """Return what an urgent command ends before it has its turn; None for all other commands."""
         command = self.protocol.ends_at_once.get(frame)
         if command is None:
             return None
@@ -75,7 +77,7 @@ class Surface:
         )
 
     def handle(self, session: Session, frame: bytes) -> Handling:
-        """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
+        """Handle one frame: yield operations, return the reply (empty: none). No input of a client raises an error."""
         if isinstance(frame, Unterminated):
             return (yield from self._refuse(session, frame))
         if isinstance(frame, Suspect):
@@ -87,11 +89,11 @@ class Surface:
             return b""
         found = self.protocol.find(frame)
         if found is None:
-            said = self.unanswered(frame, None)
-            if said == ACKNOWLEDGED:
+            reply = self.unanswered(frame, None)
+            if reply == ACKNOWLEDGED:
                 session.refused = "its argument cannot be read"
-            return said
-        command, picture = found
+            return reply
+        command, template = found
         if command.name in session.model.get("lacking", ()):
             return b""
         row = self.protocol.surface.get(command.name)
@@ -100,7 +102,7 @@ class Surface:
             return self.unanswered(frame, None)
         try:
             try:
-                values = picture.decode(frame)
+                values = template.decode(frame)
             except ValueError as error:
                 if row is not None and row.call and not passed:
                     values = {"fault": Invalid(str(error))}
@@ -116,17 +118,17 @@ class Surface:
                 answer = yield from self._pass_on(session, command, row, values)
             else:
                 answer = yield from self._act(session, command, row, values)
-                if "fault" in values:  # it says the same whatever was done
+                if "fault" in values:  # the handler replied as if nothing were wrong
                     session.refused = f"{command.help}: {values['fault']}"
             return self.reply(session, command, answer)
         except Fault as fault:
-            said = _refusal(command, fault)
-            if not said and isinstance(fault, Invalid):
+            refusal = _refusal(command, fault)
+            if not refusal and isinstance(fault, Invalid):
                 session.refused = f"{command.help}: {fault}"
-            return said or self.unanswered(frame, fault)
+            return refusal or self.unanswered(frame, fault)
 
     def _refuse(self, session: Session, frame: Unterminated) -> Handling:
-        """Nothing of it is done, what it would have set is cleared, and the first command's no is said once."""
+        """Do nothing, clear what its commands would have set, and return the first command's refusal."""
         yield from ()
         for name in frame.names:
             self._clear(session, name)
@@ -134,23 +136,23 @@ class Surface:
         return b"" if frame.late or command is None else _refusal(command, Invalid())
 
     def _clear(self, session: Session, name: str) -> None:
-        """Have a command do to the session what it does when its value cannot be read."""
+        """Clear what a command would have set: run its handler as for a value that cannot be decoded."""
         row = self.protocol.surface.get(name)
         if row is None or row.call is None:
             return
         with suppress(Fault):
             steps = self.handlers[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
             if isinstance(steps, Generator):
-                with closing(steps):  # whatever it would ask of the mount is not asked
+                with closing(steps):  # it must not request anything of the mount
                     next(steps, None)
 
     def call(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
-        """Carry out a special -> the reply's values."""
+        """Run the handler of a row with ``call``; return the reply's values."""
         outcome = self.handlers[name](session, command, values)
         return (yield from outcome) if isinstance(outcome, Generator) else outcome
 
     def _own(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
-        """The mount's own answer -> the reply. Raises Fault, Unsupported where the gateway answers after all."""
+        """Return the mount's own reply. Raises Unsupported if the gateway has to answer instead, or another Fault."""
         if self.stands_against(session, command.name, values):
             raise Unsupported
         if keep == "library":
@@ -165,7 +167,7 @@ class Surface:
         return self.reply(session, command, answer)
 
     def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: Values) -> Handling:
-        """To a mount of the same protocol; one that lacks it leaves it to this surface."""
+        """Pass a command to a mount of the same protocol; if the mount lacks it, this surface handles it."""
         try:
             return (yield PassThrough(command.name, tuple(values.items())))
         except Unsupported:
@@ -174,9 +176,9 @@ class Surface:
         return (yield from self._act(session, command, row, values))
 
     def silence(self, session: Session, frame: bytes) -> str:
-        """Why a command has no reply, where its sender may have expected one; empty where none is due."""
+        """Return why a command got no reply although its client may have expected one; empty if none is due."""
         if isinstance(frame, Unterminated):
-            return ""  # that was said when it came
+            return ""  # the log said so when it arrived
         if lacking := self.lacks(session.model, frame):
             return lacking
         found = self.protocol.find(frame)
@@ -192,7 +194,7 @@ class Surface:
         return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
-        """Carry out a row's verb -> the reply's values."""
+        """Carry out the verb of a row; return the reply's values."""
         if row.keep is not None:
             for name in row.keep:
                 setattr(session.kept, name, values[name])
@@ -211,7 +213,10 @@ class Surface:
         return (yield from self.call(row.call, session, command, values))
 
     def _operation(self, session: Session, row: SurfaceRow, values: Values) -> Operation:
-        """The operation that a row asks, with its fields from the command or the row, else from what was set before."""
+        """Return the operation of a row with ``ask``, its fields from the command, the row or the client's settings.
+
+        Raises NoTarget if a required field is missing.
+        """
         kind = operations.named(row.ask or "")
         assert kind is not None
         fields: Values = {}
@@ -224,17 +229,17 @@ class Surface:
         return kind(**fields)
 
     def reply(self, session: Session, command: Command, answer: object) -> bytes:
-        """The first reply form that is no refusal and suits the client's format, filled in."""
+        """Fill in the first reply form that is no refusal and fits the client's format; bytes are a reply already."""
         if isinstance(answer, bytes):
             return answer
-        for reply, picture in command.replies:
+        for reply, template in command.replies:
             if reply.fault is None and reply.when in (None, session.kept.precision, session.model.get("name")):
-                return self.as_written(command.name, picture.encode(_fields_of(answer, picture.fields)))
+                return self.as_written(command.name, template.encode(_fields_of(answer, template.fields)))
         return b""
 
 
 def _without_motion(wanted: Want) -> bool:
-    """Whether something is not done because it would set something moving. Raises Disturbed where that can be said."""
+    """Whether to drop a request because it would begin a motion. Raises Disturbed if the command can be refused."""
     if not begins_motion(getattr(wanted, "operation", wanted)):
         return False
     if isinstance(wanted, FireAndForget):
@@ -243,8 +248,8 @@ def _without_motion(wanted: Want) -> bool:
 
 
 def _refusal(command: Command, fault: Fault) -> bytes:
-    """The reply form that stands for this fault, else the first that stands for any, else silence."""
-    refusals = [(reply, picture) for reply, picture in command.replies if reply.fault is not None]
+    """Return the reply form for this fault, else the first form for any fault, else nothing."""
+    refusals = [(reply, template) for reply, template in command.replies if reply.fault is not None]
     name = type(fault).__name__
     chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
     if chosen is None:
@@ -254,12 +259,12 @@ def _refusal(command: Command, fault: Fault) -> bytes:
 
 @cache
 def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
-    """The fields of an operation, and whether each must be given; looking them up costs more than all of a reply."""
+    """Return the fields of an operation, and whether each is required. Cached: the lookup takes longer than a reply."""
     return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
 
 
 def _fields_of(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
-    """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
+    """Return the answer as the fields of a reply: it is a mapping, a struct, or one bare value for one field."""
     if isinstance(answer, Mapping):
         return answer
     if isinstance(answer, msgspec.Struct):

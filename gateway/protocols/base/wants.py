@@ -1,7 +1,7 @@
-"""What a surface asks for while it handles a command: operations, and what is to be done with them.
+"""What a surface requests while it handles a command: operations, and how they are to be performed.
 
-A handler is a generator: it yields these, is sent the answers, and its value is the reply's values. A reply answers a
-command; what a surface tells without being asked is a subscription, which begins and ends with the connection.
+A handler is a generator: it yields these requests, is sent the answers, and returns the values of the reply. Data that
+a surface sends without a command is a subscription, which begins and ends with the connection.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from gateway.core.operations import Operation, Read, Values
 
 
 class FireAndForget(NamedTuple):
-    """Perform an operation without waiting for it: its command has no reply."""
+    """Perform an operation without waiting for its outcome: the command has no reply."""
 
     operation: Operation
 
 
 class Possible(NamedTuple):
-    """Go on unless it is known already that nothing can come of this operation: it may not be asked for, or the mount
-    does not hear. Raises Fault then, so that no is said before a yes that would be no more than a guess.
+    """Check whether an operation has a chance: Fault is raised if this client may not ask for it, or if the mount does
+    not listen. A surface uses it before it sends a success that it cannot know yet.
     """
 
     operation: Operation
 
 
 class ReuseLastReading(NamedTuple):
-    """What this client was told by a read a moment ago, so that two halves are of one instant; else asked anew."""
+    """Reuse the last reading that this client received, so that two halves are of one instant; read again if stale."""
 
     operation: Operation
 
@@ -37,21 +37,21 @@ class Defer(NamedTuple):
     """Call a handler of this surface again after some seconds."""
 
     seconds: float
-    special: str
+    handler: str
 
 
 class Speed(NamedTuple):
-    """Go on at another baud rate once this command was answered, where there is a serial port."""
+    """Change the baud rate after the reply to this command, if the client is on a serial port."""
 
     baud: int
 
 
 class Subscription(NamedTuple):
-    """``operation`` is read ``every`` so many seconds, and ``encode`` makes bytes of what it tells; empty: nothing.
+    """Read ``operation`` every ``every`` seconds and send the client what ``encode`` makes of it; nothing if empty.
 
-    With ``changes`` the same bytes are not sent twice in a row. What the other side has not taken yet is not piled up:
-    it gets the newest when it reads again. While the mount does not tell, nothing is sent. The first comes ``after`` so
-    many seconds of the connection.
+    With ``changes`` the same bytes are not sent twice in a row. A client that reads slowly gets the newest message, not
+    a backlog. Nothing is sent while the mount does not answer. The first message is sent ``after`` seconds of the
+    connection.
     """
 
     operation: Read
@@ -66,17 +66,17 @@ Handling = Generator[Want, Any, Any]
 
 
 def given(values: Values) -> Values:
-    """The values of a command. Raises the Fault of those that cannot be read."""
+    """Return the values of a command. Raises its Fault if they cannot be decoded."""
     if "fault" in values:
         raise values["fault"]
     return values
 
 
 def relayed(steps: Handling, instead: Callable[[Want], bool]) -> Handling:
-    """Hand on what a command asks for, and what it is answered.
+    """Pass on the requests of a handler and the answers to them, unless ``instead`` steps in.
 
-    ``instead`` is shown everything first. What it returns True for is not asked for, and answered with nothing; a Fault
-    that it raises is the answer.
+    ``instead`` receives each request first. If it returns True, the request is dropped and answered with None; if it
+    raises a Fault, that Fault is the answer.
     """
     answer: object = None
     fault: Fault | None = None

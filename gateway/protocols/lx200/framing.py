@@ -42,7 +42,7 @@ def setter(begun: bytes) -> str | None:
 def stops() -> tuple[bytes, ...]:
     """What is carried out wherever it stands: what ends something and does nothing else."""
     commands = load("lx200").commands.values()
-    return tuple([command.request.literal for command in commands if command.urgent in ("stop", "axis", "part")])
+    return tuple([command.request.prefix for command in commands if command.urgent in ("stop", "axis", "part")])
 
 
 class Framer:

@@ -154,21 +154,21 @@ class Lx200ReplyRules:
             return {}, 0
         if not buffer:
             return None
-        for reply, picture in replies:
-            found = _exact(str(picture.source)).match(buffer)
+        for reply, template in replies:
+            found = _exact(str(template.source)).match(buffer)
             if found is None:
                 continue
             length = found.end()
-            if "#" not in str(picture.source) and buffer[length:] == b"#":
+            if "#" not in str(template.source) and buffer[length:] == b"#":
                 buffer, length = buffer[:length], length + 1  # some put one behind everything
-            values = picture.decode(found[0])
+            values = template.decode(found[0])
             if reply.fault is not None:
                 return _fault(reply.fault, values), length
             self._hand.learn(ask.command, found[0])
             return {**values, "length": length}, length
         hashes = max(source.count("#") for source in _sources(ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
-            whole = hashes or len(buffer) >= max(picture.width or 1 for _, picture in replies)
+            whole = hashes or len(buffer) >= max(template.width or 1 for _, template in replies)
             return (Garbled(), len(buffer)) if whole else None
         return None
 
@@ -184,7 +184,7 @@ class Lx200ReplyRules:
 @cache
 def _sources(command: str) -> tuple[str, ...]:
     """The pictures of a command's replies."""
-    return tuple([str(picture.source) for _, picture in Lx200ReplyRules.protocol.commands[command].replies])
+    return tuple([str(template.source) for _, template in Lx200ReplyRules.protocol.commands[command].replies])
 
 
 @cache

@@ -32,7 +32,7 @@ def all_lengths() -> dict[int, int]:
         width = command.request.width
         if width is None:
             raise MappingError("mappings/nexstar/commands.toml", command.name, "a request has a fixed length")
-        first = command.request.literal[0]
+        first = command.request.prefix[0]
         if found.setdefault(first, width) != width:
             reason = f"requests that begin with {chr(first)!r} are {found[first]} bytes long, not {width}"
             raise MappingError("mappings/nexstar/commands.toml", command.name, reason)

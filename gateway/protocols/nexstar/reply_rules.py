@@ -43,7 +43,7 @@ def _reply(command: str) -> _Reply:
     row = PROTOCOL.commands[command]
     picture = row.replies[0][1]
     assert picture.width is not None
-    passed_through = row.request.literal.startswith(b"P")
+    passed_through = row.request.prefix.startswith(b"P")
     longest = picture.width + (1 if passed_through else EXTRA.get(command, 0))
     return _Reply(picture, picture.width, longest, passed_through)
 

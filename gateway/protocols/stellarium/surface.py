@@ -84,10 +84,10 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
     assert isinstance(session, StellariumSession)
     told = load("stellarium").commands["position"]
     assert told.pushed is not None
-    picture = told.replies[0][1]
+    template = told.replies[0][1]
 
     def message(seen: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
-        return picture.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": session.kept.status})
+        return template.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": session.kept.status})
 
     return [Subscription(Position(), told.pushed, message, after=FIRST)]

@@ -1,1 +1,1 @@
-"""Bytes to named fields and back, by the tables under ``mappings``."""
+"""Converts between bytes and named fields, by the tables under ``mappings``."""

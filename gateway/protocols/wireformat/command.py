@@ -1,9 +1,8 @@
-"""A command ready for use: the frames of its requests and replies, who has it, and the facts about it.
+"""A command of the tables, ready for use: templates of its requests and replies, the models that have it, its facts.
 
-A frame is drawn as the manuals draw it: a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and fields
-(``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It turns named values into bytes and bytes into named values, and knows
-nothing of what they mean. Whatever is wrong with a row raises MappingError with file, row and reason: a question of
-which nobody says how its answers may change is one of those mistakes.
+A template is written like a frame in the manuals: a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and
+fields (``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It converts between bytes and named values, and does not know what
+they mean. A mistake in a row raises MappingError with file, row and reason; a question without ``answer`` is one.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from gateway.protocols.wireformat.rows import ANSWERS, URGENT, CommandRow, Reply
 
 
 class FrameTemplate:
-    """One frame form. ``fields`` maps field names to codecs in wire order; ``literal`` is what comes before them."""
+    """The form of one frame. ``fields``: name -> codec, in wire order; ``prefix``: the literal bytes before them."""
 
     def __init__(self, source: Source) -> None:
         self.source = source
@@ -27,12 +26,12 @@ class FrameTemplate:
         for piece in [source] if isinstance(source, str) else source:
             self._add(piece)
         self.fields: dict[str, Codec] = {part[0]: part[1] for part in self.parts if isinstance(part, tuple)}
-        self.literal = self.parts[0] if self.parts and isinstance(self.parts[0], bytes) else b""
+        self.prefix = self.parts[0] if self.parts and isinstance(self.parts[0], bytes) else b""
         widths = [len(part) if isinstance(part, bytes) else part[1].width for part in self.parts]
         self.width = None if None in widths else sum(width for width in widths if width is not None)
 
     def _add(self, piece: str | int) -> None:
-        """Split one piece into literals and fields. Raises ValueError for a field that no codec knows."""
+        """Split one piece into literals and fields. Raises ValueError for a malformed field or an unknown codec."""
         if isinstance(piece, int):
             self._add_literal(bytes((piece,)))
             return
@@ -58,18 +57,18 @@ class FrameTemplate:
 
     @cached_property
     def matcher(self) -> re.Pattern[bytes]:
-        """The whole frame as a regular expression, one group per field; made when first needed, not at the start."""
+        """The frame as a regular expression with one group per field, compiled when first needed to start faster."""
         pattern = b"".join(
             re.escape(part) if isinstance(part, bytes) else b"(" + part[1].pattern + b")" for part in self.parts
         )
         return re.compile(pattern, re.DOTALL)
 
     def encode(self, values: Mapping[str, object]) -> bytes:
-        """Values -> bytes. Raises KeyError for a missing field, ValueError for one that does not fit."""
+        """Return the frame. Raises KeyError for a missing field, ValueError for a value that does not fit."""
         return b"".join([part if isinstance(part, bytes) else part[1].encode(values[part[0]]) for part in self.parts])
 
     def decode(self, frame: bytes) -> Values:
-        """Bytes -> values. Raises ValueError when the frame is of another form or a field is out of range."""
+        """Return the values in a frame. Raises ValueError if it has another form or a field is out of range."""
         found = self.matcher.fullmatch(frame)
         if found is None:
             raise ValueError(f"{frame!r} is not {self.source!r}")
@@ -77,6 +76,8 @@ class FrameTemplate:
 
 
 class Command:
+    """A row of ``commands.toml`` (see ``CommandRow``) with its templates. ``where`` is the file, for messages."""
+
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
@@ -96,7 +97,7 @@ class Command:
             raise MappingError(where, name, wrong)
 
     def _wrong(self) -> str:
-        """What is wrong with the facts about it; empty when nothing is."""
+        """Return what is wrong with the facts of the row, or an empty string."""
         if not self.asked and self.pushed is None:
             return "it needs a request, or pushed"
         if self.question and self.answer not in ANSWERS:
@@ -114,31 +115,31 @@ class Command:
 
     @property
     def question(self) -> bool:
-        """Whether it asks for a value and does nothing else."""
-        return not self.acts and any(reply.fault is None and picture.fields for reply, picture in self.replies)
+        """Whether it reads a value and does nothing else."""
+        return not self.acts and any(reply.fault is None and template.fields for reply, template in self.replies)
 
     @property
     def asked(self) -> bool:
-        """Whether there is a request for it; else it is told unasked alone."""
+        """Whether it has a request; otherwise it is only pushed."""
         return bool(self.request.parts)
 
     @property
     def mark(self) -> bytes:
-        """The bytes by which an urgent command is seen in what has not been cut into commands yet."""
+        """The bytes by which an urgent command is recognised in bytes that are not cut into frames yet."""
         if not self.urgent_at:
-            return self.request.literal.removesuffix(b"#")
+            return self.request.prefix.removesuffix(b"#")
         end = self.request.parts[-1]
         return self.request.encode(self.urgent_at).removesuffix(end if isinstance(end, bytes) else b"")
 
     def known_to(self, model: str | None, version: Version | None) -> bool:
-        """Whether this model and version have the command, by the manual."""
+        """Whether this model and version have the command according to the manual; None means unknown, and passes."""
         if self.models is not None and model is not None and model not in self.models:
             return False
         return self.since is None or version is None or version >= self.since
 
 
 def _requests(request: str | list[str | int]) -> list[Source]:
-    """A list of letters, numbers and fields is one binary frame; a list of longer strings is alternatives."""
+    """Return the alternative forms: a list of letters, numbers and fields is one form, longer strings are one each."""
     if isinstance(request, str):
         return [request]
     if all(isinstance(piece, int) or len(piece) == 1 or piece.startswith("{") for piece in request):

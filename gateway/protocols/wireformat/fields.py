@@ -1,9 +1,9 @@
-"""The field forms of both manuals: one row each, bytes to value and back.
+"""The codecs of all field formats, one row each: bytes to value and back.
 
-A codec is named by the manual's own picture of the field. Output is exact: the value is rounded once to the
-field's tick, wrapped, then split, so `:60`, `24:00:00` and a lost `-00` cannot happen. Input is lenient where
-real programs are sloppy (any separator, missing seconds, odd widths) and raises ``ValueError`` for what is out of
-range. Angles are degrees (right ascension too), times of day are seconds, offsets are hours.
+A codec is named by the format as the manual writes it. Output is exact: the value is rounded once to the field's unit,
+wrapped, then split, so that `:60`, `24:00:00` and a lost `-00` cannot occur. Input is lenient where real programs
+deviate (any separator, missing seconds, other widths) and raises ``ValueError`` for a value out of range. Angles are
+degrees (right ascension too), times of day are seconds, UTC offsets are hours.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gateway.protocols.wireformat import sexagesimal as sx
 
 
 class Codec(NamedTuple):
-    """One field form. ``pattern`` says which bytes may belong to it, ``width`` is set when it is fixed."""
+    """One field format. ``pattern`` matches the bytes of the field; ``width`` is its length if that is fixed."""
 
     encode: Callable[[Any], bytes]
     decode: Callable[[bytes], object]
@@ -35,7 +35,7 @@ _HEX = re.compile(rb"[0-9A-Fa-f]*").fullmatch
 
 
 def _within(decode: Callable[[bytes], float], low: float, high: float) -> Callable[[bytes], float]:
-    """The same where the value must lie in [low, high]."""
+    """Return ``decode`` with a check that the value is in [low, high]."""
 
     def checked(raw: bytes) -> float:
         value = decode(raw)
@@ -61,15 +61,15 @@ _TEXT_ANGLES = {
     "sDDD*MM": _sexagesimal(sx.longitude, sx.parse_longitude, -180, 180),
     "hh:mm:ss": _sexagesimal(sx.clock, sx.parse_clock, 0, 86399.9999),
     "hh:mm:ss 12h": _sexagesimal(sx.clock_12, sx.parse_clock, 0, 86399.9999),
-    # A site as the manual has it set: unsigned, 0 to 360 degrees west; what programs send signed is understood.
+    # The longitude in the manual's command to set a site: unsigned, 0 to 360 degrees west. Signed input is accepted.
     "DDD*MM west": _sexagesimal(sx.azimuth_low, sx.parse_longitude, -180, 180),
-    # A place on the Moon has no second name beyond 180 degrees.
+    # A lunar longitude beyond 180 degrees is not another way to write a western one.
     "sDDD*MM moon": _sexagesimal(sx.longitude, sx.parse, -180, 180),
 }
 
 
 def _below_sixty(codec: Codec) -> Codec:
-    """The same field where 60 minutes or seconds are refused instead of carried."""
+    """Return the codec for targets, which refuses 60 minutes or seconds instead of carrying them."""
     return codec._replace(decode=lambda raw: codec.decode(sx.below_sixty(raw)))
 
 
@@ -82,16 +82,16 @@ _TEXT_ANGLES |= {
 
 
 def _number(
-    picture: str, decimals: int, width: int, signed: bool, low: float, high: float, longest: int | None = None
+    name: str, decimals: int, width: int, signed: bool, low: float, high: float, longest: int | None = None
 ) -> Codec:
-    """A decimal number: zero-padded to ``width`` before the point, ``decimals`` behind it."""
+    """A decimal number: zero-padded to ``width`` digits before the point, ``decimals`` digits after it."""
     full = width + (decimals + 1 if decimals else 0) + (1 if signed else 0)
     form = f"{{:{'+' if signed else ''}0{full}.{decimals}f}}"
 
     def encode(value: float) -> bytes:
         text = form.format(round(float(value), decimals) + 0.0)
         if len(text) > (longest or full):
-            raise ValueError(f"{value!r} does not fit {picture}")
+            raise ValueError(f"{value!r} does not fit {name}")
         return text.encode("ascii")
 
     decode = _within(sx.number, low, high)
@@ -99,7 +99,7 @@ def _number(
 
 
 def _arcminutes(codec: Codec) -> Codec:
-    """The same number with its mark behind it, which clients may leave out."""
+    """The number followed by its unit sign, which clients may omit."""
     return Codec(
         lambda value: codec.encode(value) + b"'", lambda raw: codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 ")), _FREE
     )
@@ -154,7 +154,7 @@ _TEXT_OTHERS = {
 
 
 def _turn(bits: int, keep: int, signed: bool) -> Codec:
-    """A fraction of a revolution in hexadecimal; only the upper ``keep`` bits count, the rest go out as zero."""
+    """A fraction of a revolution in hexadecimal; only the upper ``keep`` bits count, the others are sent as zero."""
     digits, spare = bits // 4, bits - keep
 
     def encode(value: float) -> bytes:
@@ -201,7 +201,7 @@ def _integer(width: int, signed: bool = False) -> Codec:
 
 
 def _little_endian(codec: Codec) -> Codec:
-    """The same field with its least significant byte first."""
+    """Return the codec with the least significant byte first."""
     return codec._replace(encode=lambda value: codec.encode(value)[::-1], decode=lambda raw: codec.decode(raw[::-1]))
 
 
@@ -228,7 +228,7 @@ _BINARY = {
 
 # --- text of one line: whole numbers and fractions as programming languages write them ----------------------------
 
-#: What a field may consist of where a blank or the end of the line ends it.
+#: The bytes of a field that ends at a blank or at the end of the line.
 _WORD = rb"[^ \n]*"
 _LINE = {
     "number": Codec(numerals.number, numerals.parse_number, _WORD),
@@ -244,7 +244,7 @@ CODECS: dict[str, Codec] = {**_TEXT_ANGLES, **_TEXT_OTHERS, **_BINARY, **_LINE}
 
 
 def codec(name: str) -> Codec:
-    """The codec of that picture; a name with ``|`` is a choice of words. Raises KeyError."""
+    """Return the codec of this name; a name with ``|`` is a choice of words. Raises KeyError if there is none."""
     if name not in CODECS and "|" in name:
         CODECS[name] = _word(name)
     return CODECS[name]

@@ -1,7 +1,7 @@
-"""Values as JSON and programming languages write them, each between bytes and what it means.
+"""Numbers, truth values, times and text as JSON and programming languages write them, to bytes and back.
 
-Numbers go out in full, so that nothing is lost on the way. What comes in is taken as people and programs write it
-(``true`` and ``True``, a time with or without its zone); ``ValueError`` is raised for what is no such value.
+Numbers are written with all digits. Parsers are lenient (``true`` and ``True``, a time with or without its zone), and
+raise ``ValueError`` for anything that is not such a value.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ _TRUTH = {b"true": True, b"false": False}
 _BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
 #: The first and the last second that have a date of four digits, Unix time.
 _FIRST, _LAST = -62_135_596_800.0, 253_402_300_799.0
-#: Whole numbers are those of 32 bits, which have no more digits.
+#: Whole numbers have 32 bits, and so at most this many digits.
 _DIGITS, _WHOLE = 12, range(-(2**31), 2**31)
 
 
 def number(value: float) -> bytes:
-    """With as many digits as it has."""
+    """Write a number with all its digits."""
     return repr(float(value)).encode("ascii")
 
 
 def parse_number(raw: bytes) -> float:
-    """A finite one, with a point and without digit separators."""
+    """Parse a finite decimal number without digit separators."""
     text = raw.decode("ascii")
     value = float(text)
     if "_" in text or not math.isfinite(value):
@@ -35,17 +35,17 @@ def parse_number(raw: bytes) -> float:
 
 
 def hours(degrees: float) -> bytes:
-    """Degrees as hours, from 0 to below 24."""
+    """Write degrees as hours in [0, 24)."""
     return number(round(degrees / 15.0, 12) % 24.0)
 
 
 def parse_hours(raw: bytes) -> float:
-    """Hours as degrees, whatever turn they are in."""
+    """Parse hours and return degrees, not reduced to one turn."""
     return parse_number(raw) * 15.0
 
 
 def parse_whole(raw: bytes) -> int:
-    """Digits with a sign or without."""
+    """Parse a whole number of 32 bits, with or without a sign."""
     digits = raw[1:] if raw[:1] in (b"-", b"+") else raw
     if not digits.isdigit() or len(digits) > _DIGITS or int(raw) not in _WHOLE:
         raise ValueError(f"{raw!r} is no whole number of 32 bits")
@@ -53,7 +53,7 @@ def parse_whole(raw: bytes) -> int:
 
 
 def parse_truth(raw: bytes) -> bool:
-    """The same words in any case."""
+    """Parse ``true`` or ``false`` in upper or lower case."""
     try:
         return _TRUTH[raw.lower()]
     except KeyError:
@@ -61,13 +61,13 @@ def parse_truth(raw: bytes) -> bool:
 
 
 def moment(unix: float) -> bytes:
-    """UTC to the millisecond, as far as calendars reach: ``2026-01-28T21:00:00.000Z``."""
+    """Write Unix seconds as UTC with milliseconds, within the years 1 to 9999: ``2026-01-28T21:00:00.000Z``."""
     at = _BEGINNING + timedelta(milliseconds=round(max(_FIRST, min(_LAST, unix)) * 1000.0))
     return at.replace(tzinfo=None).isoformat(timespec="milliseconds").encode() + b"Z"
 
 
 def parse_moment(raw: bytes) -> float:
-    """Unix seconds; a time without a zone is UTC."""
+    """Parse an ISO date and time and return Unix seconds; without a zone it is UTC."""
     try:
         at = datetime.fromisoformat(unquote(raw.decode("ascii")))
         return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
@@ -76,12 +76,12 @@ def parse_moment(raw: bytes) -> float:
 
 
 def quoted(text: str) -> bytes:
-    """Text as one word: what would end the word or the line is written as in an address."""
+    """Write text as one word, percent-encoded as in a URL."""
     return quote(text, safe="+-.:,TZ").encode("ascii")
 
 
 def parse_json(raw: bytes) -> object:
-    """The value of one line of JSON."""
+    """Parse one line of JSON."""
     try:
         found: object = msgspec.json.decode(raw)
     except msgspec.DecodeError as error:

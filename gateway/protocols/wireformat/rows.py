@@ -1,4 +1,4 @@
-"""The rows of the mappings, as TOML has them, the words that may stand in them, and the functions that they call."""
+"""The rows of the mapping files as structs, the words allowed in them, and the lookup of the functions they call."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from typing import Any
 
 import msgspec
 
-#: A frame as it is drawn (``command.py``).
+#: A frame as the tables write it (``command.py``).
 Source = str | list[str | int]
 Version = tuple[int, ...]
-#: What differs between models, as a row of ``models.toml`` says it.
+#: A row of ``models.toml``: the properties of a model.
 Model = dict[str, Any]
 
-#: How long what a mount answers itself serves everybody, and what stands against it.
+#: How long the gateway reuses a reply of the mount itself for all clients, and when it answers instead of the mount.
 KEEPS = {
-    "fixed": "asked once, until the mount is found anew",
-    "state": "one answer serves everybody for a second",
-    "moment": "asked each time, and shared by those who ask meanwhile",
+    "fixed": "asked once, until the mount is identified again",
+    "state": "one reply serves all programs for a second",
+    "moment": "asked each time; programs that ask meanwhile share the reply",
     "clock": "asked each time, unless a program has set another clock that is kept here",
-    "site": "one answer serves everybody for a second, unless a program has set another site that is kept here",
+    "site": "one reply serves all programs for a second, unless a program has set another site that is kept here",
     "order": "sent each time",
     "library": "its own object library, and this program's target",
 }
-#: What a question's answer does from one time to the next: by this it is told whether an answer can be believed.
+#: How the answer to a question may change from one time to the next; replies are verified by this.
 ANSWERS = {
     "position": "moves",
     "clock": "runs as a clock does",
     "state": "stays as it is until something is done",
-    "stream": "is another one every time",
+    "stream": "is different every time",
 }
-#: What a command ends that must not wait behind others.
+#: What an urgent command ends. It must not wait behind other commands.
 URGENT = {
     "stop": "every motion, and does nothing else",
     "restart": "every motion, and does more",
@@ -48,16 +48,16 @@ def parse_version(text: str) -> Version:
 
 
 def show_version(version: Version) -> str:
-    """The manual's way of writing: one digit below 3 (1.6, 2.2), two from 3 on (3.01, 4.10)."""
+    """Write a version as the manual does: one minor digit below version 3 (1.6, 2.2), two from 3 on (3.01, 4.10)."""
     major, minor = version[:2]
     return f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
 
 
 @cache
 def handlers_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
-    """What the rows of a surface or a driver may ``call``: the functions that these modules define for others, by name.
+    """Return the functions that rows of a surface or a driver may ``call``: name -> public function of these modules.
 
-    Raises ValueError where two have one name.
+    Raises ValueError if two have the same name.
     """
     found: dict[str, Callable[..., Any]] = {}
     for module in modules:
@@ -70,7 +70,7 @@ def handlers_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
 
 
 class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One form of reply. ``when`` chooses by the client's format, ``fault`` is the error it stands for."""
+    """One form of reply, used when the client's format is ``when``, or for the error ``fault``."""
 
     wire: Source
     when: str | None = None
@@ -78,16 +78,18 @@ class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A command as ``commands.toml`` writes it. One that ``acts`` tells a value, and does something besides.
+    """A row of ``commands.toml``.
 
-    answer        what a question's answer does from one time to the next: a word of ``ANSWERS``
+    models, since   the models that have the command, and the first version
+    acts          it returns a value and also changes something
+    answer        how the answer to a question may change: a word of ``ANSWERS``
     urgent        what it ends: a word of ``URGENT``; ``urgent_at``: only with these values
-    takes_back    the commands that have not had their turn yet, and do not get it, when this one comes
-    long          it is work that takes the mount up to so many seconds
-    while_seeking, while_asleep   whether the mount hears it while it seeks its home, or sleeps
+    takes_back    the queued commands that are discarded when this one arrives
+    long          the mount may be busy with it for this many seconds
+    while_seeking, while_asleep   whether the mount accepts it while it seeks its home, or hibernates
     by_hand       it begins a motion by hand, or sets the rate of one: done at once or not at all
-    may_be_silent   some mounts that have it leave it unanswered
-    pushed        a program is told it every so many seconds without asking; then there may be no request
+    may_be_silent   some mounts that have it do not answer it
+    pushed        it is sent to a program every so many seconds without being asked for; it may have no request
     """
 
     help: str
@@ -110,14 +112,18 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a surface does with a command: exactly one of the five verbs, and what a reader should know.
+    """A row of ``surface.toml``: exactly one of the five verbs says what a surface does with a command.
 
-    One that ``passes`` means nothing here, but something to a mount of the same protocol that has it. Without a word
-    on that, what is refused here passes. Where ``models`` names the presented models that it is for, or what they
-    are or have (``traits``), the outcome on all others is ``elsewhere``, as it is over mounts
-    that are or have what ``apart`` names. An operation that is asked has the values of the command, those that are
-    ``given`` here, and what the client has set before. For an example of it a program has said
-    ``after`` before, the mount has come to rest, and then ``during``.
+    ask, given      perform this operation; its fields are those of the command, these, and the client's own settings
+    keep, tell      store these fields in the client's settings, or reply with them
+    say             reply with these values
+    call, asks      run this function; the operations that it may ask for
+    outcome, why    the outcome in the generated tables, and the remark there
+    without         the outcome on a mount that has no command for the operation
+    passes          pass it on to a mount of the same protocol that has it; by default true if refused here
+    models          the presented models, or their traits, that the row is for; all others have the outcome
+                    ``elsewhere``, and so do mounts with the traits ``apart``
+    after, during   for examples: what a program sends before, until the mount is at rest, and then in motion
     """
 
     ask: str | None = None
@@ -143,7 +149,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def handed_on(self) -> bool:
-        """Whether it goes to a mount of the same protocol as it is."""
+        """Whether it is passed on unchanged to a mount of the same protocol."""
         return self.outcome == "refused" if self.passes is None else self.passes
 
     @property
@@ -153,22 +159,25 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the mount itself answers to programs of its own protocol, where nobody has named a model to present.
+    """A row of ``own.toml``: the mount itself answers programs of its protocol, if no model to present is configured.
 
-    ``keep`` is a word of ``KEEPS``; without one the gateway goes on answering, and ``why`` says why.
+    ``keep`` is a word of ``KEEPS``; without it the gateway answers, and ``why`` gives the reason.
     """
 
     keep: str | None = None
     why: str | None = None
 
 
-class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
+class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row of ``driver.toml``: one implementation of an operation.
 
-    A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some. ``part``
-    names what a model must be or have for it (``traits``); the tables count by it. Of the commands that a stop consists
-    of, ``ends`` are those that end a motion and do nothing else. ``aligned`` says that it is taken on
-    an aligned mount alone, or only before the alignment.
+    send          the commands that it consists of
+    call          instead of ``send``: the Python function that carries it out
+    needs, uses   further commands: an implementation is skipped if the mount lacks one of ``send`` and ``needs``; those
+                  of ``uses`` are sent if the mount has them
+    ends          of the commands of a stop, those that end a motion and do nothing else
+    part          a trait (``traits``) that a model must have, for the generated tables and the list of abilities
+    aligned       for the tables: only used on an aligned mount (true), or only before the alignment (false)
     """
 
     send: list[str] = []

@@ -1,9 +1,8 @@
-"""Sexagesimal text, and the small change of clocks and calendars.
+"""Sexagesimal angles, clock times, dates and UTC offsets, to text and back.
 
-Everything printed goes through whole ticks: round once, wrap, then split. Everything read goes through one
-lenient pattern: any separator that a program was ever seen to send, seconds optional, a fraction on the last part,
-and a last part of exactly 60 that carries (some programs round that way), where ``below_sixty`` does not forbid it.
-Degrees in, degrees out.
+Writing converts to whole units of the last digit ("ticks"): round once, wrap, then split. Reading uses one lenient
+pattern: every separator seen from a program, optional seconds, a fraction on the last part, and a last part of exactly
+60, which carries (some programs round that way) unless ``below_sixty`` refuses it. Angles are degrees.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ _PARTS = (
 
 @cache
 def _parts() -> re.Pattern[bytes]:
-    """Compiled when the first text is read: that takes longer than to load this module."""
+    """Compile the pattern when it is first needed: that takes longer than importing this module."""
     return re.compile(_PARTS)
 
 
 def parse(raw: bytes, least: int = 2) -> float:
-    """``sDD*MM:SS`` in any of its written forms, as a signed number of whole units.
+    """Parse ``sDD*MM:SS`` in any of its notations; return the signed number of degrees or hours.
 
     Raises ValueError, also for fewer than ``least`` parts.
     """
@@ -50,7 +49,7 @@ def parse(raw: bytes, least: int = 2) -> float:
 
 
 def below_sixty(raw: bytes) -> bytes:
-    """The same text. Raises ValueError for minutes or seconds of exactly 60, which no program sends as a target."""
+    """Return the text unchanged. Raises ValueError if minutes or seconds are 60, which no program sends in a target."""
     found = _parts().fullmatch(raw)
     if found is not None and any(text is not None and float(text) >= 60 for text in found.groups()[2:]):
         raise ValueError(f"{raw!r} has minutes or seconds over 59")
@@ -58,14 +57,14 @@ def below_sixty(raw: bytes) -> bytes:
 
 
 def number(raw: bytes) -> float:
-    """A plain decimal number, blanks around it allowed. Raises ValueError."""
+    """Parse a decimal number, which may have blanks around it. Raises ValueError."""
     if re.fullmatch(rb" *[+-]?(?:\d+\.?\d*|\.\d+) *", raw) is None:
         raise ValueError(f"{raw!r} is no number")
     return float(raw)
 
 
 def parse_hours(raw: bytes) -> float:
-    """Right ascension ``HH:MM:SS`` or ``HH:MM.T`` -> degrees; seconds of 60 at the day's end come out as 0."""
+    """Parse a right ascension ``HH:MM:SS`` or ``HH:MM.T``; return degrees. 23:59:60 is 0."""
     value = parse(raw)
     if value == 24 and raw.lstrip()[:2] == b"23":
         return 0.0
@@ -73,7 +72,7 @@ def parse_hours(raw: bytes) -> float:
 
 
 def parse_azimuth(raw: bytes) -> float:
-    """Azimuth -> degrees in [0, 360); exactly 360 is north."""
+    """Parse an azimuth; return degrees in [0, 360). 360 is north."""
     value = parse(raw)
     if not -360 <= value <= 360:
         raise ValueError(f"{raw!r} is no azimuth")
@@ -81,7 +80,7 @@ def parse_azimuth(raw: bytes) -> float:
 
 
 def parse_longitude(raw: bytes) -> float:
-    """Meade longitude, west positive, unsigned 0-360 or signed -> degrees in (-180, 180], west positive."""
+    """Parse a Meade longitude, unsigned 0 to 360 or signed; return degrees in [-180, 180], west positive."""
     value = parse(raw)
     if not -180 <= value <= 360:
         raise ValueError(f"{raw!r} is no longitude")
@@ -89,7 +88,7 @@ def parse_longitude(raw: bytes) -> float:
 
 
 def parse_clock(raw: bytes) -> float:
-    """Time of day -> seconds since midnight."""
+    """Parse a time of day; return seconds since midnight."""
     return parse(raw, least=3) * 3600.0
 
 
@@ -106,23 +105,23 @@ def _ticks(value: float, per_unit: float) -> tuple[str, int]:
     return ("-" if value < 0 and ticks else "+"), ticks
 
 
-def _circular(picture: str, per_degree: int, *bases: int) -> Callable[[float], str]:
-    """How an angle is written that goes round: in ticks, so many a degree, and what they are split by."""
+def _circular(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
+    """Return a function that writes an angle of 0 to 360 degrees in ticks, split by ``bases``."""
 
     def written(degrees: float) -> str:
-        return picture.format(*_split(round(degrees * per_degree) % (360 * per_degree), *bases))
+        return form.format(*_split(round(degrees * per_degree) % (360 * per_degree), *bases))
 
     return written
 
 
-def _to_the_poles(picture: str, per_degree: int, *bases: int) -> Callable[[float], str]:
-    """The same of one with a sign, from pole to pole: ValueError is raised beyond 90 degrees."""
+def _to_the_poles(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
+    """Return a function that writes a signed angle in ticks, split by ``bases``; ValueError beyond 90 degrees."""
 
     def written(degrees: float) -> str:
         sign, ticks = _ticks(degrees, per_degree)
         if ticks > 90 * per_degree:
             raise ValueError("an altitude, declination or latitude lies beyond 90 degrees")
-        return sign + picture.format(*_split(ticks, *bases))
+        return sign + form.format(*_split(ticks, *bases))
 
     return written
 
@@ -134,25 +133,25 @@ signed, signed_low = _to_the_poles("{:02d}*{:02d}:{:02d}", 3600, 60, 60), _to_th
 
 
 def longitude(degrees: float) -> str:
-    """West-positive degrees -> ``sDDD*MM`` in (-180, 180]."""
+    """Write degrees, west positive, as ``sDDD*MM`` in (-180, 180]."""
     ticks = round(degrees * 60.0) % 21600
     ticks -= 21600 if ticks > 10800 else 0
     return ("-" if ticks < 0 else "+") + "{:03d}*{:02d}".format(*_split(abs(ticks), 60))
 
 
 def clock(seconds: float) -> str:
-    """Seconds since midnight -> ``HH:MM:SS`` (whole seconds, as clocks show them)."""
+    """Write seconds since midnight as ``HH:MM:SS``, rounded down as clocks show them."""
     return "{:02d}:{:02d}:{:02d}".format(*_split(int(seconds) % 86400, 60, 60))
 
 
 def clock_12(seconds: float) -> str:
-    """Seconds since midnight -> ``HH:MM:SS`` as a 12-hour clock shows it, 12, 1 … 11."""
+    """Write seconds since midnight as ``HH:MM:SS`` of a 12-hour clock (12, 1 … 11)."""
     hour, rest = divmod(int(seconds) % 86400, 3600)
     return clock(((hour + 11) % 12 + 1) * 3600 + rest)
 
 
 def limit(raw: bytes) -> float:
-    """An altitude limit in degrees, as it is told; four digits are arcminutes. Raises ValueError beyond 90 degrees."""
+    """Parse an altitude limit in degrees; four digits are arcminutes. Raises ValueError beyond 90 degrees."""
     text = raw.rstrip(b"*'\xdf\xb0\xc2 ")
     value = number(text)
     value = value / 60.0 if re.fullmatch(rb" *\d{4} *", text) else value
@@ -162,7 +161,7 @@ def limit(raw: bytes) -> float:
 
 
 def limit_to_set(raw: bytes) -> float:
-    """An altitude limit as it is set: 0 to 90 degrees, without a sign. Raises ValueError."""
+    """Parse an altitude limit that a client sets: 0 to 90 degrees, without a minus sign. Raises ValueError."""
     value = limit(raw)
     if value < 0 or b"-" in raw:
         raise ValueError(f"{raw!r} is no altitude limit from 0 to 90 degrees")
@@ -170,18 +169,18 @@ def limit_to_set(raw: bytes) -> float:
 
 
 def offset_in_full(value: float) -> str:
-    """Hours -> ``sHH.H``."""
+    """Write hours as ``sHH.H``."""
     sign, tenths = _ticks(value, 10)
     return sign + "{:02d}.{:d}".format(*_split(tenths, 10))
 
 
 def offset(value: float) -> str:
-    """Hours -> ``sHH`` when whole, else ``sHH.H``."""
+    """Write hours as ``sHH`` if whole, else as ``sHH.H``."""
     return offset_in_full(value).removesuffix(".0")
 
 
 def parse_offset(raw: bytes) -> float:
-    """``sHH``, ``sHH.H``, ``s5``, ``sHH:MM`` -> hours; x.7 and x.8 mean three quarters (Nepal, Chatham)."""
+    """Parse an offset ``sHH``, ``sHH.H``, ``s5`` or ``sHH:MM``; return hours. x.7, x.8 mean x.75 (Nepal, Chatham)."""
     text = raw.replace(b" ", b"")
     value = parse(text, least=1)
     if b":" not in text:
@@ -194,14 +193,14 @@ def parse_offset(raw: bytes) -> float:
 
 
 def date(value: datetime.date) -> str:
-    """A date -> ``MM/DD/YY``."""
+    """Write a date as ``MM/DD/YY``."""
     return f"{value.month:02d}/{value.day:02d}/{value.year % 100:02d}"
 
 
 def parse_date(raw: bytes) -> datetime.date:
-    """``MM/DD/YY`` with any separator; years up to 50 belong to this century, and so 1951 to 2050 are all there are.
+    """Parse ``MM/DD/YY`` with any separator. Years up to 50 are of this century, which covers 1951 to 2050.
 
-    Four digits are taken as well. Raises ValueError, also for a year that two digits could not tell.
+    Years of four digits are accepted too. Raises ValueError, also for a year outside that range.
     """
     found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if found is None:
@@ -210,18 +209,18 @@ def parse_date(raw: bytes) -> datetime.date:
     if len(found[3]) == 2:
         year += 2000 if year <= 50 else 1900
     if not 1951 <= year <= 2050:
-        raise ValueError(f"{raw!r} is in no year that MM/DD/YY can tell")
+        raise ValueError(f"{raw!r} is outside the years 1951 to 2050 that MM/DD/YY can express")
     return datetime.date(year, month, day)
 
 
 def dms_bytes(degrees: float) -> bytes:
-    """NexStar site field: degrees, minutes, seconds, 1 for south or west; degrees are north/east positive."""
+    """Write degrees (north/east positive) as a NexStar site field: degrees, minutes, seconds, 1 for south or west."""
     sign, ticks = _ticks(degrees, 3600)
     return bytes((*_split(ticks, 60, 60), "+-".index(sign)))
 
 
 def parse_dms_bytes(raw: bytes, limit: int) -> float:
-    """The same four bytes -> degrees, north/east positive. Raises ValueError for an impossible place."""
+    """Parse a NexStar site field; return degrees, north/east positive. Raises ValueError if it is out of range."""
     d, m, s, negative = raw
     value = d + m / 60.0 + s / 3600.0
     if m > 59 or s > 59 or negative > 1 or value > limit:

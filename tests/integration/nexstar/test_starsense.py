@@ -142,9 +142,9 @@ def test_a_mount_that_was_named_is_a_starsense_before_it_is_heard() -> None:
     from gateway.protocols.nexstar.driver.state import NexStar
 
     mount = NexStar(lambda: 0.0, DriverSettings("avx", "starsense-1.20"))
-    assert mount.starsense and mount.knows("e") and mount.knows("s") and not mount.knows("i")
+    assert mount.starsense and mount.supports("e") and mount.supports("s") and not mount.supports("i")
     assert mount.equinox == "jnow"
-    assert not NexStar(lambda: 0.0, DriverSettings("gt", "101.0")).knows("e")  # it counts as a 1.2
+    assert not NexStar(lambda: 0.0, DriverSettings("gt", "101.0")).supports("e")  # it counts as a 1.2
 
 
 # --- presented --------------------------------------------------------------------------------------------------------

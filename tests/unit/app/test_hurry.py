@@ -19,6 +19,6 @@ def test_speed_is_that_of_a_simulated_mount(at: str, hurry: float) -> None:
         gateway.prepare(
             lambda rules, transcript: MountLink(make_wire(gateway.mount, gateway.config, None), rules, transcript)
         )
-        assert gateway.controller.driver.hurry == hurry
+        assert gateway.controller.driver.speed_factor == hurry
 
     asyncio.run(program())

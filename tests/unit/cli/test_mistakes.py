@@ -111,7 +111,7 @@ def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: py
     out, err = capsys.readouterr()
     assert out == ""
     assert "noise.bin: this is no conversation in the nexstar protocol: of its first" in err
-    assert err.endswith("are commands; --protocol names the other protocol, if it is one in that\n")
+    assert err.endswith("are commands; if it is in the other protocol, name that with --protocol\n")
 
 
 def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def test_megabytes_of_junk_take_little(tmp_path: Path) -> None:
     first, second, grown = map(int, last.split())
     assert (done.returncode, first, second) == (0, 2, 2)
     assert len(said) == 2
-    assert all("no conversation in the" in words and "--protocol names the other" in words for words in said)
+    assert all("no conversation in the" in words and "name that with --protocol" in words for words in said)
     assert grown < 3_000
     assert len(done.stdout) < 250_000
 
@@ -107,7 +107,7 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
     code, lines, _ = _decode(capsys, str(path))
     assert code == 0
     assert len(lines) == 1 + 1000 + 1 + 1 + 1
-    assert "2000 more that are no commands" in lines[-2]
+    assert "2000 more unknown commands" in lines[-2]
     assert ":GR#" in lines[-3]
 
 

@@ -79,7 +79,7 @@ def test_they_say_what_is_done(operation: op.Operation, words: str) -> None:
 def test_a_goto_is_explained_to_an_owner() -> None:
     told = explain("lx200", "6se", ":MS#").splitlines()
     assert told[0] == ":MS#  slew to the target"
-    assert told[1].endswith("a 6-8se/4.21 mount: translated (carried out on the mount by that mount's own commands)")
+    assert told[1].startswith("outcome on a 6-8se/4.21 mount: translated (the mount carries it out, by commands")
     assert "  the gateway understands: go to RA 05:34:32, Dec +22°00'52\", and track there" in told
     assert (
         "    to the mount: r3B78FC00,0FA79B00  precise goto right ascension and declination: "
@@ -98,7 +98,7 @@ def test_every_outcome_is_explained() -> None:
     from gateway.diagnostics.command_outcomes import STANDS_FOR
 
     assert tuple(STANDS_FOR) == OUTCOMES
-    assert "(no is said in the protocol's form for it; where it has none, the log says so)" in explain(
+    assert "(the reply is the protocol's refusal; if it has none, the refusal is only logged)" in explain(
         "lx200gps", "cge/3.02", ":gT#"
     )
 

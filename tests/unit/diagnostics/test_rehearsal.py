@@ -18,7 +18,7 @@ from gateway.diagnostics.rehearsal.samples import example
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import SurfaceRow, Way
+from gateway.protocols.wireformat.rows import Implementation, SurfaceRow
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
 
@@ -82,7 +82,7 @@ def test_a_row_that_says_something_else_is_found(
 
 
 def test_a_way_that_is_not_taken_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(load("nexstar").driver, "SetSite", [Way(call="set_site", uses=["W"])])
+    monkeypatch.setitem(load("nexstar").driver, "SetSite", [Implementation(call="set_site", uses=["W"])])
     _, found = wire.rehearse(CPC, frozenset(["Sg"]))
     assert [difference.words for difference in found] == ["translated, and nothing that changes the mount is sent"]
 

@@ -211,7 +211,7 @@ def test_a_broker_that_comes_and_goes_is_told_of_once(tmp_path: Path) -> None:
             there.broker.down = None
             await until(lambda: len(there.said) == 3)
             assert there.said[0] == "ready broker mqtt://broker.invalid:1883 as mount-gateway/pier"
-            assert "are not affected" in there.said[1] and there.said[2].endswith("is there again")
+            assert "are not affected" in there.said[1] and there.said[2].endswith("is connected again")
 
     play(work())
 

@@ -10,7 +10,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface.client import AlpacaSession, axis, place
-from gateway.protocols.base.surface import Special
+from gateway.protocols.base.surface import Handler
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.wireformat.command import Command
 
@@ -61,7 +61,7 @@ def can_move_axis(session: AlpacaSession, command: Command, values: Values) -> H
     return not third and op.MoveAxis.__name__ in (yield op.GetAbilities()).can
 
 
-def _able(*operations: type[op.Operation]) -> Special:
+def _able(*operations: type[op.Operation]) -> Handler:
     """A member that says whether the mount can do all of these."""
 
     def able(session: AlpacaSession, command: Command, values: Values) -> Handling:

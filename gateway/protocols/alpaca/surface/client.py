@@ -13,7 +13,7 @@ from gateway.core.errors import Invalid, Refused
 from gateway.core.operations import GetActivity, GetStatus, Tracking, Values
 from gateway.protocols.alpaca.tables import NotConnected, Parked, is_refusal, member, refusal
 from gateway.protocols.base.session import Kept, Session
-from gateway.protocols.base.surface import Special, Surface
+from gateway.protocols.base.surface import Handler, Surface
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
@@ -40,7 +40,7 @@ class AlpacaSession(Session):
 class AlpacaSurface(Surface):
     """Every request is answered: with the value, with nothing, or with the number and the words of a refusal."""
 
-    def __init__(self, protocol: CommandSet, handlers: Mapping[str, Special]) -> None:
+    def __init__(self, protocol: CommandSet, handlers: Mapping[str, Handler]) -> None:
         super().__init__(protocol, handlers, refusal)
         self.session, self.denies = AlpacaSession, is_refusal
 

@@ -101,7 +101,7 @@ def backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
 def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
     """:$QZ :$QA on an LX200GPS. A classic has one toggle for both axes, so what it does is remembered from power-on."""
     wanted = not mount.corrects if operation.on is None else operation.on
-    if mount.knows("$QZ+"):
+    if mount.supports("$QZ+"):
         for axis, letter in ((1, "Z"), (2, "A")):
             if operation.axis in (None, axis):
                 yield from ask(mount, f"$Q{letter}{'+' if wanted else '-'}")
@@ -112,7 +112,7 @@ def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
 
 def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
     """:F, one of two speeds on a classic."""
-    if operation.direction and mount.knows("F"):
+    if operation.direction and mount.supports("F"):
         yield from ask(mount, "F", speed=operation.speed)
     elif operation.direction:
         yield from ask(mount, "FF" if operation.speed >= _FAST_FOCUS else "FS")

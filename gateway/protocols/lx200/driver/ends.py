@@ -94,7 +94,7 @@ def at_most(mount: Lx200Driver, degrees: float | None) -> Steps:
     usual = int(mount.facts["max_rate"])
     lowest, highest = mount.facts["max_rates"]
     wanted = usual if degrees is None else int(max(lowest, min(highest, degrees)))
-    if mount.knows("Sw") and wanted != (mount.fastest or usual):
+    if mount.supports("Sw") and wanted != (mount.fastest or usual):
         yield from ask(mount, "Sw", rate=wanted)
         mount.fastest = wanted
 
@@ -107,7 +107,7 @@ def guide_at(mount: Lx200Driver, fraction: float) -> Steps:
 
 
 def _guides_otherwise(mount: Lx200Driver, fraction: float) -> bool:
-    return mount.knows("Rg") and abs(fraction - mount.guides_at) > SAME
+    return mount.supports("Rg") and abs(fraction - mount.guides_at) > SAME
 
 
 def _changed(mount: Lx200Driver) -> bool:

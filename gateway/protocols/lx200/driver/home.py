@@ -62,7 +62,7 @@ def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
 
 def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
     """A parked LX200GPS wakes by :I; the state is read anew, and tracking goes on where it can. Raises Unsupported."""
-    if mount.parked and mount.knows("I"):
+    if mount.parked and mount.supports("I"):
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
         mount.powerless = False

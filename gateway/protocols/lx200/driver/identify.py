@@ -27,7 +27,7 @@ def contact(mount: Lx200Driver, _: object = None) -> Steps:
     first = yield from high_precision(mount)
     since = mount.now()
     second = yield from ask(mount, "GD")
-    mount.halves = since, mount.now()
+    mount.read_at = since, mount.now()
     mount.quick, mount.met = min(OWN_PATIENCE, since - began, mount.now() - since), True
     return Equatorial(*fold_declination(first["ra"], second["dec"]))
 

@@ -186,12 +186,12 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
     if mount.goto is not None:
         raise Refused(SLEWING)
     fraction = mount.guide_rate if rate is None else rate
-    shorter = 1.0 if mount.knows("Rg") else fraction
+    shorter = 1.0 if mount.supports("Rg") else fraction
     yield from guide_at(mount, fraction)
     ms = round(ms * shorter)
     if ms <= 0:
         return None
-    if mount.knows("Mg") and mount.product:
+    if mount.supports("Mg") and mount.product:
         piece = min(ms, LONGEST_PULSE)
         begins(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)

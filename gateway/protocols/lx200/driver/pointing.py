@@ -66,7 +66,7 @@ def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
         one = yield from ask(mount, first)
         since = mount.now()
         other = yield from ask(mount, second)
-        mount.halves = since, mount.now()
+        mount.read_at = since, mount.now()
         nearest = min(nearest, mount.now() - since)
         if mount.now() - since <= max(INSTANT, SLOWER * mount.quick):
             return one, other, True
@@ -130,7 +130,7 @@ def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
 def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
     """Send what begins a goto."""
     begins(mount, *MOUNT)
-    yield from mount.set_out(GotoState(since=mount.now(), then=then), ask(mount, command), _bars)
+    yield from mount.begin_goto(GotoState(since=mount.now(), then=then), ask(mount, command), _bars)
 
 
 def _bars(mount: Lx200Driver) -> Steps:

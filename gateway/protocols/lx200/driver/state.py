@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Abilities as Can
 from gateway.core.operations import Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate
-from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, Remembered, Send, Steps, Wait
+from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
@@ -115,9 +115,9 @@ class Lx200Driver(Driver):
         #: Whether it corrects periodic errors.
         self.corrects = False
 
-    def knows(self, name: str) -> bool:
+    def supports(self, name: str) -> bool:
         """Whether it has a command, by the manual or because it was seen to answer it."""
-        return name in self.more or super().knows(name)
+        return name in self.more or super().supports(name)
 
     @property
     def facts(self) -> Model:
@@ -144,7 +144,9 @@ class Lx200Driver(Driver):
 
     def presented(self) -> Model:
         """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
-        lacking = {name for name, command in self.protocol.commands.items() if command.replies and not self.knows(name)}
+        lacking = {
+            name for name, command in self.protocol.commands.items() if command.replies and not self.supports(name)
+        }
         return {
             **self.facts,
             "name": self.model or "autostar",
@@ -153,7 +155,7 @@ class Lx200Driver(Driver):
             "lacking": frozenset(lacking if self.product else lacking | NAMES),
         }
 
-    def told_model(self, identity: Identity) -> str | None:
+    def reported_model(self, identity: Identity) -> str | None:
         rows = self.protocol.models
         fits = [name for name, row in rows.items() if self.product and self.product.startswith(row["product"])]
         if fits:
@@ -164,12 +166,12 @@ class Lx200Driver(Driver):
         """Firmware differs in what it knows: nobody waits long for an answer, and silence is one. Raises Busy."""
         if self.seeking and not self.protocol.commands[operation.command].while_seeking:
             raise Busy("The mount seeks its home.")
-        if not self.knows(operation.command):
+        if not self.supports(operation.command):
             raise Unsupported
         values = {**dict(operation.fields), "low": self.low}
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
-    def memory(self, moving: bool) -> Remembered:
+    def saved_state(self, moving: bool) -> SavedValues:
         """A telescope keeps its home itself, and stops by a command that all of them have.
 
         How it stands is remembered while its tracking is off: some do not tell it then.
@@ -177,10 +179,10 @@ class Lx200Driver(Driver):
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         return {**stands, **({"parked": True} if self.parked else {}), **({"driven": True} if self.driven else {})}
 
-    def recall(self, memory: Remembered, moving: bool) -> None:
-        self.parked, self.driven = memory.get("parked") is True, memory.get("driven") is True
-        if memory.get("stands") in ("P", "G"):
-            self.home_letter = memory["stands"]
+    def restore_state(self, saved: SavedValues, moving: bool) -> None:
+        self.parked, self.driven = saved.get("parked") is True, saved.get("driven") is True
+        if saved.get("stands") in ("P", "G"):
+            self.home_letter = saved["stands"]
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
@@ -203,7 +205,12 @@ class Lx200Driver(Driver):
         low, high = self.facts["max_rates"]
         slow, fast = self.facts["hertz"]
         return Abilities(
-            self.knows("Rg"), self.knows("RA"), self.knows("Sw"), self.facts["max_rate"], (low, high), (slow, fast)
+            self.supports("Rg"),
+            self.supports("RA"),
+            self.supports("Sw"),
+            self.facts["max_rate"],
+            (low, high),
+            (slow, fast),
         )
 
 
@@ -217,7 +224,7 @@ def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
 
     Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
     """
-    if not mount.knows(command):
+    if not mount.supports(command):
         raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]
     if mount.seeking and not row.while_seeking:

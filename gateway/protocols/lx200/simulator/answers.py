@@ -22,9 +22,9 @@ _POWER_ON_HERTZ = {"lx200gps": 60.0}
 def form(sim: Telescope, name: str, **values: object) -> bytes:
     """The reply of a command in the format that is set, with the degree byte of real hardware."""
     wanted = "high" if sim.high else "low"
-    for reply, picture in sim.protocol.commands[name].replies:
+    for reply, template in sim.protocol.commands[name].replies:
         if reply.fault is None and reply.when in (None, wanted, sim.model):
-            return picture.encode(values).replace(b"*", b"\xdf")
+            return template.encode(values).replace(b"*", b"\xdf")
     return b""
 
 

@@ -104,11 +104,11 @@ class SimulatedLx200(Telescope):
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
         if isinstance(frame, Unterminated):
             name = frame.names[0]
-            return self._no(self.protocol.commands[name]) if name and self.knows(name) and not frame.late else b""
+            return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
         found = self.protocol.find(frame)
-        if found is None or not self.knows(found[0].name):
+        if found is None or not self.supports(found[0].name):
             return b""
-        command, picture = found
+        command, template = found
         if self.busy and command.name not in WHILE_BUSY:
             return NAK if self.model == "lx200gps" else b""
         if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface[command.name].operations):
@@ -116,7 +116,7 @@ class SimulatedLx200(Telescope):
         if not self.tolerant and not well_formed(command.name, frame):
             return self._no(command)
         try:
-            values = picture.decode(frame)
+            values = template.decode(frame)
         except ValueError:
             return self._no(command)
         if self.asleep and command.name in TURNS_MOTORS:

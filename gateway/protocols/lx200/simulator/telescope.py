@@ -88,7 +88,7 @@ class Telescope(Simulated):
         self.parked = self.asleep = False
         self.track(self.aligned)
 
-    def knows(self, name: str) -> bool:
+    def supports(self, name: str) -> bool:
         """Whether this model has a command: by the manual, else by what real ones do."""
         command = self.protocol.commands[name]
         if command.beyond:

@@ -74,7 +74,7 @@ def align(sim: Telescope, name: str, _: Values) -> None:
         sim.mechanics.rebuild(sim.now, Build.WEDGE if sim.letter == "P" else Build.ALTAZ)
     sim.parked = False
     sim.track(sim.letter != "L")
-    if not sim.knows("GW"):
+    if not sim.supports("GW"):
         sim.mechanics.cancel(sim.now)
         sim.forget()
 

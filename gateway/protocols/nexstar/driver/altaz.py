@@ -28,7 +28,7 @@ BETWEEN, FARTHEST, UNKNOWN = 0.03, 0.5, 0.1
 
 def stands(mount: NexStar) -> bool:
     """Whether it follows the sky by both axes, and takes variable rates (hand controls from 1.6 on do)."""
-    return tracking.native_mode(mount) is Tracking.ALTAZ and not mount.german and mount.knows("rate_azm_pos")
+    return tracking.native_mode(mount) is Tracking.ALTAZ and not mount.german and mount.supports("rate_azm_pos")
 
 
 def carries(mount: NexStar, operation: Move) -> bool:

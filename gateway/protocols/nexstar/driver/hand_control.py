@@ -56,7 +56,7 @@ class HandControl(Driver):
             "variant": STARSENSE_VARIANT if self.starsense else NEXSTAR_VARIANT,
         }
 
-    def told_model(self, identity: Identity) -> str | None:
+    def reported_model(self, identity: Identity) -> str | None:
         if self.number is None:
             return None
         rows = self.protocol.models
@@ -69,7 +69,7 @@ class HandControl(Driver):
 
         Raises Unsupported for what it has not, or does not answer.
         """
-        if not self.knows(operation.command) or operation.command in self.mute:
+        if not self.supports(operation.command) or operation.command in self.mute:
             raise Unsupported
         patience = VARIANT_PATIENCE if operation.command == "v" else None
         try:
@@ -78,7 +78,7 @@ class HandControl(Driver):
             self.mute.add(operation.command)
             raise Unsupported from None
 
-    def greet(self) -> Steps:
+    def probe(self) -> Steps:
         """``K``, which no Meade takes for anything."""
         yield Send("K", {"echo": 0x78})
 
@@ -93,9 +93,9 @@ class HandControl(Driver):
         return self.starsense
 
     @property
-    def stepping(self) -> bool:  # type: ignore[override]
+    def moves_by_gotos(self) -> bool:  # type: ignore[override]
         """Before 1.6 there is no pass-through to the motors."""
-        return not self.knows("slew_azm_pos")
+        return not self.supports("slew_azm_pos")
 
     @property
     def equinox(self) -> str:  # type: ignore[override]

@@ -68,14 +68,14 @@ def home_state(mount: NexStar, _: op.HomeState) -> Steps:
 def unpark(mount: NexStar, _: op.Unpark) -> Steps:
     """Tracking on again, the mount's state read anew."""
     mount.parked = False
-    if mount.goto is None and mount.knows("T") and tracking.native_mode(mount) is not None:
+    if mount.goto is None and mount.supports("T") and tracking.native_mode(mount) is not None:
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))
     yield from tracking.read_status(mount)
 
 
 def sleep(mount: NexStar, _: op.Hibernate) -> Steps:
     """``x`` where the firmware has it, else tracking off."""
-    if mount.knows("x"):
+    if mount.supports("x"):
         try:
             yield Send("x")
         except NoAnswer:
@@ -103,7 +103,7 @@ def awake(mount: NexStar, _: Awake) -> Steps:
 
 def wake(mount: NexStar, _: op.Wake) -> Steps:
     """``y`` where the firmware has it, else tracking on."""
-    if mount.knows("y"):
+    if mount.supports("y"):
         yield Send("y")
         mount.asleep, mount.woken = False, True
         yield Schedule(AWAKE, Awake())

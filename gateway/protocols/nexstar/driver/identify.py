@@ -29,9 +29,9 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     mount.version = counts_as(raw, starsense=mount.starsense)
     if raw[0] >= GT_FIRST:
         mount.model = mount.named_model or "gt"
-    elif mount.knows("m"):
+    elif mount.supports("m"):
         yield from _model(mount)
-    if mount.knows("device_version"):
+    if mount.supports("device_version"):
         yield from _motors(mount)
     yield from read_status(mount)
     if mount.tracking not in (None, Tracking.OFF):

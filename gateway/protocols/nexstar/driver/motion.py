@@ -46,7 +46,7 @@ def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
     except Fault:
         return mount.beyond_pole
     west = mount.tube_side(told) == "W"
-    return west != (mount.beyond_pole and mount.knows("p"))  # without p the axis has told both
+    return west != (mount.beyond_pole and mount.supports("p"))  # without p the axis has told both
 
 
 def move(mount: NexStar, operation: op.Move) -> Steps:
@@ -56,7 +56,7 @@ def move(mount: NexStar, operation: op.Move) -> Steps:
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
         yield from stop_current_motion(mount)  # under way to the other side, the control tells the side of the goal
-    if not mount.stepping and (yield from _reversed(mount, operation.direction)):
+    if not mount.moves_by_gotos and (yield from _reversed(mount, operation.direction)):
         sign = -sign
     yield from move_axis(mount, op.MoveAxis(operation.direction.axis, sign, operation.rate))
 
@@ -66,7 +66,7 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
         yield from stop_current_motion(mount)
-    if mount.stepping:
+    if mount.moves_by_gotos:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
     tracks = mount.suspended is None and (mount.tracking or op.Tracking.OFF).equatorial
@@ -111,7 +111,7 @@ def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
 def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
     """Rate 0 on one axis; after the last one tracking comes back, once."""
     stepped = mount.steps.pop(operation.axis, None)
-    if mount.stepping:
+    if mount.moves_by_gotos:
         if stepped is not None:
             yield Send("M")  # the last small goto may lead far in azimuth; the other axis takes its next one by itself
         return
@@ -146,7 +146,7 @@ def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
         mount.home_state = 0 if going.then == "home" else mount.home_state
         yield Send("M")
         mount.goto = None
-    if not mount.stepping:
+    if not mount.moves_by_gotos:
         for axis in sorted(AXES, key=lambda axis: -mount.moving.get(axis, 0.0)):
             yield rest(axis)
     mount.moving.clear()
@@ -215,10 +215,10 @@ def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
     by_sky = mount.settings.guide_directions == "sky"
     if operation.ms > 0 and altaz.stands(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))
-    if tracking.native_mode(mount) is None and not (mount.stepping or mount.times_pulses):
+    if tracking.native_mode(mount) is None and not (mount.moves_by_gotos or mount.times_pulses):
         raise Unsupported("This hand control does not tell how it tracks, which guiding goes by: --mode tells it.")
     axis, sign = operation.direction.axis, sense(mount, operation.direction)
-    if by_sky and not mount.stepping and (yield from _reversed(mount, operation.direction)):
+    if by_sky and not mount.moves_by_gotos and (yield from _reversed(mount, operation.direction)):
         sign = -sign
     return (yield from pulse_axis(mount, op.PulseAxis(axis, sign, operation.ms)))
 

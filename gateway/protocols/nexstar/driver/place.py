@@ -23,7 +23,7 @@ FARTHEST = 15.0
 
 def get_site(mount: NexStar, _: GetSite) -> Steps:
     """``w``; else the GPS unit; else the site of the settings. -> Place."""
-    if mount.knows("w"):
+    if mount.supports("w"):
         answer = yield Send("w")
         mount.site = Place(answer["latitude"], answer["longitude"])
         return mount.site
@@ -42,7 +42,7 @@ def get_site(mount: NexStar, _: GetSite) -> Steps:
 
 def set_site(mount: NexStar, operation: SetSite) -> Steps:
     """``W``. Both halves are needed."""
-    if not mount.knows("W") or operation.latitude is None or operation.longitude is None:
+    if not mount.supports("W") or operation.latitude is None or operation.longitude is None:
         raise Unsupported("This hand control takes no site.")
     yield from _not_aligned(mount)
     yield Send("W", {"latitude": operation.latitude, "longitude": wrap180(operation.longitude)})
@@ -58,14 +58,14 @@ def _not_aligned(mount: NexStar) -> Steps:
 
 def get_clock(mount: NexStar, _: GetClock) -> Steps:
     """``i`` or ``h``; else the clock of a CGE; else the GPS unit. -> Moment."""
-    if mount.knows("i"):
+    if mount.supports("i"):
         a = yield Send("i")
         return _moment(a, a["quarters"] / 4.0)
-    if mount.knows("h"):
+    if mount.supports("h"):
         a = yield Send("h")
         return _moment(a, float(a["zone"]))
     for part in ("gps", "rtc"):
-        if not (mount.has(part) and mount.knows(f"{part}_date")):
+        if not (mount.has(part) and mount.supports(f"{part}_date")):
             continue
         try:
             if part == "gps" and not (yield Send("gps_linked"))["linked"]:
@@ -79,7 +79,7 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
 
 def gps(mount: NexStar, _: GetGps) -> Steps:
     """GPS unit 176 -> Gps. Raises NoDevice."""
-    if not mount.has("gps") or not mount.knows("gps_linked"):
+    if not mount.has("gps") or not mount.supports("gps_linked"):
         raise NoDevice("This mount has no GPS unit.")
     if not (yield Send("gps_linked"))["linked"]:
         return Gps(linked=False)
@@ -103,7 +103,7 @@ def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
     if not seen.linked:
         raise NoDevice("The GPS is not linked.")
     offset, dst = 0.0, None
-    if mount.knows("h"):
+    if mount.supports("h"):
         present = yield Send("h")
         offset, dst = float(present["zone"] + present["dst"]), present["dst"]
     yield from set_clock(mount, SetClock(seen.unix, offset, dst))
@@ -127,16 +127,16 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
     saving already make that offset: then they are left as they are.
     """
     dst, began = operation.dst or 0, mount.now()
-    if mount.knows("I"):
+    if mount.supports("I"):
         quarters = round((operation.offset - dst) * 4)
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
-    elif mount.knows("H"):
+    elif mount.supports("H"):
         hours = int(operation.offset - dst + 100.5) - 100  # the nearest, halves upwards
         present = yield Send("h")
         if operation.dst is None and present["zone"] + present["dst"] == operation.offset:
             hours, dst = present["zone"], present["dst"]
         name, zone, fields = "H", float(hours), {"zone": hours}
-    elif mount.has("rtc") and mount.knows("rtc_set_date"):
+    elif mount.has("rtc") and mount.supports("rtc_set_date"):
         yield from _set_rtc(operation.unix)
         return
     else:

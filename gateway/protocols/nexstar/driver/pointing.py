@@ -22,7 +22,7 @@ MOTORS, FOUND = (16, 17), 255
 
 def position(mount: NexStar, _: op.Position) -> Steps:
     """``e`` or ``E``, folded past the pole, with the offset of a sync that the hand control could not take."""
-    answer = yield Send("e" if mount.knows("e") else "E")
+    answer = yield Send("e" if mount.supports("e") else "E")
     mount.beyond_pole = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
@@ -32,13 +32,13 @@ def position(mount: NexStar, _: op.Position) -> Steps:
 
 def axis_readings(mount: NexStar) -> Send:
     """The readings of the axes, as precisely as this version tells them."""
-    return Send("z" if mount.knows("z") else "Z")
+    return Send("z" if mount.supports("z") else "Z")
 
 
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
     """A fork's own azimuth and altitude; None where the axes are equatorial (the controller derives it then)."""
     mode = tracking.native_mode(mount)
-    if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
+    if mount.german or (mode is not None and mode.equatorial) or mount.has_sync_offset:
         return None
     answer = yield axis_readings(mount)
     return op.Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
@@ -52,7 +52,7 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
     """
     if not mount.german:
         return "E"
-    if mount.knows("p"):
+    if mount.supports("p"):
         answer = yield Send("p")
         return answer["side"]
     answer = yield axis_readings(mount)
@@ -61,10 +61,10 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
 
 def sync(mount: NexStar, operation: op.Sync) -> Steps:
     """``s`` or ``S``; before 4.10 an offset kept here and added to everything the mount says."""
-    if mount.knows("s"):
+    if mount.supports("s"):
         yield Send("s", {"ra": operation.ra, "dec": operation.dec})
         return
-    answer = yield Send("e" if mount.knows("e") else "E")
+    answer = yield Send("e" if mount.supports("e") else "E")
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     mount.offset = (wrap180(wrap360(operation.ra) - ra), operation.dec - dec)
 
@@ -76,10 +76,10 @@ def goto(mount: NexStar, operation: op.Goto) -> Steps:
     """``r`` or ``R``, less the offset of a sync that the hand control could not take."""
     yield from need_alignment(mount)
     yield from stop_current_motion(mount)
-    if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
+    if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.supports("T"):
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))
     ra, dec = fold_declination(operation.ra - mount.offset[0], operation.dec - mount.offset[1])
-    yield from _begin(mount, Send("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}))
+    yield from _begin(mount, Send("r" if mount.supports("r") else "R", {"ra": ra, "dec": dec}))
 
 
 def need_alignment(mount: NexStar) -> Steps:
@@ -97,14 +97,14 @@ def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
 
 
 def to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
-    yield from _begin(mount, Send("b" if mount.knows("b") else "B", {"az": az, "alt": alt}), then)
+    yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then)
 
 
 def _begin(mount: NexStar, command: Send, then: str | None = None) -> Steps:
     def sent() -> Steps:
         yield command
 
-    yield from mount.set_out(GotoState(since=mount.now(), then=then), sent(), _slews)
+    yield from mount.begin_goto(GotoState(since=mount.now(), then=then), sent(), _slews)
 
 
 def _slews(_: NexStar) -> Steps:
@@ -166,13 +166,13 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     if state is None:
         return moving
     if moving:
-        state.seen, state.unsure = True, False
+        state.seen, state.unconfirmed = True, False
         return True
     if not state.seen and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
         return True
     if mount.goto is not state:
         return mount.goto is not None
-    if state.unsure:  # nobody has seen it move: what belongs to its end, as the end of tracking, is left
+    if state.unconfirmed:  # nobody has seen it move: what belongs to its end, as the end of tracking, is left
         mount.give_up_goto()
         return False
     mount.goto = None
@@ -217,7 +217,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
     if mount.goto is not None or mount.moving or (again and not mount.parked):
         return
     if operation.then == "park":
-        if not mount.knows("T"):
+        if not mount.supports("T"):
             raise Unsupported("It stands at its park position, but this hand control keeps tracking.")
         mount.parked, mount.suspended = True, None
         try:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Unsupported
-from gateway.protocols.base.driver import SLEWING, GotoUnderWay, Handler, Remembered, Send
+from gateway.protocols.base.driver import SLEWING, GotoUnderWay, Handler, SavedValues, Send
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.nexstar.counting import SIDEREAL, rate_tables
 from gateway.protocols.nexstar.driver.hand_control import HandControl
@@ -95,7 +95,7 @@ class NexStar(HandControl):
         self.home_state = 0
 
     @property
-    def displaced(self) -> bool:  # type: ignore[override]
+    def has_sync_offset(self) -> bool:  # type: ignore[override]
         """A hand control without sync: it is carried out here."""
         return self.offset != (0.0, 0.0)
 
@@ -122,21 +122,21 @@ class NexStar(HandControl):
         """Nothing takes the place of tracking any more, by a goto or a stop; the drive rate is still to be told."""
         self.drive = "told" if self.drive == "replaced" else self.drive
 
-    def memory(self, moving: bool) -> Remembered:
+    def saved_state(self, moving: bool) -> SavedValues:
         """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
         speaks = (self.model, self.version, self.suspended or self.tracking) if moving else ()
-        return cast(Remembered, to_builtins(Memory(self.home, self.parked, *speaks)))
+        return cast(SavedValues, to_builtins(Memory(self.home, self.parked, *speaks)))
 
-    def recall(self, memory: Remembered, moving: bool) -> None:
+    def restore_state(self, saved: SavedValues, moving: bool) -> None:
         """The rate of the drive is not among it: it ends with the gateway, as with a hand control's power."""
         try:
-            held = convert(memory, Memory)
+            held = convert(saved, Memory)
         except ValidationError:
             return
         self.home, self.parked = held.home, held.parked
         if moving:
             self.model, self.version = held.model or self.model, held.version or self.version
-            if held.tracking is not None and self.knows("T"):
+            if held.tracking is not None and self.supports("T"):
                 self.suspended, self.in_doubt = held.tracking, True
                 self.native_mode = None if held.tracking is op.Tracking.OFF else held.tracking
 
@@ -194,7 +194,7 @@ class NexStar(HandControl):
             return Refused(SLEWING)
         if self.times_pulses:
             return None
-        if self.stepping:
+        if self.moves_by_gotos:
             return Unsupported("Hand controls before 1.6 have no way to the motors: this mount cannot be guided.")
         if (self.tracking or op.Tracking.OFF).equatorial:
             return None
@@ -219,7 +219,7 @@ class NexStar(HandControl):
             return op.GotoAxes(self.home.az, self.home.alt)
         return None
 
-    def not_sent_home(self) -> None:
+    def home_refused(self) -> None:
         """``:h?#`` is 0 then."""
         self.home_state = 0
 

@@ -40,9 +40,9 @@ def read_status(mount: NexStar) -> Steps:
     if mount.aligned and not answer["aligned"]:
         _forget(mount)
     mount.aligned = bool(answer["aligned"])
-    if not mount.aligned or mount.knows("s"):
+    if not mount.aligned or mount.supports("s"):
         mount.offset = (0.0, 0.0)
-    if mount.knows("t"):
+    if mount.supports("t"):
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     elif mount.tracking is None and mount.settings.mode is not None:
@@ -67,7 +67,7 @@ def native_mode(mount: NexStar) -> op.Tracking | None:
     """The mode this mount tracks in: the last one that was not off, else how it is built; None when unknown."""
     if mount.native_mode is not None:
         return mount.native_mode
-    if not mount.knows("t") and mount.settings.mode is None:
+    if not mount.supports("t") and mount.settings.mode is None:
         return None
     return _built_for(mount)
 
@@ -90,7 +90,7 @@ def status(mount: NexStar, _: op.GetStatus) -> Steps:
 
 def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     """``T``, and the special rate again when tracking comes back. Off needs no mode, and so every ``T`` has it."""
-    if not mount.knows("T"):
+    if not mount.supports("T"):
         raise Unsupported("This hand control cannot change tracking.")
     if mode is not op.Tracking.OFF and native_mode(mount) is None:
         yield Remark(_ASSUMED.format(mode.value))
@@ -126,9 +126,9 @@ def suspend(mount: NexStar) -> Steps:
 
     -> the seconds that this order took, None where nothing was to be put off.
     """
-    if mount.suspended is not None or not mount.knows("T"):
+    if mount.suspended is not None or not mount.supports("T"):
         return None
-    if mount.knows("t"):
+    if mount.supports("t"):
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else op.Tracking.OFF)
@@ -153,7 +153,7 @@ def resume(mount: NexStar) -> Steps:
     mount.in_doubt = False
     mount.suspended = None  # not before: what is lost here must be resumed by the next one
     mount.checks_left = 1
-    if mount.knows("t"):
+    if mount.supports("t"):
         yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value))
 
 
@@ -189,7 +189,7 @@ def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
 def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     """Sidereal by ``T``; the named rates by the motor's own codes; any other one as fine as the motor takes it."""
     mode = native_mode(mount)
-    if mode is None or not mode.equatorial or not mount.knows("rate_azm_pos"):
+    if mode is None or not mode.equatorial or not mount.supports("rate_azm_pos"):
         if operation.name == "sidereal":
             mount.rate = operation
             return

@@ -85,14 +85,14 @@ PassThrough = dict[tuple[int, int | None, int], list[tuple[Command, int]]]
 def _known(model: str, version: Version) -> tuple[frozenset[int], PassThrough]:
     """The first bytes of the commands that a model of this version has, and its pass-through commands."""
     known = [row for row in load("nexstar").commands.values() if row.known_to(model, version)]
-    return frozenset(row.request.literal[0] for row in known), _by_device(known)
+    return frozenset(row.request.prefix[0] for row in known), _by_device(known)
 
 
 def _by_device(known: list[Command]) -> PassThrough:
     """The pass-through rows among them, by what stands in the request."""
     found: PassThrough = {}
     for command in known:
-        if command.request.literal[0] == PASS_THROUGH:
+        if command.request.prefix[0] == PASS_THROUGH:
             frame = command.request.encode(dict.fromkeys(command.request.fields, 0))
             device = None if "device" in command.request.fields else frame[2]
             found.setdefault((frame[1], device, frame[3]), []).append((command, frame[7]))

@@ -48,7 +48,7 @@ def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | Non
 def _opcodes(version: Version) -> frozenset[int]:
     """The first bytes of the requests that a hand control which counts as that version knows."""
     known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, version)]
-    return frozenset(command.request.literal[0] for command in known)
+    return frozenset(command.request.prefix[0] for command in known)
 
 
 def lacks(model: Model, frame: bytes) -> str:

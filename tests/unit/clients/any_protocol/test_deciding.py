@@ -57,7 +57,7 @@ def test_every_command_of_every_table_is_told_at_once() -> None:
     for name in surfaces():
         for command in load(name).commands.values():
             if command.asked and command.request.width is None and not command.request.fields:
-                sent = command.request.literal
+                sent = command.request.prefix
                 found = decide(sent)
                 assert found is not None and found == (name, ""), sent
 

@@ -147,7 +147,7 @@ def test_every_part_of_a_recording_replays_up_to_its_end(tmp_path: Path, capsys:
     assert replies == sorted(replies)
     assert len(set(replies)) >= 3
     assert main(["replay", str(parts[0])]) == 0
-    assert "the recording goes on after" in capsys.readouterr().out
+    assert "the recording continues after" in capsys.readouterr().out
     parts[0].unlink()
     assert main(["replay", str(path)]) == 2
     assert "beginning is missing" in capsys.readouterr().err
