@@ -24,12 +24,12 @@ from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Write
 
 INHERIT_FOR = 60.0
-#: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
+#: Seconds for which a client on a serial line, or one that connects for each command, counts as present when silent.
 HERE = 10.0
 
 
 class ConnectionAcceptor:
-    """Makes a client for every connection of one port."""
+    """Creates the client connection for every connection to one port."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class ConnectionAcceptor:
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.controller, self.face, self.shared, self.clock = controller, face, shared, host_clock
-        #: Which of the gateway's surfaces this is, counted from 1.
+        #: The number of the surface, counted from 1.
         self.number = number
         self.access, self._admission = access, Admission(access, number, controller.wire_log)
         self.presets = Presets(
@@ -55,16 +55,16 @@ class ConnectionAcceptor:
 
     @property
     def model(self) -> str | None:
-        """The model that is presented; None where the protocol has none."""
+        """The name of the model that clients see; None if the protocol has no models."""
         return str(self.face.model["name"]) if self.face.surface.protocol.models else None
 
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection. Raises ConnectionRefused."""
+        """Admit a new connection. Raises ConnectionRefused."""
         self.admit(name, host)
         return self.come(name, host, write)
 
     def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection that has been admitted."""
+        """Log and create a connection that was admitted."""
         wire_log = self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
         return self.take(name, host, write, lambda: wire_log.put(name, "-"))
@@ -72,8 +72,11 @@ class ConnectionAcceptor:
     def take(
         self, name: str, host: str, write: Write, left: Callable[[], None] = lambda: None, said: bytes = b""
     ) -> ConnectionHandler:
-        """A connection from now on; ``left`` is called at its end. It has ``said`` something already, which was
-        answered elsewhere."""
+        """Create a connection.
+
+        ``left`` is called at its end. ``said`` are bytes that the client has sent before, which were answered
+        elsewhere.
+        """
         face = self.face
         session = face.surface.session(face.model, face.settings, self.clock, self.shared)
         at, kept = self._left.get(host, (-1e9, session.kept))
@@ -102,17 +105,19 @@ class ConnectionAcceptor:
         return visit
 
     def admit(self, name: str, host: str) -> None:
-        """See whether a connection may be, and say once of a host why not. Raises ConnectionRefused."""
+        """Check whether a connection is allowed; log a refusal once per host. Raises ConnectionRefused."""
         self._admission.check(name, host, self.clients(), _on_line(name, host))
 
     def clients(self) -> int:
-        """How many there are, with those that are gone while the mount still works for them."""
+        """The number of clients, including disconnected ones whose operations are still under way."""
         self._clients = {client for client in self._clients if client.open or client.busy}
         return len(self._clients)
 
     def here(self) -> list[str]:
-        """The hosts of the programs that seem to be here: on a serial line, or between two connections, by what was
-        heard lately."""
+        """Return the hosts of the clients that seem present.
+
+        A client on a serial line, or between two connections, counts as present for some seconds after it was heard.
+        """
         now, connected = self.controller.now(), self.connected()
         here = [visit.host for visit in self._visits if not visit.lasting or now - visit.heard <= HERE]
         return here + [host for host in self.between() if host not in connected]
@@ -121,14 +126,14 @@ class ConnectionAcceptor:
         return [visit.host for visit in self._visits]
 
     def between(self) -> list[str]:
-        """The hosts whose last connection has ended lately."""
+        """Return the hosts whose last connection ended a few seconds ago."""
         return [host for host, (at, _) in self._left.items() if self.controller.now() - at <= HERE]
 
     def connections(self) -> list[ClientConnection]:
         return [visit for visit in self._visits if not visit.stranger]
 
     def located(self, where: str) -> None:
-        """The port is open, and has its real number."""
+        """Take the address of the port, which is open now and has its real number."""
         self.presets.where = where
 
     def _leave(self, host: str, client: CommandProcessor, visit: ClientConnection, left: Callable[[], None]) -> None:
@@ -140,7 +145,7 @@ class ConnectionAcceptor:
         self._hand_on(host, client)
 
     def _hand_on(self, host: str, client: CommandProcessor) -> None:
-        """Nobody is at the other end any more: the next connection of this host goes on where this one has got to."""
+        """The client has disconnected: save its state for the next connection from this host."""
         if client.life.closed is None:
             self.controller.presence.leave(client.life)
         self._left[host] = (self.controller.now(), copy(client.session.kept))
@@ -149,14 +154,14 @@ class ConnectionAcceptor:
 
 
 def _on_line(name: str, host: str) -> bool:
-    """Whether a connection is a serial line, real or virtual."""
+    """Whether a connection is a serial line or a pseudo-terminal."""
     return host.removeprefix("pty:") == name
 
 
 class LateAcceptor:
-    """Stands for the acceptor of a protocol that may never be spoken here: ``make`` makes it when a program comes."""
+    """Stands in for the acceptor of a protocol that is rarely used: ``make`` creates it for the first connection."""
 
-    #: It names no model.
+    #: It presents no model.
     model: str | None = None
 
     def __init__(self, number: int, access: Access, make: Callable[[], ConnectionAcceptor]) -> None:
@@ -185,4 +190,4 @@ class LateAcceptor:
         return [] if self._made is None else self._made.connections()
 
     def located(self, where: str) -> None:
-        """It has no place of its own."""
+        """Ignore the address of the port."""

@@ -1,12 +1,12 @@
-"""One connection of a program: who it may turn out to be, when its bytes have their turn, and how it ends.
+"""One client connection: recognises the client, lets its bytes in when it is their turn, and cleans up at its end.
 
-From a network comes who likes: there a web browser or a port scanner is recognised by its first bytes and turned away
-before anything of it is heard.
+On network ports anyone may connect. A web browser or port scanner is recognised by its first bytes and disconnected
+before anything it sent is processed.
 
-A connection that sends more than is read at a time is behind. Nobody knows when the rest was sent, so what may be older
-than a stop begins no motion after that stop. One that has been behind for over a second may be closed at the other end:
-nothing that is left of it begins a motion. It has caught up when nothing was left to read, or, after having been late,
-when that has been so for a second.
+A connection with more bytes to read than one read takes is behind. When they were sent is unknown, so they begin no
+motion if a stop came after the connection fell behind. After a second behind, the client may be gone, so nothing in the
+backlog begins a motion. The connection has caught up when a read leaves nothing; after having been late, when that has
+been so for a second.
 """
 
 from __future__ import annotations
@@ -25,32 +25,32 @@ from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.intake import LATE, SHARE
 
-#: Why the first bytes of a connection were dropped when it ended before it was known who had sent them.
+#: Logged when a connection ends and its first bytes were neither a command nor recognised.
 HALF_A_WORD = "no command of this surface's protocol begins so"
-#: Bytes that may wait for their turn, of one connection.
+#: Bytes of one connection that may wait for their turn.
 PATIENCE = 512
-#: Seconds after which whoever has sent a whole share, and nothing since, has caught up.
+#: Seconds without data after which a connection that was behind has caught up.
 CAUGHT_UP = 5.0
 
 
 class Backlog:
-    """Of one connection; times are seconds of the event loop's clock. ``late``: what is read now was sent long ago."""
+    """Whether a connection is behind; times are those of the event loop, seconds. ``late``: for more than a second."""
 
     def __init__(self) -> None:
         self.late = False
-        #: How many stops there had been when it fell behind; None while it is not.
+        #: The number of stops when it fell behind; None while it is not behind.
         self._stops: int | None = None
         self._since = self._last = -1e9
 
     def sent(self, now: float) -> int | None:
-        """How many stops there may have been when that was sent which is about to be taken in; None for all so far."""
+        """Return how many stops there were when the next bytes may have been sent; None if they were sent just now."""
         if self._stops is not None and now - self._last > (LATE if self.late else CAUGHT_UP):
             self._stops, self.late = None, False
         self.late = self.late or (self._stops is not None and now - self._since > LATE)
         return LONG_AGO if self.late else self._stops
 
     def took(self, size: int, now: float, stops: int) -> None:
-        """So many bytes were taken in; there have been so many stops now."""
+        """Record that ``size`` bytes were read at ``now``, after ``stops`` stops."""
         if size >= SHARE:
             if self._stops is None:
                 self._stops, self._since = stops, now
@@ -60,11 +60,11 @@ class Backlog:
 
 
 class ClientConnection:
-    """A client together with who it may turn out to be, and what is to be done when it leaves.
+    """A client's connection: from its first bytes, which tell who it is, to its end.
 
-    ``lasting``: it is a serial line, where nobody is seen to come or go; ``heard`` is the loop time of its last bytes.
-    ``rights`` are those of a client that comes over a network.
-    Where many come in at once it waits for its turn, unless it may have come to end a motion.
+    ``lasting``: a serial line, whose clients do not visibly connect or disconnect. ``heard``: the loop time of its last
+    bytes. ``rights``: those of a client on the network. If many connections are active it waits for its turn, unless
+    its bytes may end a motion.
     """
 
     def __init__(
@@ -83,20 +83,20 @@ class ClientConnection:
         self._screen: Beginning | None = None
         self._face, self._rights = face, rights
         self._controller, self._wanted = client.controller, client.controller.wanted
-        #: The program that it was recognised as.
+        #: The client program that was recognised.
         self.profile = ""
-        #: Whether it has turned out to be no program for telescopes.
+        #: Whether it is no telescope program.
         self.stranger = False
         self._hang_up: HangUp = lambda last: None
-        #: When the bytes that are being fed came, where that was before now.
+        #: When the bytes that are being processed arrived, if that was earlier.
         self._came: float | None = None
         self.host, self.heard = client.life.who, -1e9
-        #: What it has said, as long as its program may be told by that.
+        #: The first bytes, as long as the client program may be recognised by them.
         self.said = b""
-        #: What waits for its turn: bytes, and how many stops there had been when they came.
+        #: Bytes that wait for their turn, each with the number of stops when they arrived.
         self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
-        #: It was said that it is late; the other side has closed.
+        #: Whether its lateness was logged; whether the other end has closed.
         self._said_late = self._gone = False
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
@@ -106,12 +106,12 @@ class ClientConnection:
 
     @property
     def ended(self) -> bool:
-        """Whether the last bytes did nothing but end motions without a reply."""
+        """Whether the last bytes only ended motions and need no reply."""
         return self.client.ended and not self._waiting
 
     @property
     def answered(self) -> bool:
-        """Whether everything that was fed has been answered, as far as it is answered at all."""
+        """Whether all commands were answered that are answered at all."""
         return not self._waiting and self.client.answered
 
     def feed(self, data: bytes) -> None:
@@ -123,29 +123,29 @@ class ClientConnection:
         if self._backlog.late:
             self._come_late()
         elif was_late and not self._gone:
-            self.client.life.closed = None  # it has caught up, so somebody is there
+            self.client.life.closed = None  # it has caught up, so a client is there
         self._feed(data, sent)
         self._backlog.took(len(data), now, self._wanted.value.stops)
 
     def _come_late(self) -> None:
-        """Nobody knows whether who sent this is still there: it holds no arrow."""
+        """The sender may have disconnected, so the motions it started are no longer held by it."""
         if self.client.life.closed is None:
             self._controller.presence.leave(self.client.life)
         if not self._said_late:
             self._said_late = True
             self.client.log.note(
-                "has sent so much that it is read too late: nothing of it "
-                "sets the mount moving before all of it was read"
+                "sends faster than its commands can be carried out: they are too old "
+                "to begin a motion until it has caught up"
             )
 
-    def gone(self) -> None:
-        """The other side has closed its end: its time begins in which it may come back."""
+    def peer_closed(self) -> None:
+        """The other end has closed: from now on the client has a limited time to reconnect."""
         self._gone = True
         if not self.stranger:
             self._handed_on()
 
     def _feed(self, data: bytes, behind: int | None) -> None:
-        """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""
+        """Process bytes now or in their turn; ``behind`` is the number of stops when they may have been sent."""
         urgent = self._face.surface.protocol.may_end_motion(data)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
         if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.fair_scheduler.open()):
@@ -157,25 +157,25 @@ class ClientConnection:
             self._controller.fair_scheduler.enter(self._go_on)
 
     def _go_on(self) -> None:
-        """Everything that waits, in the order in which it came."""
+        """Process all waiting bytes in the order of arrival."""
         waiting, self._waiting = self._waiting, []
         for data, stops in waiting:
             self._take(data, stops)
 
     def _on_line(self, data: bytes, stops: int | None) -> None:
-        """Feed the client, and remember that somebody is there."""
+        """Feed the client of a serial line, and remember when it was last heard."""
         self.heard = self._controller.now()
         self.client.feed(data, stops)
 
     def _listen(self, data: bytes, stops: int | None) -> None:
-        """Feed the client, and look at what it says as long as it may be one that is known."""
+        """Feed the client, and compare its first bytes with the known client programs."""
         if self._manners:
             self.said += data
             self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
         self.client.feed(data, stops)
 
     def _may_be(self, manner: ClientProfile) -> bool:
-        """Whether more must be heard; when enough was heard the client is treated so from here on."""
+        """Whether more bytes are needed to decide about a profile; if it fits, apply it."""
         if not self.said.startswith(manner.first):
             return manner.first.startswith(self.said)
         client, session = self.client, self.client.session
@@ -190,7 +190,7 @@ class ClientConnection:
         self.client.rate = BaudTrial(change_rate)
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """From here on nothing is heard before it is known that no stranger says it."""
+        """Mark the connection as one from the network: the first bytes are checked before any is processed."""
         client, now = self.client, self._controller.now
         self._hang_up, self._after = hang_up, self._take
         self._screen = Beginning(self._face.beginning, self._face.surface.protocol.name)
@@ -199,7 +199,7 @@ class ClientConnection:
         self._take = self._screened
 
     def _screened(self, data: bytes, stops: int | None) -> None:
-        """Feed what cannot be a stranger's, as of when it came; turn a stranger away."""
+        """Feed the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._screen is not None
         pieces = self._screen.hear(Piece(data, now, self._controller.stops if stops is None else stops))
@@ -215,7 +215,7 @@ class ClientConnection:
         self._came = None
 
     def _turn_away(self, greeting: Greeting) -> None:
-        """Say once what came, and end the connection."""
+        """Log what the stranger sent, and close the connection."""
         self.stranger, self._take = True, lambda data, stops: None
         if self._first is not None:
             self._first.over = True

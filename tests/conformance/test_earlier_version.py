@@ -19,6 +19,7 @@ from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.operations import Horizontal
 from gateway.diagnostics.replay.replaying import replay
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -106,9 +107,7 @@ def test_its_settings_as_flags_are_the_same() -> None:
         )
 
 
-@pytest.mark.parametrize(
-    "line", (FILES / "flags.txt").read_text("utf-8").splitlines(), ids=lambda line: line.split()[0]
-)
+@each("line", (FILES / "flags.txt").read_text("utf-8").splitlines())
 def test_its_flags_are_known(line: str) -> None:
     command, *flags = line.split()
     [commands] = [one for one in parser([command])._actions if isinstance(one, argparse._SubParsersAction)]

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from gateway.core import operations as op
 from gateway.protocols.base.session import NamedSite, Shared
 from tests.support.conversations import check_whole, degrees, play, receive
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import Conversation, files, read
 from tests.support.virtual import run
@@ -44,15 +43,15 @@ def _settings(talk: Conversation) -> dict[str, Any]:
     return {name: value for name, value in talk.settings.items() if name != "connections"}
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@each("way", WAYS)
+@each("path", FILES)
 def test_conversation(path: Path, way: str) -> None:
     conversation = read(path)
     talk = Talk(**_settings(conversation))
     play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, talk.session.common, text))
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@each("path", FILES)
 def test_conversation_with_clients(path: Path) -> None:
     conversation = read(path)
 

@@ -15,10 +15,13 @@ from gateway.protocols.wireformat.rows import parse_version
 from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk, unix
 from tests.support.manual_files import raw, rows
+from tests.support.sampling import as_a_rule, chosen
 
 NEXSTAR = load("nexstar")
 MODELS = sorted(NEXSTAR.models)
 CASES = [(model, version) for model in MODELS for version in made_with(NEXSTAR.models[model])]
+#: As a rule every model and every version once.
+SOME = [CASES[number] for number in chosen(CASES, as_a_rule(1, whole=len(CASES)))]
 REFUSED = [row[1:] for row in rows("refused_and_silent.txt") if row[0] == "nexstar"]
 #: Rows that tell a place, which nobody knows when the mount does not answer.
 TELLING = {"E", "e", "Z", "z", "L", "J", "t", "w", "h", "i", "l", "p"}
@@ -67,7 +70,7 @@ def test_form(name: str, request_: str, since: str, reply: str) -> None:
     "name, request_, since, reply",
     [row for row in rows("nexstar_forms.txt") if not row[0].startswith(("no_", "gps", "rtc"))],
 )
-@pytest.mark.parametrize("version", ["1.2", "1.6", "2.2", "2.3", "3.01", "4.10", "4.21"])
+@each("version", ["1.2", "1.6", "2.2", "2.3", "3.01", "4.10", "4.21"])
 def test_a_command_that_is_newer_than_the_version_is_passed_over_as_a_whole(
     name: str, request_: str, since: str, reply: str, version: str
 ) -> None:
@@ -115,7 +118,7 @@ SENT: dict[tuple[str, str], list[bytes]] = {
 }
 
 
-@pytest.mark.parametrize(("form", "outcome", "when", "reply", "reason"), REFUSED, ids=lambda text: text[:24])
+@each("form, outcome, when, reply, reason", REFUSED)
 def test_refused_and_silent(form: str, outcome: str, when: str, reply: str, reason: str) -> None:
     mount = Mount()
     talk = talk_to("6-8se", mount)
@@ -176,7 +179,7 @@ def frames_of(name: str) -> list[bytes]:
     return frames
 
 
-@pytest.mark.parametrize(("model", "version"), CASES)
+@each("model, version", SOME)
 def test_every_row_is_answered_and_well_formed(model: str, version: str) -> None:
     talk = talk_to(model, version=version)
     for name in NEXSTAR.surface:

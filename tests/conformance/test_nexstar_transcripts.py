@@ -9,6 +9,7 @@ import pytest
 
 from gateway.core import operations as op
 from tests.support.conversations import check_whole, degrees, play, receive
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import files, read
 from tests.support.virtual import run
@@ -48,8 +49,8 @@ def _set_up(mount: Mount, text: str) -> None:
             raise ValueError(text)
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@each("way", WAYS)
+@each("path", FILES)
 def test_conversation(path: Path, way: str) -> None:
     conversation = read(path)
     talk = Talk(protocol="nexstar", **conversation.settings)
@@ -57,7 +58,7 @@ def test_conversation(path: Path, way: str) -> None:
 
 
 @pytest.mark.parametrize("ask", PACES.values(), ids=PACES)
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@each("path", FILES)
 def test_conversation_with_clients(path: Path, ask: Callable[[Visit, bytes], Awaitable[bytes]]) -> None:
     conversation = read(path)
 

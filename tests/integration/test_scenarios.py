@@ -120,7 +120,7 @@ async def _evening(model: str, version: str, config: dict[str, Any], site: tuple
         assert apart(truth(bridge), target) < 30 * ARCSECOND
 
         # tracking holds it
-        await asyncio.sleep(60)
+        await asyncio.sleep(20)
         assert apart(truth(bridge), target) < 30 * ARCSECOND
 
         # below the horizon: refused with words, and nothing moves
@@ -144,14 +144,14 @@ async def _evening(model: str, version: str, config: dict[str, Any], site: tuple
         for direction in b"nsew":
             before = await where(client)
             client.tell(b":RM#:M%c#" % direction)
-            await asyncio.sleep(3)
+            await asyncio.sleep(2)
             client.tell(b":Q%c#" % direction)
-            await asyncio.sleep(4)
+            await asyncio.sleep(3)
             after = await where(client)
             assert apart(before, after) > 0.2, chr(direction)
             _check_sense(bridge, direction, before, after)
             still = truth(bridge)
-            await asyncio.sleep(10)
+            await asyncio.sleep(3)
             assert apart(truth(bridge), still) < 5 * ARCSECOND, chr(direction)
         assert bridge.sim.tracking == mode
 

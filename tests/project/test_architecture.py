@@ -6,8 +6,7 @@ import importlib.util
 import re
 from pathlib import Path
 
-import pytest
-
+from tests.support.each import each
 from tests.support.pages import PAGES, ROOT
 from tests.support.process import Running
 
@@ -33,7 +32,7 @@ def test_the_walk_is_what_the_program_prints() -> None:
     assert written[1] == printed
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@each("page", PAGES)
 def test_every_path_that_is_named_is_there(page: Path) -> None:
     gone = [path for path in _PATH.findall(page.read_text("utf-8")) if not any(ROOT.glob(path.rstrip("/")))]
     gone = [path for path in gone if not any(ROOT.glob(f"{path}.py"))]

@@ -17,6 +17,7 @@ import pytest
 from gateway.app import stop_command
 from gateway.cli import main
 from gateway.cli.command_line import COMMANDS, parser
+from tests.support.each import each
 from tests.support.pages import ROOT, blocks, commands, installed, spans
 from tests.support.process import GATEWAY, Running, ask
 
@@ -122,7 +123,7 @@ def test_both_commands_of_the_readme_install_in_the_same_way() -> None:
     assert demo == ".venv/bin/mount-gateway demo"
 
 
-@pytest.mark.parametrize(("page", "span"), spans(), ids=str)
+@each("page, span", spans())
 def test_commands_in_the_text_can_be_typed(page: str, span: str) -> None:
     words = [word for word in shlex.split(span.partition(" … ")[0].partition(" | ")[0])[1:] if word != "…"]
     if words[0] in COMMANDS:

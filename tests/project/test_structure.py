@@ -6,9 +6,6 @@ That imports point down is held by import-linter (``pyproject.toml``); how all t
 from __future__ import annotations
 
 import ast
-import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,8 +13,10 @@ import pytest
 import gateway
 from gateway.core.signals import Signal
 from tests.support import structure
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
+from tests.support.walk import walk_of
 
 ROOT = Path(gateway.__file__).parent
 FOLDERS = sorted(path.parent for path in ROOT.rglob("__init__.py"))
@@ -37,13 +36,13 @@ def test_there_are_no_import_circles() -> None:
     assert structure.circles(structure.import_graph(ROOT)) == []
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=_name)
+@each("folder", FOLDERS)
 def test_a_folder_is_not_crowded(folder: Path) -> None:
     entries = sorted(path.name for path in folder.iterdir() if path.name not in NO_PARTS)
     assert len(entries) <= ENTRIES, entries
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=_name)
+@each("folder", FOLDERS)
 def test_a_folder_says_in_one_sentence_what_it_is(folder: Path) -> None:
     words = ast.get_docstring(ast.parse((folder / "__init__.py").read_text("utf-8"))) or ""
     sentence = words.split("\n\n")[0]
@@ -71,9 +70,8 @@ def test_few_classes_of_a_mount_reach_each_other_at_run_time(driven: str) -> Non
 
 def test_the_way_of_a_command_is_short() -> None:
     """From the client's ``:MS#`` to the mount and back to its ``0``: ``python -m tests.support.walk`` prints it."""
-    walk = subprocess.run([sys.executable, "-m", "tests.support.walk"], capture_output=True, text=True, check=True)
-    _, files, hops, up = map(int, re.findall(r"\d+", walk.stdout.partition("\n")[0]))
-    assert files <= WAY and hops <= HOPS and up <= UP, walk.stdout
+    walk = walk_of(b":MS#")
+    assert 0 < len(walk.files) <= WAY and 0 < walk.hops.total() <= HOPS and walk.up.total() <= UP, walk
 
 
 def test_a_circle_is_seen_wherever_the_import_stands(tmp_path: Path) -> None:

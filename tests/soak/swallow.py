@@ -20,7 +20,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.protocols.mechanics.truth import truth_of
+from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -126,9 +126,9 @@ async def _play(case: Case) -> Outcome:
             if tenth % 5 == 1:
                 other.tell(question)
             await asyncio.sleep(0.1)
-            if truth_of(bridge.sim).moving:
+            if truth.moving(bridge.sim):
                 moved = tenth / 10.0
-        moves = truth_of(bridge.sim).moving
+        moves = truth.moving(bridge.sim)
         sent = tuple(bridge.sent()[before:]) if moves else ()
         return Outcome(case, moved, moves, (line.commands, line.replies, line.bytes), line.swallowed, sent)
 

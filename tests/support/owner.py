@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from gateway.protocols.lx200.simulator.motion import release
-from gateway.protocols.mechanics.truth import truth_of
+from tests.support import truth
 
 #: The keypad as bytes of a line of its own: typed from the manuals.
 KEYS = {
@@ -113,7 +113,7 @@ class Owner:
 
     @property
     def moving(self) -> bool:
-        return truth_of(self._bridge.sim).moving
+        return truth.moving(self._bridge.sim)
 
 
 def begins(driven: str, sent: bytes) -> bool:

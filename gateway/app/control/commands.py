@@ -1,7 +1,7 @@
-"""The requests that a person makes on the command line, as they travel to the gateway that carries them out.
+"""The requests that commands such as ``mount-gateway goto`` send to a running gateway.
 
-A request is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` is drawn by the
-command that asks; with it the same person follows the request and cancels it.
+A request is one line of plain ASCII JSON, so that a recording can hold it. Angles are in degrees. The sender draws
+``number`` at random; with it, it follows the request later, or cancels it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gateway.core.operations import Direction
 
 
 class Spot(Struct, frozen=True, tag="spot"):
-    """A place on the sky: of date, or as catalogues count (``j2000``)."""
+    """A position on the sky in degrees, of the equinox of date or of J2000."""
 
     ra: float
     dec: float
@@ -23,7 +23,7 @@ class Spot(Struct, frozen=True, tag="spot"):
 
 
 class Body(Struct, frozen=True, tag="body"):
-    """A planet by its English name, or the Moon: only the gateway knows where it stands."""
+    """A planet by its English name, or the Moon: the gateway computes its position."""
 
     name: str
 
@@ -32,25 +32,25 @@ Where = Spot | Body
 
 
 class Numbered(Struct, frozen=True):
-    """What all have in common: the number that was drawn for it."""
+    """What all requests about motions and settings have in common: a number."""
 
     number: str
 
 
 class Base(Numbered, frozen=True, kw_only=True):
-    """And who wishes, where that is not the command itself."""
+    """A request that does something; ``who`` asks for it, empty for the command itself."""
 
     who: str = ""
 
 
 class Goto(Base, frozen=True, tag="goto"):
-    """Point there and track."""
+    """Slew to a target and track it."""
 
     where: Where
 
 
 class Sync(Base, frozen=True, tag="sync"):
-    """It points there now."""
+    """Tell the mount that it points at this target now."""
 
     where: Where
 
@@ -64,11 +64,11 @@ class Home(Base, frozen=True, tag="home"):
 
 
 class Unpark(Base, frozen=True, tag="unpark"):
-    """Take up service again."""
+    """Unpark the mount, or wake it, so that it tracks."""
 
 
 class Move(Base, frozen=True, tag="move"):
-    """Press an arrow for some seconds, at the hand control's key 1 to 9."""
+    """Move by hand for some seconds, at the rate of the hand control's key 1 to 9."""
 
     direction: Direction
     key: int
@@ -76,47 +76,47 @@ class Move(Base, frozen=True, tag="move"):
 
 
 class Press(Base, frozen=True, tag="press"):
-    """Press an arrow until it is let go. Said again, it only tells that somebody still holds it."""
+    """Move by hand until ``LetGo``. Repeating the request keeps the motion alive (dead man's switch)."""
 
     direction: Direction
     key: int
 
 
 class LetGo(Base, frozen=True, tag="let go"):
-    """Let go of the arrow that was pressed under this number."""
+    """End the motion that ``Press`` began under this number."""
 
 
 class Track(Base, frozen=True, tag="track"):
-    """Tracking on or off; on, perhaps at another rate: ``sidereal``, ``lunar`` or ``solar``."""
+    """Turn tracking on or off; optionally set the rate: ``sidereal``, ``lunar`` or ``solar``."""
 
     on: bool = True
     rate: str | None = None
 
 
 class TellTime(Base, frozen=True, tag="time"):
-    """What time it is: UTC as Unix seconds, and local time minus UTC in hours."""
+    """Set the mount's clock: UTC as Unix seconds, and local time minus UTC in hours."""
 
     unix: float
     offset: float
 
 
 class TellSite(Base, frozen=True, tag="site"):
-    """Where the mount stands, degrees, north and east positive."""
+    """Set the mount's site in degrees, north and east positive."""
 
     latitude: float
     longitude: float
 
 
 class Follow(Base, frozen=True, tag="follow"):
-    """How does it go with what was asked for?"""
+    """Ask for the progress of the request with this number."""
 
 
 class End(Base, frozen=True, tag="end"):
-    """Take a request back: what it began is ended, and nothing else."""
+    """Cancel the request with this number: end the motion that it began, and no other."""
 
 
 class See(Struct, frozen=True, tag="see"):
-    """Everything that is known of the mount."""
+    """Ask for everything that is known of the mount (a ``State``)."""
 
 
 Wish = (
@@ -125,12 +125,12 @@ Wish = (
 
 
 def written(wish: Wish) -> str:
-    """A request as a line."""
+    """Encode a request as a line."""
     return json.dumps(msgspec.to_builtins(wish), separators=(",", ":"))
 
 
 def read(line: str) -> Wish:
-    """The request that a line is. Raises ValueError."""
+    """Decode a line. Raises ValueError if it is no request."""
     if not (line.isascii() and line.isprintable()):
         raise ValueError("a wish is plain text")
     wish: Wish = msgspec.json.decode(line, type=Wish)

@@ -1,10 +1,10 @@
-"""What a command and a gateway must share to speak to each other: endpoint files, and sealed datagrams.
+"""Endpoint files and authenticated datagrams, by which commands and gateways reach each other.
 
-An endpoint file tells where a gateway listens, and the secret. One that cannot be read as such (half written, a
-directory, another program's) is ignored and never hides those beside it. A file outlives a gateway that was killed;
-whoever finds that nobody listens on its port removes it. A datagram is ``SEAL NUMBER TEXT``. The number is drawn by the
-side that asks and repeated in the answer; the seal is an HMAC of the rest. A long answer is sent in numbered parts,
-because the system limits the size of a datagram.
+An endpoint file holds a gateway's port and secret. An entry that cannot be read as such (half written, a directory,
+another program's) is ignored and never hides the others. The file of a killed gateway stays behind, and is removed by
+the next gateway, or ``stop``, that finds nothing listening on its port. A datagram is ``SEAL NUMBER TEXT``: the asking
+side draws the number, the answer repeats it, and the seal is an HMAC of the rest. A long answer is sent in numbered
+parts, because the system limits the size of a datagram.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from msgspec import Struct
 from gateway.system.runtime_folders import user
 
 ENDING = ".control"
-#: Bytes of an endpoint file that are read.
+#: At most so many bytes of an endpoint file are read.
 LONGEST = 65536
-#: Characters of a part: 8 kB at most, as 9 kB are what a datagram holds on macOS.
+#: Characters in one part of an answer: 8 kB at most, because a datagram holds 9 kB on macOS.
 PART = 2000
-#: Says that an order was heard and is being carried out.
+#: Confirms that a request was received and is being carried out.
 WAIT = "wait"
-#: The largest datagram that is looked at.
+#: Larger datagrams are ignored.
 LARGEST = 9216
 
 
 class ControlEndpoint(Struct, frozen=True):
-    """Which mount, which process, the port that it listens on, and the folder that it keeps its state in.
+    """The content of an endpoint file: the mount, the gateway's process, its port and secret, and its state folder.
 
-    ``name`` is what the mount is called, where it is called anything.
+    ``name`` is the mount's name, empty if it has none.
     """
 
     mount: str
@@ -48,7 +48,7 @@ class ControlEndpoint(Struct, frozen=True):
 
 
 def doors(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
-    """Those in a folder; with ``owner`` only that user's. Raises OSError where it cannot be looked into."""
+    """Return the endpoint files in a folder, with ``owner`` only those of that user. Raises OSError."""
     found = []
     for name in sorted(os.listdir(folder)):
         if name.endswith(ENDING):
@@ -58,7 +58,7 @@ def doors(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEnd
 
 
 def _content(path: Path, owner: int | None) -> bytes:
-    """A plain file, whatever stands in its place. Raises OSError."""
+    """Read a regular file. Raises OSError for anything else, or for a file of another user than ``owner``."""
     number = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     with open(number, "rb") as file:
         seen = os.fstat(number)
@@ -68,7 +68,7 @@ def _content(path: Path, owner: int | None) -> bytes:
 
 
 def listened(door: ControlEndpoint) -> bool:
-    """Whether anybody has its port: one that can be had is nobody's."""
+    """Whether a process listens on the port of an endpoint, which is so if the port cannot be bound."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind(("127.0.0.1", door.port))
@@ -78,7 +78,7 @@ def listened(door: ControlEndpoint) -> bool:
 
 
 def sweep(folder: Path) -> None:
-    """Take away what killed gateways have left. Raises OSError."""
+    """Delete the endpoint files of gateways that no longer run. Raises OSError."""
     for path, door in doors(folder, user()):
         if not listened(door):
             with contextlib.suppress(OSError):
@@ -86,18 +86,18 @@ def sweep(folder: Path) -> None:
 
 
 def draw() -> str:
-    """A number that nobody has drawn before."""
+    """Return a random number for a request, which is unique."""
     return secrets.token_hex(8)
 
 
 def seal(secret: str, number: str, text: str) -> bytes:
-    """A datagram."""
+    """Return a datagram with its seal."""
     told = f"{number} {text}"
     return f"{_seal(secret, told)} {told}".encode()
 
 
 def unseal(secret: str, data: bytes) -> tuple[str, str] | None:
-    """-> the number and the text, or None for what was not sealed with this secret."""
+    """Return the number and the text of a datagram; None if it was not sealed with this secret."""
     given, _, told = data.decode("utf-8", "replace").partition(" ")
     if len(data) > LARGEST or not hmac.compare_digest(given.encode(), _seal(secret, told).encode()):
         return None
@@ -110,19 +110,19 @@ def _seal(secret: str, told: str) -> str:
 
 
 def parts(text: str) -> list[str]:
-    """An answer as ``tell PLACE COUNT PART``, in as many as it takes."""
+    """Split an answer into texts ``tell PLACE COUNT PART``, as many as it needs."""
     pieces = [text[start : start + PART] for start in range(0, len(text), PART)] or [""]
     return [f"tell {place} {len(pieces)} {piece}" for place, piece in enumerate(pieces)]
 
 
 class Parts:
-    """The parts of an answer, in whatever order they come."""
+    """Collects the parts of an answer, in whatever order they arrive."""
 
     def __init__(self) -> None:
         self._pieces: dict[int, str] = {}
 
     def add(self, text: str) -> str | None:
-        """One of them -> the answer when it was the last that was missing. What is no part is ignored."""
+        """Add a part; return the answer if it is complete now, else None. Other texts are ignored."""
         word, _, rest = text.partition(" ")
         place, _, rest = rest.partition(" ")
         count, _, piece = rest.partition(" ")

@@ -1,7 +1,7 @@
-"""What a person should know once the mount has identified itself, one line each, the most serious last.
+"""Messages for the user once the mount has identified itself, one line each, the most serious last, and at the end.
 
-What was found, and whose site and clock are in use; then everything that does not fit: a different model than the one
-that was named, a mount that is not aligned, sites and clocks that contradict each other.
+First what was found, and whose site and clock are in use; then everything that does not fit: a different model than
+the one that was named, a mount that is not aligned, sites and clocks that contradict each other.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from gateway.mount.safety.admission.contradictions import doubts
 
 
 class Said(Struct, frozen=True):
-    """A line; ``warns``: something is to be done about it."""
+    """One message; ``warns``: the user should do something about it."""
 
     text: str
     warns: bool = False
 
 
 def first_words(controller: MountController, model: str | None, version: str | None) -> Iterator[Said]:
-    """``model`` and ``version`` are those that were named, None where nobody has."""
+    """Yield the messages at the start; ``model`` and ``version`` are those that the user named, or None."""
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     status: op.Status | None = controller.cache.value(op.GetStatus)
     if identity is None:
@@ -43,7 +43,7 @@ def first_words(controller: MountController, model: str | None, version: str | N
         )
     if not site(controller):
         yield Said(
-            "nobody has told the site: gotos are not checked against the horizon; --site LAT,LON tells it "
+            "the site is not known: gotos are not checked against the horizon; --site LAT,LON sets it "
             "(north and east are positive)",
             warns=True,
         )
@@ -52,7 +52,7 @@ def first_words(controller: MountController, model: str | None, version: str | N
 
 
 def _another(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
-    """A model or version that was named and that the mount says it is not."""
+    """Return the warning about a named model or version that the mount contradicts; empty if none."""
     told = controller.driver.reported_model(identity)
     if model is not None and told is not None and told != model:
         return (
@@ -68,12 +68,12 @@ def _another(controller: MountController, identity: op.Identity, model: str | No
 
 
 def _numbers(version: str) -> list[int]:
-    """``starsense-1.20`` and ``1.20`` are one."""
+    """Return the numbers of a version: ``starsense-1.20`` and ``1.20`` are the same."""
     return [int(number) for number in re.findall(r"\d+", version)]
 
 
 def last_words(controller: MountController, moved: bool) -> Said | None:
-    """What a person should know at the end; ``moved``: something was to be stopped. None where no mount was found."""
+    """Return the message at the end; ``moved``: there was a motion to stop. None if no mount was found."""
     status: op.Status | None = controller.cache.value(op.GetStatus)
     if controller.cache.value(op.GetIdentity) is None:
         return None

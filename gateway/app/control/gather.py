@@ -1,7 +1,7 @@
-"""Gathers what is known of a mount into one value, without asking the mount anything.
+"""Collects what is known of a mount into one value, from cached readings, without asking the mount.
 
-What is wanted and by whom, what the owner allows, what was seen last, the state of the connection, and what was refused
-lately. The status line, ``status`` and ``watch`` all show this value.
+It holds what was asked for and by whom, the limits, the last readings, the state of the line, and recent refusals. The
+status line, ``status`` and ``watch`` all show this value.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from gateway.mount.safety.admission.contradictions import shown
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController
 
-#: How long ago something may have happened, seconds; how many are told.
+#: Events of the last so many seconds are shown, and at most so many of them.
 LATELY, MOST = 60.0, 10
 
 
 def look(controller: MountController, name: str, mount: str, programs: int, rate: Rate | None = None) -> StatusLine:
-    """What fits on the status line."""
+    """Return what the status line shows of a mount."""
     now, snapshot = controller.now(), controller.cache
     identity = snapshot.value(op.GetIdentity)
     called = mount if identity is None else identity.model or identity.product
@@ -37,7 +37,7 @@ def look(controller: MountController, name: str, mount: str, programs: int, rate
 
 
 def gather(controller: MountController, name: str, mount: str, programs: Sequence[str]) -> State:
-    """Everything; ``programs`` are the hosts of those that are here, and ``name`` is the mount's, where it has one."""
+    """Return everything; ``programs`` are the hosts of connected programs, ``name`` is the mount's (or empty)."""
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     who = (identity.product, identity.model, identity.version) if identity else ("", "", "")
     return State(
@@ -56,23 +56,23 @@ def gather(controller: MountController, name: str, mount: str, programs: Sequenc
 
 
 def site(controller: MountController) -> str:
-    """The site that counts, and who says so."""
+    """Return the site in use and its source; empty if no site is known."""
     sites = controller.sources.sites()
     return f"{shown(sites[0].place)}, told by {sites[0].source}" if sites else ""
 
 
 def clock(controller: MountController) -> str:
-    """The time that counts, and who says so."""
+    """Return the time in use and its source; empty if it is no valid date."""
     best = controller.sources.best_time()
     try:
         moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
-    except (OverflowError, OSError, ValueError):  # a mount may tell any year
+    except (OverflowError, OSError, ValueError):  # a mount may report any year
         return ""
     return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.source}"
 
 
 def _wanted(controller: MountController) -> Iterator[str]:
-    """What the mount was told to do, by whom, and what waits for its turn."""
+    """Yield what the mount was asked to do, by whom, and the orders that wait."""
     wanted = controller.wanted.value
     if wanted.owed:
         yield "a stop, which the mount has not acknowledged yet"
@@ -80,7 +80,7 @@ def _wanted(controller: MountController) -> Iterator[str]:
         since = controller.now() - wanted.motion.since
         yield f"{_goto(controller, wanted.motion.operation)}{_by(wanted.motion.by, since)}"
     elif controller.slewing:
-        yield "it slews, and nobody here has asked for it: perhaps at the hand control"
+        yield "it slews without an order from this gateway: perhaps by its hand control"
     for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():
         yield f"{_arrow(motion.operation, axis)}{_by(motion.by, controller.now() - motion.since)}"
     for order in wanted.pending:
@@ -120,7 +120,7 @@ def _allowed(controller: MountController) -> Iterator[str]:
 
 
 def _lately(controller: MountController) -> Iterator[str]:
-    """What was refused in the last minute, and what was done with the mount for a reason; the same words counted."""
+    """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
     now = controller.wire_log.clock()
     counted: dict[tuple[str, str], tuple[int, float]] = {}
     for word in controller.wire_log.lately:

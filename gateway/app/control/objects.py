@@ -1,6 +1,6 @@
-"""Objects by the names that people type: M 42, NGC7000, HIP 91262, HD 172167, Vega, Ring Nebula, Jupiter.
+"""Finds objects by the names that users type: M 42, NGC7000, HIP 91262, HD 172167, Vega, Ring Nebula, Jupiter.
 
-Catalogues are looked through on disk; call these on a thread where an event loop runs.
+The functions search catalogues on disk: do not call them on the thread of an event loop.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Ne
 RIGHT = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
 _CATALOGUES = {"m": "M", "messier": "M", "ngc": "NGC", "ic": "IC", "c": "C", "caldwell": "C", "ugc": "UGC",
                "hip": "HIP", "sao": "SAO", "hd": "HD", "hr": "HR"}  # fmt: skip
-#: The highest number of the catalogues that have one of each.
+#: The highest number of the catalogues that are numbered from 1 without gaps.
 _HIGHEST = {"M": 110, "NGC": 7840, "IC": 5386, "C": 109}
 _KINDS = {"G": "galaxy", "P": "planetary nebula", "D": "diffuse nebula", "C": "globular cluster", "O": "open cluster",
           "*": "star"}  # fmt: skip
@@ -28,7 +28,7 @@ _YEAR = 365.25 * 86400.0
 
 
 class Object(NamedTuple):
-    """A name, where it is, what it is in words, and its magnitude where somebody has measured it."""
+    """An object: its name, where it is, its kind in words, and its magnitude if it is known."""
 
     name: str
     where: Where
@@ -37,12 +37,12 @@ class Object(NamedTuple):
 
 
 def find(text: str) -> Where:
-    """Where the object of a name is. Raises UserError."""
+    """Return where an object is. Raises UserError."""
     return describe(text).where
 
 
 def describe(text: str) -> Object:
-    """What is known of an object. Raises UserError that says what there is instead."""
+    """Return what is known of an object. Raises UserError that suggests what the user may have meant."""
     text = text.strip()
     if body := next((body for body in BODIES if body.lower() == text.lower()), None):
         return Object(body, Body(body), "moon" if body == "Moon" else "planet")
@@ -56,14 +56,14 @@ def describe(text: str) -> Object:
 
 
 def beginning(text: str, most: int) -> list[str]:
-    """Names that begin like a text: bodies, catalogue numbers, names of stars and nebulae."""
+    """Return at most ``most`` names that begin with a text: planets, catalogue numbers, stars and nebulae."""
     typed = names.bare(text)
     bodies = [body for body in BODIES if typed and body.lower().startswith(typed)]
     return list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.beginning(text, most))))[:most]
 
 
 def _numbers(text: str) -> list[str]:
-    """Catalogue numbers that begin so: of Messier's few objects all, of the large catalogues the one that was typed."""
+    """Return catalogue numbers that begin with a text: all of Messier's, of larger catalogues only the typed one."""
     found = re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text)
     if found is None or not _exists(text):
         return []

@@ -1,7 +1,7 @@
-"""What a gateway does when a command tells it to stop, to hold its mount, or to release it.
+"""Carries out the orders ``stop``, ``hold`` and ``release`` of ``mount-gateway stop``.
 
-It answers ``stopped``, ``held`` or ``released`` only when this was seen to be so. Everything else is ``failed`` with
-the reason, in words for the person who gave the command.
+The answer is ``stopped``, ``held`` or ``released`` only if that was verified. Every other answer is ``failed`` with the
+reason, in words for the user of the command.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import SIGHT, come_to_rest
 
 STOPPED, HELD, RELEASED = "stopped", "held", "released"
-#: Seconds that a mount has to acknowledge a stop; a hand control takes 3.5 for one answer at worst.
+#: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
 ACKNOWLEDGED = 5.0
-#: Seconds after which whoever gave an order need not wait any longer.
+#: Seconds for which the command waits for the answer.
 LONGEST = ACKNOWLEDGED + SIGHT + 2.0
 
 
 def orders(controller: MountController, keeping: StateStore, entrance: Entrance = Entrance()) -> Mapping[str, Order]:
-    """By word."""
+    """Return the orders by their words."""
 
     async def stop() -> str:
         return await entrance.do("o", lambda: stopped(controller))
@@ -52,13 +52,13 @@ def _hold(controller: MountController, on: bool) -> None:
 
 
 async def stopped(controller: MountController) -> str:
-    """Stop, and look at the mount until it rests -> ``stopped`` or ``failed REASON``."""
+    """Stop the mount and watch it until it is at rest; return ``stopped`` or ``failed REASON``."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
             await controller.stop()
     except (TimeoutError, Fault) as fault:
         if controller.driver.asleep and controller.line.state != "down":
-            return STOPPED  # it stands still, and hears of nothing
+            return STOPPED  # a hibernating mount is at rest, and does not answer
         why = controller.line.reason or str(fault) or f"no answer from the mount within {ACKNOWLEDGED:.0f} s"
         owed = "; the stop is owed, and the first thing that it is sent when it answers again" * controller.wanted.owed
         return f"failed {why}{owed}"
@@ -70,11 +70,11 @@ async def stopped(controller: MountController) -> str:
 
 
 async def _on_disk(keeping: StateStore, *, held: bool) -> str:
-    """Have the hold outlive this gateway, or end with it -> nothing, or what went wrong, to be said of it."""
+    """Write or remove the hold file; return an empty text, or what went wrong as the rest of a sentence."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
             await keeping.in_thread(on_disk.hold_folder if held else on_disk.release_folder, keeping.directory)
-    except OSError as error:  # a disk that hangs is one, too
+    except OSError as error:  # TimeoutError, for a disk that hangs, is an OSError too
         where = keeping.directory / on_disk.HOLD
         why = error.strerror or "the disk does not answer"
         if held:

@@ -1,6 +1,6 @@
-"""A refusal in words for a person at the keyboard: what happened, what it means, what to do.
+"""Explains a refusal to the user at a terminal: what happened, what it means, what to do.
 
-Programs are told a few words that fit a hand control's display; whoever sits at a terminal has room for the reason.
+Programs get a few words that fit a hand control's display; on a terminal there is room for the reason.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from gateway.core import errors
 from gateway.core.errors import Fault
 from gateway.mount.policy import Limits
 
-#: What follows the words that programs are told; the first row that a fault is of counts.
+#: The explanation that follows the words for programs; the first row with the class of the fault is used.
 MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.BelowHorizon,
      "It lies, or the way to it leads, lower than the {limits.lowest:g} degrees that are allowed; wait until it has "
@@ -19,25 +19,25 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
      "with another --highest if that is meant."),
     (errors.NearSun,
      "Nothing brings the tube within {limits.sun:g} degrees of the Sun while it is up; --sun changes that, for "
-     "somebody with a filter on the tube."),
+     "a tube with a solar filter."),
     (errors.PastMeridian, "--hour-angle-limit, with which the gateway was started, keeps the tube from the pier."),
     (errors.NotAligned, "Positions mean nothing before that: align it at the hand control, then ask again."),
     (errors.SyncTooFar,
-     "A sync moves the sky by {limits.sync:g} degrees at most, all since the alignment together: align the mount anew, "
-     "or start the gateway with another --sync-limit."),
+     "A sync moves the sky by {limits.sync:g} degrees at most, all since the alignment together: align the mount "
+     "again, or start the gateway with another --sync-limit."),
     (errors.Held, "Nothing moves it until then."),
-    (errors.Asleep, "It hears nothing until it is woken: mount-gateway unpark, or its own keys."),
+    (errors.Asleep, "It ignores commands until it is woken: mount-gateway unpark, or its own keys."),
     ((errors.Garbled, errors.NoAnswer),
-     "Is it switched on, and the cable in the hand control? mount-gateway status tells how the line is."),
+     "Is it switched on, and the cable in the hand control? mount-gateway status shows the state of the line."),
     (errors.Stopped, "A stop, or another order, came before it was done."),
     (errors.Busy, "Ask again in a moment."),
 )  # fmt: skip
-#: The same where nobody has said more about it than that.
+#: The explanation of an ``Unsupported`` without words of its own.
 UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
 
 
 def no(fault: Fault, limits: Limits) -> str:
-    """One or two sentences, beginning with what the gateway tells programs."""
+    """Return one or two sentences, beginning with the words that programs get."""
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
     if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:
         means = UNSUPPORTED

@@ -1,7 +1,7 @@
-"""Carries out what a person asks for on the command line, by the same limits and rules as a program's commands.
+"""Carries out requests from the command line, under the same limits and rules as the commands of programs.
 
-What a request has begun belongs to it: to cancel it ends that motion, and nothing that somebody else has asked for
-since. A ``move`` is ended by a timer here, whatever becomes of the command that asked for it.
+A motion belongs to the request that began it: cancelling the request ends that motion, and no other that a program or
+another request has begun since. A timer here ends a ``move``, even if the command that asked for it was killed.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from gateway.mount.motion.wanted import ByHand, Slew
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
 
-#: What an answer begins with: carried out, still under way, not carried out.
+#: The first word of an answer: carried out, still in progress, not carried out.
 DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
-#: Seconds after which a motion that was asked for is not begun any more: nobody waits for it.
+#: A motion that could not be begun within so many seconds is dropped: the command does not wait longer.
 PATIENCE = 10.0
-#: Seconds that the mount is given to tell how it is, before what it said last is told.
+#: Seconds for fresh readings of the mount, before cached ones are shown.
 SIGHT = 1.5
-#: Requests that are remembered.
+#: So many requests are remembered, the newest.
 REMEMBERED = 64
 
 
 class Begun:
-    """A request: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
+    """A request that was begun: its activity as a client, the number of stops then, its goal, and its cancellation."""
 
     def __init__(self, life: HostActivity, stops: int) -> None:
         self.life, self.stops = life, stops
         self.goal: op.Equatorial | None = None
         self.parks = False
         self.ended = asyncio.Event()
-        #: The arrow that is held down, and the hand control's key.
+        #: Direction and rate key of the motion by hand that ``Press`` began.
         self.pressed: tuple[op.Direction, int] | None = None
 
 
 async def of_date(controller: MountController, where: commands.Where) -> op.Equatorial:
-    """A place that somebody named, as the mount counts. Raises Fault."""
+    """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
     if isinstance(where, commands.Body):
         reads: op.Read[op.Equatorial] = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
     elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
@@ -60,7 +60,7 @@ async def of_date(controller: MountController, where: commands.Where) -> op.Equa
 
 
 class Desk:
-    """``carry_out`` takes a request. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
+    """Carries out requests. ``programs`` returns the hosts of connected programs; ``name``: the mount's, or empty."""
 
     def __init__(
         self, controller: MountController, name: str, mount: str, programs: Callable[[], Sequence[str]]
@@ -69,11 +69,11 @@ class Desk:
         self._begun: dict[str, Begun] = {}
 
     def state(self) -> State:
-        """What is known, without asking the mount."""
+        """Return what is known of the mount, without asking it."""
         return gather(self._controller, self._name, self._mount, self._programs())
 
     async def carry_out(self, line: str) -> str:
-        """-> ``done WORDS``, ``under way WORDS`` or ``failed REASON``; a look is answered with a ``State`` as JSON."""
+        """Return ``done WORDS``, ``under way WORDS`` or ``failed REASON``; for ``See`` a ``State`` as JSON."""
         try:
             wish = commands.read(line)
         except ValueError:
@@ -138,7 +138,7 @@ class Desk:
         return await self._move(wish, begun)
 
     async def _order(self, operation: op.Operation, begun: Begun) -> None:
-        """Raises Fault."""
+        """Perform an operation for a request. Raises Fault."""
         if begun.ended.is_set():
             raise Busy("It was cancelled.")
         try:
@@ -148,7 +148,7 @@ class Desk:
             raise Busy from None
 
     async def _move(self, wish: commands.Move, begun: Begun) -> str:
-        """Press, wait, release. Raises Fault."""
+        """Begin a motion by hand, wait, and end it. Raises Fault."""
         controller, longest = self._controller, self._controller.policy.silence
         if not 0.0 < wish.seconds <= longest or not 1 <= wish.key <= 9:
             raise Invalid(f"An arrow may be pressed for up to {longest:g} s (--dead-man) at a rate of 1 to 9.")
@@ -168,7 +168,7 @@ class Desk:
         return f"it was moved {wish.direction.word} for {lasted:.1f} s"
 
     async def _press(self, wish: commands.Press, begun: Begun) -> str:
-        """Begin to move, or go on. Raises Fault."""
+        """Begin a motion by hand, or keep it alive. Raises Fault."""
         if not 1 <= wish.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
         begun.life.heard = True
@@ -181,14 +181,14 @@ class Desk:
         return f"it is moved {wish.direction.word}"
 
     async def _let_go(self, begun: Begun) -> str:
-        """End what was pressed. Raises Fault."""
+        """End the motion that ``Press`` began. Raises Fault."""
         begun.ended.set()
         if begun.pressed is not None and self._moves(begun):
             await self._controller.perform(op.StopAxis(begun.pressed[0].axis), None, begun.life)
         return "let go"
 
     async def _track(self, wish: commands.Track, begun: Begun) -> str:
-        """Raises Fault."""
+        """Set the tracking rate if one is given, and turn tracking on or off. Raises Fault."""
         if wish.rate is not None:
             await self._order(op.TrackRate(wish.rate), begun)
         await self._order(op.SetTracking(wish.on), begun)
@@ -197,7 +197,7 @@ class Desk:
     # --- how it goes ------------------------------------------------------------------------------------------------
 
     def _moves(self, begun: Begun) -> bool:
-        """Whether something that this request has begun is under way, or waits to be."""
+        """Whether a motion that this request has begun is in progress or waits to begin."""
         wanted = self._controller.wanted.value
         moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
         if isinstance(wanted.motion, ByHand):
@@ -207,12 +207,12 @@ class Desk:
     async def _follow(self, number: str) -> str:
         begun, controller = self._begun.get(number), self._controller
         if begun is None:
-            return f"{FAILED} the gateway knows nothing of it: it may have been started anew"
+            return f"{FAILED} the gateway does not know this request: it may have been restarted meanwhile"
         await self._look()
         seen = self.state().look
         follows = begun.parks and any(
             order.follow_up for order in controller.wanted.value.pending
-        )  # its tracking goes off
+        )  # after parking, its tracking is still to be turned off
         if self._moves(begun) or follows:
             return f"{UNDER_WAY} {on_the_sky(seen.position) if seen.position else ''}"
         if controller.stops != begun.stops:
@@ -225,7 +225,7 @@ class Desk:
 
     async def _end(self, number: str) -> str:
         controller, begun = self._controller, self._remember(number, "mount-gateway stop")
-        begun.ended.set()  # if it has not come yet, it is not begun later
+        begun.ended.set()  # if the request arrives later than its cancellation, it is not begun
         if not self._moves(begun):
             return f"{DONE} nothing that was begun here is under way"
         wanted = controller.wanted.value
@@ -234,7 +234,7 @@ class Desk:
             if isinstance(wanted.motion, ByHand)
             else []
         )
-        if not halts and all(order.by is begun.life for order in wanted.waiting_gotos):  # else another takes its place
+        if not halts and all(order.by is begun.life for order in wanted.waiting_gotos):  # else another goto replaces it
             halts = [op.AbortSlew()]
         try:
             for halt in halts:
@@ -244,7 +244,7 @@ class Desk:
         return f"{DONE} the mount was stopped"
 
     async def _look(self) -> None:
-        """Have the mount tell how it is, where it answers soon."""
+        """Refresh position and status, unless the mount does not answer soon."""
         controller = self._controller
         if controller.line.state != "up" or controller.driver.asleep:
             return

@@ -1,7 +1,7 @@
-"""The gateway's side: requests arrive as datagrams, and each is answered once it has been carried out.
+"""The gateway's control endpoint: requests arrive as datagrams, and each is answered once it has been carried out.
 
-No request needs a file descriptor. A caller that missed the answer asks again with the same number and gets the same
-answer, so nothing is carried out twice.
+No request needs a file descriptor. A caller that missed the answer sends the request again with the same number and
+gets the same answer, so nothing is carried out twice.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from gateway.core.errors import Fault
 from gateway.system.files import write_whole
 from gateway.system.runtime_folders import occupy
 
-#: Carries out an order -> the answer. Raises Fault, whose words are then the answer.
+#: Carries out an order and returns the answer. If it raises Fault, the answer is ``failed`` with its words.
 Order = Callable[[], Awaitable[str]]
-#: Orders that are remembered for who did not hear the answer.
+#: So many requests are remembered, so that a repeated one gets the same answer.
 REMEMBERED = 64
 ENDING_WORDS = "failed the gateway is ending, and stops its mount at that; ask again to be sure"
 
@@ -31,9 +31,9 @@ Asked = dict[str, asyncio.Task[str]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """``orders`` are what can be asked for, by word; ``folders`` where it is written how to, the state folder first.
+    """Serves requests: ``orders`` by their words, and ``wish`` with the rest of a request ``wish LINE``.
 
-    ``wish`` takes what stands behind the word ``wish``; ``called`` is the mount's own name, where it has one.
+    Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's own name, or empty.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Control(asyncio.DatagramProtocol):
         self._occupied: list[int] = []
 
     async def open(self) -> None:
-        """Raises OSError where no port can be had, or its number cannot be written anywhere."""
+        """Open a port and write endpoint files. Raises OSError if no port is free, or no file can be written."""
         for path in self.paths:
             with contextlib.suppress(OSError):
                 sweep(path.parent)
@@ -76,7 +76,7 @@ class Control(asyncio.DatagramProtocol):
         self._occupied = [number for path in self.paths[1:] if (number := occupy(path.parent)) is not None]
 
     def datagram_received(self, data: bytes, addr: object) -> None:
-        """An order, or noise."""
+        """Begin or continue a request; ignore any other datagram."""
         found = unseal(self._secret, data)
         if found is None or not found[1].startswith("ask "):
             return
@@ -93,10 +93,10 @@ class Control(asyncio.DatagramProtocol):
         task.add_done_callback(lambda done: self._answer(number, "" if done.cancelled() else done.result(), addr))
 
     def error_received(self, exc: Exception) -> None:
-        """Whoever asked is gone."""
+        """Do nothing: the caller has ended."""
 
     def _forget(self) -> bool:
-        """The oldest order that is done; False where none is."""
+        """Forget the oldest request that is done; return False if none is done."""
         old = next((number for number, task in self._asked.items() if task.done()), None)
         if old is None:
             return False
@@ -116,7 +116,7 @@ class Control(asyncio.DatagramProtocol):
             return ENDING_WORDS
         except Fault as fault:
             return f"failed {fault}"
-        except Exception as error:  # a defect must not look like a gateway that is gone
+        except Exception as error:  # a defect must not look like a gateway that has ended
             return f"failed internal error, please report it: {error!r}"
 
     def _answer(self, number: str, answer: str, addr: object) -> None:
@@ -128,7 +128,7 @@ class Control(asyncio.DatagramProtocol):
             self._transport.sendto(seal(self._secret, number, text), addr)
 
     async def close(self) -> None:
-        """Nobody is listened to any more; who still waits is told."""
+        """Delete the endpoint files, answer the callers that still wait, and close the port."""
         for path in self.paths:
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)

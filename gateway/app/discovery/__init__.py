@@ -1,1 +1,1 @@
-"""What other computers may find: surfaces and pages that are not for this one alone, announced in two ways."""
+"""Announces surfaces and web pages on the network, so that programs on other computers find them."""

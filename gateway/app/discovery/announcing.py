@@ -1,15 +1,16 @@
-"""Announcing: programs on the network find the surfaces that listen there, without anybody typing an address.
+"""Announces surfaces on the network, so that programs find them and their users need not type an address.
 
-SkyFi's discovery, by which SkySafari finds a mount: it sends ``skyfi?``, or ``skyfi:NAME?`` when its user has named
-one, to UDP port 4031 of everybody. The answer is the question with ``@`` and an address in the place of the question
-mark: ``skyfi:NAME@192.168.1.5``. It holds no port: SkySafari connects to the one in its settings.
+SkySafari finds a mount by SkyFi's discovery: it broadcasts ``skyfi?``, or ``skyfi:NAME?`` if its user has named a
+mount, to UDP port 4031. The answer is the question with ``@`` and an address in place of the question mark:
+``skyfi:NAME@192.168.1.5``. It holds no port: SkySafari connects to the one in its settings.
 
-mDNS (RFC 6762) and DNS-SD (RFC 6763), where the extra ``mdns`` is installed: every offer is a service of a type such
-as ``_lx200._tcp``, and the console is one of ``_http._tcp``, as other web pages are. No registered type means "a mount
-that speaks LX200", so the protocol's own name is the type; the TXT record says which model is presented, on which
-transport, and the name of the mount where there are several.
+mDNS (RFC 6762) and DNS-SD (RFC 6763) need the extra ``mdns``: every offer is a service of a type such as
+``_lx200._tcp``, and the console one of ``_http._tcp``, like other web pages. No registered type means "a mount that
+speaks LX200", so the protocol's own name is the type; the TXT record has the presented model, the transport, and the
+mount's name if there are several mounts.
 
-Both are silent unless asked. That an announcement fails is told, and costs nothing else.
+SkyFi only answers questions; mDNS also announces a service when it begins. If an announcement fails, a message says so,
+and everything else works.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from zeroconf.asyncio import AsyncZeroconf
 
 PORT = 4031
-#: Where SkySafari connects unless it is told otherwise.
+#: The port in SkySafari's default settings.
 USUAL = 4030
 _QUESTION = re.compile(rb"(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*", re.IGNORECASE)
 #: The longest name of a service, in bytes.
@@ -42,18 +43,18 @@ LONGEST = 63
 
 
 class Announcement:
-    """What is announced until it is closed. ``warn`` is told what a user must know, ``note`` what one may."""
+    """All announcements, until it is closed. ``warn`` gets messages for the user, ``note`` gets those for the log."""
 
     def __init__(self, warn: Callable[[str], object], note: Callable[[str], object]) -> None:
         self._warn, self._note = warn, note
         self._skyfi: asyncio.DatagramTransport | None = None
-        #: What ends the answers to programs that look for servers.
+        #: Functions that end the protocols' own discovery answers.
         self._found: list[Callable[[], None]] = []
         self._publishing: asyncio.Task[None] | None = None
         self._publisher: Publisher | None = None
 
     async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = PORT) -> None:
-        """Answer SkySafari's question for a SkyFi from now on, if there is anything to find."""
+        """Answer SkySafari's SkyFi discovery from now on, if there is a surface that it can use."""
         offers = [offer for offer in offers if offer.protocol not in PROTOCOLS or PROTOCOLS[offer.protocol].web is None]
         if not any(offer.reached_by_ipv4 for offer in offers):
             return
@@ -63,7 +64,7 @@ class Announcement:
             self._warn(f"SkySafari will not find this gateway by itself: UDP port {port}: {error.strerror or error}")
 
     async def let_find(self, offers: Sequence[Offer]) -> None:
-        """Answer the questions of programs that look for servers of theirs, of every protocol that has such a way."""
+        """Answer discovery requests from now on, for every protocol that has a discovery of its own."""
         for name, spec in PROTOCOLS.items():
             places = [(offer.host, offer.port) for offer in offers if offer.protocol == name]
             if spec.web is None or not places:
@@ -78,11 +79,11 @@ class Announcement:
 
     @property
     def skyfi_port(self) -> int:
-        """The UDP port that is answered on; 0 when none is."""
+        """The UDP port of the SkyFi answers; 0 if there are none."""
         return 0 if self._skyfi is None else int(self._skyfi.get_extra_info("sockname")[1])
 
     def publish(self, offers: Sequence[Offer], interfaces: Sequence[str] | None = None) -> None:
-        """Begin to answer for the offers by mDNS: on all interfaces, or on those with these addresses."""
+        """Begin to announce the offers by mDNS, on all interfaces or on those with these addresses."""
         if offers:
             self._publishing = asyncio.get_running_loop().create_task(self._publish(offers, interfaces))
 
@@ -92,11 +93,11 @@ class Announcement:
             await self._publisher.add(offers)
         except ImportError:
             self._note(f"not announced by mDNS, for which zeroconf is needed; to install it, {how_to_add('mdns')}")
-        except Exception as error:  # a library's own kinds, and the system's: no network, no multicast …
+        except Exception as error:  # zeroconf's own errors, and the system's: no network, no multicast …
             self._note(f"not announced by mDNS: {error}")
 
     async def close(self) -> None:
-        """Take everything back."""
+        """Withdraw all announcements."""
         for end in self._found:
             end()
         if self._skyfi is not None:
@@ -132,7 +133,7 @@ async def answer_skyfi(offers: Sequence[Offer], host: str, port: int) -> asyncio
 
 
 def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> bytes:
-    """The answer to somebody at (host, port); nothing for what is no such question."""
+    """Return the answer to a SkyFi question from (host, port); empty for any other datagram."""
     match = _QUESTION.fullmatch(question)
     able = [offer for offer in offers if offer.reached_by_ipv4]
     if match is None or not able:
@@ -143,24 +144,27 @@ def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> 
 
 
 class Publisher:
-    """Services that are there until it is closed."""
+    """Publishes mDNS services until it is closed."""
 
     def __init__(self, zeroconf: AsyncZeroconf) -> None:
         self._zeroconf = zeroconf
 
     async def add(self, offers: Sequence[Offer]) -> None:
-        """Announce the offers; one whose name another computer has already gets a number behind it."""
+        """Announce the offers; a name that another computer already has gets a number appended."""
         for one in (replace(offer, protocol=name) for offer in offers for name in spoken(offer.protocol)):
             await (await self._zeroconf.async_register_service(service(one), allow_name_change=True))
 
     async def close(self) -> None:
-        """Say goodbye, and end."""
+        """Withdraw the services and end."""
         await self._zeroconf.async_unregister_all_services()
         await self._zeroconf.async_close()
 
 
 def publish(interfaces: Sequence[str] | None = None) -> Publisher:
-    """A publisher on the interfaces with these addresses, or on all. Raises ImportError without zeroconf, OSError."""
+    """Make a publisher on the interfaces with these addresses, or on all.
+
+    Raises ImportError if zeroconf is not installed, and OSError.
+    """
     from zeroconf import InterfaceChoice
     from zeroconf.asyncio import AsyncZeroconf
 
@@ -168,7 +172,7 @@ def publish(interfaces: Sequence[str] | None = None) -> Publisher:
 
 
 def service(offer: Offer) -> ServiceInfo:
-    """An offer as DNS-SD has it."""
+    """Return an offer as a DNS-SD service."""
     from zeroconf import ServiceInfo
 
     kind, computer = f"_{offer.protocol}._tcp.local.", socket.gethostname().partition(".")[0]
@@ -185,7 +189,7 @@ def service(offer: Offer) -> ServiceInfo:
 
 
 def addresses(offer: Offer) -> Iterator[str]:
-    """Where an offer is reached: the address it listens on, or all that this computer has of the kinds it takes."""
+    """Yield the address that an offer listens on, or for a wildcard all addresses of this computer of its kind."""
     if offer.host not in EVERYWHERE:
         yield offer.host
         return

@@ -1,4 +1,4 @@
-"""What there is to find, surfaces on the network, and at which addresses other computers reach it."""
+"""The surfaces that can be announced, and the addresses at which other computers reach them."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from gateway.transport.listening import split_address
 
 EVERYWHERE = ("0.0.0.0", "::")
 SCHEMES = ("tcp", "rfc2217")
-#: Networks within this computer, of containers and virtual machines: nobody comes from there.
+#: Interfaces of containers and virtual machines within this computer: other computers cannot use their addresses.
 _INNER = ("docker", "br-", "veth", "virbr", "vmnet", "vboxnet", "lxc", "lxd", "podman")
-#: Somebody far away (of a network that is kept for examples): the way there begins at the address most people mean.
+#: A remote address (of a network reserved for examples): the interface of its route has this computer's main address.
 _FAR = ("192.0.2.1", 9)
 
 Held = Iterable[tuple[str, IPv4Address | IPv6Address]]
 
 
 class Offer(Struct, frozen=True):
-    """A surface on a port of its own; ``host`` is the address it listens on, in numbers, ``mount`` a name or empty."""
+    """A surface on a port of its own; ``host`` is its numeric address, ``mount`` the mount's name or empty."""
 
     protocol: str
     model: str
@@ -34,7 +34,7 @@ class Offer(Struct, frozen=True):
 
     @property
     def wide(self) -> bool:
-        """Whether others than this computer can reach it."""
+        """Whether other computers can reach it."""
         return not ipaddress.ip_address(self.host.partition("%")[0]).is_loopback
 
     @property
@@ -43,7 +43,7 @@ class Offer(Struct, frozen=True):
 
 
 def offered(names: Iterable[str]) -> list[Offer]:
-    """``PROTOCOL:MODEL@WHERE`` and maybe a mount's name, as the ready lines have it -> those on the network."""
+    """Return the network surfaces among texts ``PROTOCOL:MODEL@WHERE [NAME]``, as in the ready lines."""
     found = []
     for name in names:
         what, _, rest = name.partition("@")
@@ -57,7 +57,7 @@ def offered(names: Iterable[str]) -> list[Offer]:
 
 
 def seen_from(asker: tuple[str, int]) -> str:
-    """This computer's address on the way to somebody; empty when there is no way. Nothing is sent."""
+    """Return this computer's address on the route to another one; empty if there is no route. This sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
         try:
             way.connect(asker)
@@ -69,7 +69,7 @@ def seen_from(asker: tuple[str, int]) -> str:
 def to_type(
     offer: Offer, every: Callable[[], Held] = held, first: Callable[[tuple[str, int]], str] = seen_from
 ) -> list[str]:
-    """The addresses at which other computers reach an offer, the likeliest first; those of IPv6 only without others."""
+    """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only without IPv4."""
     if offer.host not in EVERYWHERE:
         return [offer.host] if offer.wide else []
     outer = [
@@ -84,7 +84,7 @@ def to_type(
 
 
 def in_words(offer: Offer, addresses: list[str]) -> str:
-    """The line for a person with a phone or another computer."""
+    """Return the line that says what to type on a phone or another computer."""
     if not addresses:
         return f"no other computer reaches port {offer.port}: this one is in no network now"
     where = " or ".join(addresses)

@@ -1,1 +1,1 @@
-"""Recording a session: everything that comes in from outside, with its time."""
+"""Records a run of a gateway: everything that enters it from outside, with its time."""

@@ -1,8 +1,8 @@
-"""The one way by which anything from outside enters a gateway: connections, their bytes, the mount's bytes, requests.
+"""The single entrance of all input to a gateway: connections, their bytes, the mount's bytes, requests.
 
-Without a recording, things enter as they come. With one, they enter at the beginning of a turn of the event loop and
-are written down. What the gateway does then follows from what entered, at which turn and at what time, and from nothing
-else. Anything new that reaches the gateway from a port, a thread, a file or a process must come this way, too.
+Without a recording, input enters as it arrives. With one, it enters at the beginning of an event loop iteration (a
+*turn*) and is recorded. Then everything the gateway does is determined by the input and its turns and times. Any new
+kind of input from a port, a thread, a file or a process must enter here, too.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from gateway.transport.handler import Arrive, Write
 from gateway.transport.wires import Transport
 
 _T = TypeVar("_T")
-#: What somebody outside wants done, to be begun when it comes in.
+#: Work that a request asks for, begun when the request enters.
 Work = Callable[[], Coroutine[object, object, _T]]
 
 
 class Admitting(Protocol):
-    """Where connections of one surface come in."""
+    """The acceptor of one surface's connections."""
 
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
     def admit(self, name: str, host: str) -> None: ...
@@ -28,31 +28,31 @@ class Admitting(Protocol):
 
 
 class Entrance:
-    """Nobody records: everything comes in as it is."""
+    """The entrance without a recording: everything enters as it arrives."""
 
     def arrive(self, reception: Admitting) -> Arrive:
-        """What a port calls when somebody connects."""
+        """Return the function that a port calls for each new connection."""
         return reception.arrive
 
     def wire(self, wire: Transport) -> Transport:
-        """The way to the mount, as the line sees it."""
+        """Return the transport to the mount for the line to use."""
         return wire
 
     def waiting(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
-        """Something outside that the gateway itself waits for, as it may call it."""
+        """Wrap a function that waits for something outside, such as the disk, for the gateway to call."""
         return work
 
     async def begin(self, begin: Callable[[], None]) -> None:
         begin()
 
     def tell(self, arrow: str, act: Callable[[], None]) -> None:
-        """Something has happened outside that a recording has a letter for: act on it."""
+        """Act on an outside event; ``arrow`` is its letter in a recording."""
         act()
 
     async def do(self, arrow: str, work: Work[_T]) -> _T:
-        """Somebody outside has something done that a recording has a letter for. Raises what the work raises."""
+        """Carry out a request; ``arrow`` is its letter in a recording. Raises what the work raises."""
         return await work()
 
     async def wish(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
-        """A person at the command line wishes for something, written on one line."""
+        """Carry out a request from the command line, written on one line, and return the answer."""
         return await carry_out(line)

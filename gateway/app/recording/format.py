@@ -1,9 +1,9 @@
-"""A recording: everything that passed on both sides, as text that a person reads and ``replay`` plays again.
+"""The file format of recordings: everything that passed on both sides, as text for people and for ``replay``.
 
-The head says with which settings; then one line is one thing: seconds, who, an arrow, bytes. ``>`` goes towards the
-mount, ``<`` comes from it; raw chunks as they arrived, requests and replies as they were written. ``ARROWS`` names the
-others. In format 2 every ``t`` line says at which turn of the event loop and at what time the things entered that
-follow it, which is the order in which they took effect; recordings of format 1 have no such lines.
+The header holds the settings; then every line is one event: seconds, side, an arrow, bytes. ``>`` is towards the mount,
+``<`` from it; received bytes are recorded in the chunks in which they arrived, sent ones as they were written.
+``ARROWS`` names the other events. In format 2 a ``t`` line gives the number and the time of the event loop iteration (a
+*turn*) in which the events after it took effect; recordings of format 1 have no such lines.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from gateway.core.errors import UserError, about_file
 from gateway.core.wire_log import show
 
 MARK = "# mount-gateway recording "
-#: The format that is written by an event loop whose turns can be told apart, and the one before it.
+#: The format with turns, which a ``TurnLoop`` writes, and the one without.
 FORMAT, WITHOUT_TURNS = 2, 1
-#: Who says the last line of a recording that came to its end.
+#: The side of the last line of a complete recording.
 RECORDER = "recording"
-#: How that line begins when the recording could not be written any more.
+#: The beginning of that line if the recording ended early because it could not be written.
 STOPPED = "stopped here"
-#: What is neither bytes nor of use in words: ``t`` a turn and its number, ``g`` something outside the gateway that it
-#: waited for has come (number, failure), ``l`` the mount's port was lost, ``w`` it could not be written to, ``k`` what
-#: the host's clock showed at 0 s, ``b s q`` the gateway begins, is told to stop the mount, and ends,
-#: ``d`` its watchdog has stopped the mount, ``o`` it is ordered to stop it and see that it rests, ``h u`` the mount is
-#: held and released, ``e`` a connection's other side has closed its end, ``c`` a wish from the command line.
+#: Events that ``decode`` does not show: ``t`` a turn and its number, ``g`` something outside that the gateway waited
+#: for has ended (number, failure), ``l`` the mount's port was lost, ``w`` it could not be written to, ``k`` the host's
+#: clock at 0 s, ``b s q`` the gateway begins, is told to stop the mount, and ends, ``d`` the watchdog has stopped the
+#: mount, ``o`` an order to stop the mount and watch until it is at rest, ``h u`` the mount is held and released, ``e``
+#: the other side of a connection has closed its end, ``c`` a request from the command line.
 BOOKKEEPING = "tglwkbsqdohuec"
-#: ``+ -`` are connections that come and go, ``~`` is what one turns out to speak, ``!`` is a note, ``^ v`` are the
-#: mount's port opened and lost, ``r`` is the hub's decision to read something anew.
+#: ``+ -`` are connections opened and closed, ``~`` the protocol that one turned out to speak, ``!`` a note, ``^ v`` the
+#: mount's port opened and lost, ``r`` the controller's decision to read something again.
 ARROWS = "<>+-~!^vr" + BOOKKEEPING
-#: No line is longer; a file that has a longer one is no recording.
+#: The maximum length of a line; a file that has a longer one is no recording.
 LONGEST_LINE = 1_000_000
 _LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")
 
 
 class Event(NamedTuple):
-    """One thing that happened, ``at`` seconds after the beginning."""
+    """One recorded event, ``at`` seconds after the beginning."""
 
     at: float
     side: str
@@ -48,30 +48,30 @@ class Event(NamedTuple):
 
 
 def escape(data: bytes) -> str:
-    """Bytes as text: what is not printable, a backslash, and a blank, as ``\\xHH``."""
+    """Return bytes as text, with unprintable characters, backslashes and blanks as ``\\xHH``."""
     return show(data).replace(" ", "\\x20")
 
 
 def unescape(text: str) -> bytes:
-    """The reverse: ``\\xHH`` becomes that byte."""
+    """Return the bytes of an escaped text: ``\\xHH`` becomes that byte."""
     raw = text.encode("latin-1", "replace")
     return re.sub(rb"\\x([0-9a-fA-F]{2})", lambda hit: bytes((int(hit.group(1), 16),)), raw)
 
 
 class Recording:
-    """The parts of a recording, oldest first. ``settings`` are those of the first head, ``format`` is its number."""
+    """A recording in one or more files, oldest first. ``settings`` and ``format`` are those of the first file."""
 
     def __init__(self, parts: list[Path]) -> None:
         self.parts = parts
         self.settings = _head(parts[0])
         self.format = _format(parts[0]) or WITHOUT_TURNS
-        #: After everything has been read: why that is less than there was, in words; empty when it is all.
+        #: After iterating: a sentence that says why the recording is incomplete; empty if it is complete.
         self.cut = ""
-        #: The file that it goes on in, where it does.
+        #: The file in which the recording continues, if it does.
         self.goes_on: Path | None = None
 
     def __iter__(self) -> Iterator[Event]:
-        """Everything that happened, read as it is wanted. Raises UserError with file and line."""
+        """Yield the events, reading the files step by step. Raises UserError with file and line."""
         self.cut, last = "", None
         for part in self.parts:
             with part.open("rb") as file:
@@ -82,11 +82,11 @@ class Recording:
             self.cut = self._missing(last)
 
     def _missing(self, last: Event | None) -> str:
-        """Why this is less than there was, by its last line; empty when it is all."""
+        """Return why the recording is incomplete, judged by its last event; empty if it is complete."""
         file = self.parts[-1]
         ended = last is not None and (last.side, last.arrow) == (RECORDER, "!")
         if self.goes_on is not None:
-            return f"{file}: the recording goes on{_when(last)} in {self.goes_on}"
+            return f"{file}: the recording continues{_when(last)} in {self.goes_on}"
         if ended and last is not None and last.data.startswith(STOPPED.encode()):
             return f"{file}: the recording {last.data.decode('latin-1')}"
         if ended or self.format == WITHOUT_TURNS:
@@ -125,12 +125,12 @@ def _when(last: Event | None) -> str:
 
 
 def part_of(path: Path, number: int) -> Path:
-    """The file that a part is put aside as."""
+    """Return the name of an older file of a recording."""
     return path.with_name(f"{path.name}.{number}")
 
 
 def read(path: Path) -> Recording:
-    """A recording up to the end of this file, with the parts that were put aside before it.
+    """Open a recording up to the end of this file, including the older files of the same run.
 
     Raises UserError with file and line.
     """
@@ -143,7 +143,7 @@ def read(path: Path) -> Recording:
             break
         head = _head(older)
         if head["began"] != settings["began"]:
-            break  # of another run
+            break  # it belongs to another run
         parts.append(older)
         settings, first = head, first + 1
     recording = Recording(parts[::-1])
@@ -155,12 +155,12 @@ def read(path: Path) -> Recording:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file begins as a recording does. Raises UserError when it cannot be read."""
+    """Whether a file begins like a recording. Raises UserError if it cannot be read."""
     return _format(path) is not None
 
 
 def _format(path: Path) -> int | None:
-    """The number of a recording's format; None for a file that is no recording. Raises UserError."""
+    """Return the format number of a recording; None for any other file. Raises UserError."""
     try:
         with path.open("rb") as file:
             line = file.readline(len(MARK) + 8).decode("latin-1")
@@ -180,7 +180,7 @@ def _format(path: Path) -> int | None:
 
 
 def _head(path: Path) -> dict[str, Any]:
-    """The settings that a part of a recording begins with. Raises UserError."""
+    """Return the settings in the header of a file. Raises UserError."""
     if not is_recording(path):
         raise UserError(f"{path}: this is no recording of mount-gateway (run --record {path} makes one)")
     with path.open("rb") as file:

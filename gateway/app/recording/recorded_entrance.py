@@ -1,7 +1,7 @@
-"""The entrance of a gateway that is recorded: everything comes in at the beginning of a turn of the event loop.
+"""The entrance of a recorded gateway: all input enters at the beginning of a turn of the event loop.
 
-It is written down as it comes in: what the gateway does follows from what came, at which turn and what time, and from
-nothing else.
+The input is recorded when it enters. Everything the gateway does is determined by this input and its turns and times,
+so a replay repeats it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _T = TypeVar("_T")
 
 
 class RecordedEntrance(Entrance):
-    """Everything comes in at the beginning of a turn, and ``recorder`` writes it down."""
+    """Lets input enter at the beginning of a turn, and has ``recorder`` write it down."""
 
     def __init__(self, loop: TurnLoop, recorder: Recorder) -> None:
         self._loop, self.recorder = loop, recorder
@@ -42,7 +42,7 @@ class RecordedEntrance(Entrance):
         return arrive
 
     def _unique(self, name: str) -> str:
-        """A name that no other connection has: two surfaces may have clients on the same port of the same computer."""
+        """Return a name that no open connection has: clients of two surfaces may have the same host and port."""
         unique = next(one for one in chain([name], (f"{name}/{n}" for n in count(2))) if one not in self._present)
         self._present.add(unique)
         return unique
@@ -71,11 +71,11 @@ class RecordedEntrance(Entrance):
         self._loop.enter(go)
 
     async def do(self, arrow: str, work: Work[_T]) -> _T:
-        return await result_of(await self._task(arrow, work))  # who gives up waiting does not take a stop back
+        return await result_of(await self._task(arrow, work))  # a caller that gives up waiting does not cancel a stop
 
     async def wish(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
         if not (line.isascii() and line.isprintable()):
-            return await carry_out("")  # which it does not understand
+            return await carry_out("")  # is answered like a request that the gateway does not understand
         return await asyncio.shield(await self._task("c", lambda: carry_out(line), line))
 
     async def _task(self, arrow: str, work: Work[_T], text: str = "") -> asyncio.Task[_T]:
@@ -93,7 +93,7 @@ class RecordedEntrance(Entrance):
         return await begun
 
     async def passed(self, work: Awaitable[None]) -> None:
-        """Wait for something outside, and go on at the beginning of a turn. Raises OSError when it failed."""
+        """Wait for something outside, and continue at the beginning of a turn. Raises OSError if it failed."""
         number, failure = next(self._gates), ""
         try:
             await work
@@ -113,7 +113,7 @@ class RecordedEntrance(Entrance):
 
 
 class _Visitor:
-    """One connection on its way in. The replies to what came at once go out as one."""
+    """One connection at the entrance. Replies to the commands of one chunk of bytes are sent as one."""
 
     def __init__(
         self, loop: TurnLoop, recorder: Recorder, name: str, write: Write, gone: Callable[[str], None]
@@ -124,7 +124,7 @@ class _Visitor:
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
         self._replies: list[bytes] | None = None
-        #: Pieces that have not come in yet.
+        #: How many received chunks have not entered yet.
         self._waiting = 0
 
     @property
@@ -171,16 +171,16 @@ class _Visitor:
             self._guest.serial(change_rate)
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """To be called before anything is fed."""
+        """Pass on the functions of a network connection; call this before ``feed``."""
         self._hang_up, self._hand_over = hang_up, hand_over
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         self._loop.enter(self._gone_away)
 
     def _gone_away(self) -> None:
         assert self._guest is not None
         self._recorder.line(self._name, "e")
-        self._guest.gone()
+        self._guest.peer_closed()
 
     def close(self) -> None:
         self._write = lambda data: None
@@ -193,7 +193,7 @@ class _Visitor:
 
 
 class _RecordedWire:
-    """A wire whose bytes, losses and failures come in at the beginning of a turn."""
+    """A transport whose bytes, losses and failures enter at the beginning of a turn."""
 
     def __init__(self, wire: Transport, entrance: RecordedEntrance) -> None:
         self._wire, self._entrance = wire, entrance
@@ -214,7 +214,7 @@ class _RecordedWire:
     def write(self, data: bytes) -> None:
         try:
             self._wire.write(data)
-        except Exception as error:  # as of the wire itself, in words that can be written down
+        except Exception as error:  # the transport's own kinds, in words that fit on a line of the recording
             reason = str(error).replace("\n", " ").strip()
             self._recorder.line(MOUNT, "w", reason)
             raise OSError(reason) from error

@@ -1,4 +1,4 @@
-"""A gateway that is recorded: its clock, its entrance, its file."""
+"""Sets up the recording of a gateway: its clock, its entrance, its file."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from gateway.app.recording.turns import BASE, TurnLoop
 from gateway.core.about import VERSION
 from gateway.core.wire_log import MOUNT
 
-#: The host's clock was set when it has gone this much more or less than time has passed, seconds.
+#: The host's clock counts as set when it differs by so many seconds from the time that has passed.
 SET = 0.01
 
 
 class HostClock:
-    """The host's own clock in Unix seconds, as it was at the beginning of the turn; that it was set is written down.
+    """The host's clock in Unix seconds at the beginning of the turn; changes by setting it are recorded.
 
-    ``show`` is the real one, ``steady`` a clock that nobody sets.
+    ``show`` is the real clock, ``steady`` a monotonic one.
     """
 
     def __init__(self, loop: TurnLoop, show: Callable[[], float], steady: Callable[[], float]) -> None:
@@ -36,7 +36,7 @@ class HostClock:
         return self._began + self._loop.time() - BASE
 
     def watch(self, recorder: Recorder) -> None:
-        """From now on ``recorder`` is told when it is set."""
+        """Record the clock now, and from now on whenever it is set."""
         self._tell = lambda began: recorder.line(MOUNT, "k", began)
         self._loop.on_time.append(self._look)
         self._tell(repr(self._began))
@@ -50,13 +50,13 @@ class HostClock:
 
 
 def host_clock() -> Callable[[], float]:
-    """The host's clock for a gateway that is going to be recorded, Unix seconds."""
+    """Return the host's clock, in Unix seconds, for a gateway that will be recorded."""
     loop = asyncio.get_running_loop()
     return HostClock(loop, time.time, time.monotonic) if isinstance(loop, TurnLoop) else time.time
 
 
 def record(path: Path, gateway: Gateway, longest: int = LONGEST, turns: TurnLoop | None = None) -> Recorder:
-    """Write down what happens from now on, in files of ``longest`` bytes. Raises UserError."""
+    """Record what happens from now on, in files of ``longest`` bytes. Raises UserError."""
     now = asyncio.get_running_loop().time
     config = {"mount": gateway.config, "surface": gateway.surfaces}
     settings = {"began": gateway.clock(), "config": config, "past": gateway.past, "version": VERSION}
@@ -67,7 +67,7 @@ def record(path: Path, gateway: Gateway, longest: int = LONGEST, turns: TurnLoop
 
 
 def record_whole(path: Path, gateway: Gateway, longest: int = LONGEST) -> Recorder:
-    """Record a gateway before it is opened, with its turns where the loop can tell them apart. Raises UserError."""
+    """Record a gateway from before it is opened, with turns if the loop is a ``TurnLoop``. Raises UserError."""
     loop = asyncio.get_running_loop()
     if not isinstance(loop, TurnLoop):
         return record(path, gateway, longest)

@@ -1,8 +1,8 @@
-"""Writes a recording: a sink of the wire log, into a file that only its owner can read and that does not grow for ever.
+"""Writes a recording: a sink of the wire log with log rotation, into files that only their owner can read.
 
-A long file is set aside as FILE.1, older ones as FILE.2 and so on, and the oldest is deleted. The recording of an
-earlier run is set aside in the same way, never overwritten. When the disk is full the recording ends with a line that
-says so, the user is warned, and the gateway goes on.
+A long file is renamed to FILE.1, older ones to FILE.2 and so on, and the oldest is deleted. The recording of an earlier
+run is renamed in the same way, never overwritten. If the disk is full, the recording ends with a line that says so, the
+user is warned, and the gateway continues.
 """
 
 from __future__ import annotations
@@ -23,21 +23,20 @@ from gateway.app.recording.turns import TurnLoop
 from gateway.core.errors import UserError, about_file
 from gateway.core.wire_log import MOUNT, Entry
 
-#: A file that has grown to this many bytes is put aside; so many files are kept, the one being written among them.
+#: Bytes after which a new file is begun, and how many files are kept, including the one being written.
 LONGEST, KEPT = 10_000_000, 20
-#: Only the owner reads a recording: the site's coordinates are in it.
+#: Only the owner may read a recording: the site's coordinates are in it.
 PRIVATE = 0o600
-#: Bytes that are given up, where a disk is full, for the line that says so.
+#: Bytes that are cut off on a full disk, to make room for the line that says so.
 ROOM = 300
-#: Writes that are remembered, so that a recording can end between two of them.
+#: The ends of so many writes are remembered, so that a recording can be cut between two of them.
 REMEMBERED = 64
 
 
 class Recorder:
-    """Writes a file. ``now`` is the event loop's clock; ``say`` is told what a person should know at once.
+    """Writes a recording. ``now`` is the event loop's clock; ``say`` gets messages for the user.
 
-    On a loop whose turns can be told apart the turns are written down as well. Raises UserError for a file that cannot
-    be written.
+    On a ``TurnLoop`` the turns are recorded as well. Raises UserError for a file that cannot be written.
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class Recorder:
 
     @property
     def _at(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the beginning of the recording."""
         return self._turns.elapsed if self._turns is not None else self._now() - self._began
 
     def _open(self, first: bool) -> None:
@@ -83,7 +82,7 @@ class Recorder:
         self._write(f"{MARK}{number}\n# {json.dumps(settings)}\n")
 
     def _write(self, text: str) -> None:
-        """Write to the file, all of it. Raises OSError."""
+        """Write the whole text to the file. Raises OSError."""
         data = text.encode("latin-1", "replace")
         while data:
             written = os.write(self._file, data)
@@ -94,15 +93,15 @@ class Recorder:
     # --- what is written --------------------------------------------------------------------------------------------
 
     def put(self, entry: Entry) -> None:
-        """Write an entry, where it is one of those that a recording holds."""
+        """Write an entry of the wire log, if a recording holds entries of its kind."""
         side, arrow, data, note = entry.side, entry.arrow, entry.data, entry.note
         if arrow == "raw":
-            if side == MOUNT or self._turns is None:  # else it was written down when it entered
+            if side == MOUNT or self._turns is None:  # else the entrance has recorded it
                 self.line(side, "<" if side == MOUNT else ">", escape(data))
         elif arrow in ("<", ">"):
-            if arrow == (">" if side == MOUNT else "<"):  # the others were cut out of raw chunks
+            if arrow == (">" if side == MOUNT else "<"):  # the others are parts of raw chunks
                 self.line(side, arrow, escape(data))
-        elif arrow != "x":  # what was dropped is among what came
+        elif arrow != "x":  # dropped bytes are parts of raw chunks, too
             self.line(side, arrow, note.replace("\n", " "))
 
     def line(self, side: str, arrow: str, text: str = "") -> None:
@@ -147,7 +146,7 @@ class Recorder:
             )
 
     def _end_early(self, reason: str) -> None:
-        """The file takes no more: end it where it can still be played, and tell."""
+        """End a file that cannot be written any more at a point where it can still be replayed; warn the user."""
         cut = next((end for end in reversed(self._ends) if end <= self._size - ROOM), None)
         with contextlib.suppress(OSError):
             if cut is not None and stat.S_ISREG(os.fstat(self._file).st_mode):
@@ -156,15 +155,15 @@ class Recorder:
                 self._write(self._last(f"{STOPPED}, it could not be written any more: {reason}"))
         self._give_up()
         self._say(
-            f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway goes "
-            "on without it; make room on the disk and start the gateway again to record on"
+            f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway "
+            "continues without it; make room on the disk and restart the gateway to record again"
         )
 
     def _last(self, words: str) -> str:
         return f"{self._at:.6f} {RECORDER} ! {words}\n"
 
     def _give_up(self) -> None:
-        """Nothing is written from now on."""
+        """Close the file; later events are dropped."""
         file, self._file = self._file, -1
         self._lines.clear()
         if self._turns is not None and self._turn in self._turns.on_time:
@@ -174,7 +173,7 @@ class Recorder:
                 os.close(file)
 
     def close(self) -> None:
-        """Write the last line; nothing is written from now on."""
+        """Write the last line and close the file."""
         if self._turns is not None and self._file >= 0:
             self._lines.append(self._last("ends here: the gateway has ended"))
         self.flush()
@@ -182,9 +181,9 @@ class Recorder:
 
 
 def _make_way(path: Path, keep: int) -> bool:
-    """Put aside what is there, as FILE.1 and so on -> whether the oldest had to be deleted. Raises OSError, UserError.
+    """Rename existing files to FILE.1 and so on; return whether the oldest had to be deleted.
 
-    What is no recording is left alone.
+    Raises OSError, and UserError for a file that is no recording, which is left alone.
     """
     if not path.exists() or not path.is_file():
         return False
@@ -206,7 +205,7 @@ def _make_way(path: Path, keep: int) -> bool:
 
 
 def _open_private(path: Path) -> int:
-    """A file for writing that only its owner can read, whatever the umask. Raises OSError."""
+    """Open a file for writing that only its owner can read, whatever the umask. Raises OSError."""
     file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), PRIVATE)
     with contextlib.suppress(OSError, AttributeError):  # Windows has no such modes
         if stat.S_ISREG(os.fstat(file).st_mode):

@@ -1,8 +1,8 @@
-"""An event loop with numbered turns, so that what happened in them can be replayed exactly.
+"""An event loop with numbered iterations (*turns*), so that a recording can be replayed exactly.
 
-Time stands still within a turn, and input from outside enters only at the beginning of one, in the order in which it
-came. Everything else that runs on this loop follows from that: with the turn and the time of every input, a replay
-repeats each callback. Times are whole microseconds, so that they survive being written as text.
+The loop's time stands still within a turn, and input enters only at the beginning of one, in the order of its arrival.
+This determines everything else that runs on the loop: with the turn and the time of every input, a replay repeats each
+callback. Times are whole microseconds, so that writing them as text loses nothing.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Any
 
 #: The loop's time at its beginning, seconds.
 BASE = 1000.0
-#: Timers of the same moment and less than this apart are due together, seconds.
+#: Timers that are less than so many seconds apart are due together.
 RESOLUTION = 1e-9
 
 Wait = Callable[[float | None], list[Any]]
 
 
 class _Turning(selectors.DefaultSelector):
-    """A selector that tells its loop that a turn begins."""
+    """A selector that calls its loop's ``begin_turn`` in each iteration."""
 
     loop: TurnLoop
 
@@ -34,7 +34,7 @@ class _Turning(selectors.DefaultSelector):
 
 
 class _Timer(asyncio.TimerHandle):
-    """Of two timers of the same moment the older one comes first, whatever else the loop has to do."""
+    """A timer with a number: of two timers that are due at the same time, the older one always runs first."""
 
     __slots__ = ("number",)
 
@@ -48,9 +48,9 @@ class _Timer(asyncio.TimerHandle):
 
 
 class TurnLoop(asyncio.SelectorEventLoop):
-    """``elapsed`` is the time of this turn in seconds since the loop began, ``turn`` its number.
+    """An event loop with turns: ``turn`` is the current number, ``elapsed`` its time in seconds since the loop began.
 
-    ``on_time`` are called whenever time has gone on. ``clock`` is the real time in seconds.
+    The callbacks ``on_time`` are called whenever the loop's time has advanced. ``clock`` is the real time in seconds.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -69,15 +69,15 @@ class TurnLoop(asyncio.SelectorEventLoop):
 
     @property
     def real(self) -> float:
-        """Seconds since the loop began, at this very moment."""
+        """Real seconds since the loop began, which advance within a turn."""
         return self._clock() - self._origin
 
     def enter(self, callback: Callable[..., object], *arguments: object) -> None:
-        """Have something from outside done at the beginning of the next turn. To be called on the loop's thread."""
+        """Run a callback for outside input at the beginning of the next turn. Call this on the loop's thread."""
         self._entering.append((callback, arguments))
 
     def begin_turn(self, timeout: float | None, wait: Wait) -> list[object]:
-        """Wait for something to do for up to ``timeout`` seconds of this turn's time -> what the system tells."""
+        """Wait up to ``timeout`` seconds, counted from this turn's time; return the selector's events."""
         idle = timeout != 0 and not self._entering
         if not idle:
             timeout = 0

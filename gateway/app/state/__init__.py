@@ -1,1 +1,1 @@
-"""What is kept on disk: settings of the mount, the hold, the marker of a motion."""
+"""The gateway's state on disk: settings of the mount, the hold, the motion marker."""

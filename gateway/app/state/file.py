@@ -1,7 +1,7 @@
-"""The files of a state folder: what a real hand control would keep when it is switched off, what moves, what is held.
+"""The files of a state folder: the state that a real hand control keeps when switched off, motion markers, the hold.
 
-A file is always complete, because it is written beside the old one, flushed to the disk, and renamed. A file that
-cannot be read is moved aside and never prevents a start. Nothing here waits or uses an event loop; ``store.py`` decides
+A file is always complete, because a new one is written beside the old one, flushed to the disk, and renamed. A file
+that cannot be read is moved aside and never prevents a start. Nothing here uses an event loop; ``store.py`` decides
 when to write.
 """
 
@@ -22,19 +22,19 @@ from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
 from gateway.system.files import flush_folder
 
 FORMAT: Final = 1
-#: Longest name of a mount's files: with an ending it must fit a directory entry.
+#: Maximum length of the name of a mount's files: with an ending it must fit into a directory entry.
 LONGEST = 120
 
 Byte = Annotated[int, Meta(ge=0, le=255)]
-#: Names of values of the two motors in what clients have in common.
+#: The beginnings of the names of the two motors' settings, which all clients share.
 MOTORS = ("backlash ", "guide rate ")
-#: The file that holds the mounts of its folder for as long as it exists: nothing moves them.
+#: As long as this file exists, the mounts of its folder are held: no program moves them.
 HOLD = "hold"
 _HELD = b"mount-gateway stop --hold: no mount of this folder is moved until mount-gateway stop --release.\n"
 
 
 class SavedState(Struct, omit_defaults=True):
-    """A state file. ``mount`` is the driver's own: where home is, whether the mount is parked."""
+    """The content of a state file. ``mount`` is the driver's state: where home is, whether the mount is parked."""
 
     format: Literal[1]
     sites: dict[Annotated[str, Meta(pattern="^[0-3]$")], NamedSite] = {}
@@ -44,12 +44,12 @@ class SavedState(Struct, omit_defaults=True):
     pec: bool | None = None
     motors: dict[str, Byte] = {}
     mount: Values = {}
-    #: How far the syncs since the mount's alignment have moved the sky together.
+    #: How far all syncs since the mount's alignment have moved the sky in total.
     synced: SyncSum = SyncSum()
 
 
 class MarkerContent(Struct):
-    """A motion marker: the mount that moves, how to reach it, and what its driver must know to stop it."""
+    """The content of a motion marker: the moving mount, how to reach it, and the driver's state needed to stop it."""
 
     mount: str
     baud: int
@@ -57,7 +57,7 @@ class MarkerContent(Struct):
 
 
 def file_name(protocol: str, where: str) -> str:
-    """What a mount's files are called, without ending: ``nexstar@dev_ttyUSB0``."""
+    """Return the name of a mount's files without ending: ``nexstar@dev_ttyUSB0``."""
     return f"{protocol}@{re.sub(r'[^A-Za-z0-9.-]+', '_', where).strip('_.')}"[:LONGEST]
 
 
@@ -65,12 +65,12 @@ def file_name(protocol: str, where: str) -> str:
 
 
 def encode(kept: SavedState) -> bytes:
-    """As it stands in the file, for people to read."""
+    """Return the content of a state file: JSON that is indented for people to read."""
     return msgspec.json.format(msgspec.json.encode(kept, order="sorted"), indent=2) + b"\n"
 
 
 def read_kept(path: Path) -> SavedState:
-    """An absent file is an empty state. Raises OSError, and ValueError for a file that is not one of these."""
+    """Read a state file; a missing one is an empty state. Raises OSError, and ValueError for an invalid file."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=SavedState)
     except FileNotFoundError:
@@ -80,7 +80,7 @@ def read_kept(path: Path) -> SavedState:
 
 
 def read_mark(path: Path) -> MarkerContent | None:
-    """A marker that cannot be read is a marker all the same: its mount is then not known. None where there is none."""
+    """Read a motion marker; None if there is none. One that cannot be read still counts, as an unknown mount's."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=MarkerContent)
     except FileNotFoundError:
@@ -90,7 +90,7 @@ def read_mark(path: Path) -> MarkerContent | None:
 
 
 def move_aside(path: Path) -> Path:
-    """Out of the way, for a person to look at. Raises OSError."""
+    """Rename an invalid file so that the user can look at it; return its new path. Raises OSError."""
     bad = path.with_name(f"{path.name}.bad")
     path.replace(bad)
     return bad
@@ -100,15 +100,15 @@ def move_aside(path: Path) -> Path:
 
 
 def is_held(folder: Path) -> bool:
-    """Whether the mounts of a state folder are held. An empty file, whoever owns it, holds as well as any other."""
+    """Whether the mounts of a state folder are held. Only the name of the file counts, not its content or owner."""
     return os.path.lexists(folder / HOLD)
 
 
 def hold_folder(folder: Path) -> None:
-    """Hold them, over a power cut too as far as the disk allows. Raises OSError."""
+    """Hold the mounts of a folder, even over a power failure as far as the disk allows. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     number = os.open(folder / HOLD, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
-    with contextlib.suppress(OSError):  # a full disk: the name is enough
+    with contextlib.suppress(OSError):  # on a full disk an empty file is enough
         os.write(number, _HELD)
         os.fsync(number)
     os.close(number)
@@ -117,7 +117,7 @@ def hold_folder(folder: Path) -> None:
 
 
 def release_folder(folder: Path) -> bool:
-    """Hold them no longer -> whether they were held. Raises OSError."""
+    """Release the mounts of a folder; return whether they were held. Raises OSError."""
     try:
         os.unlink(folder / HOLD)
     except (FileNotFoundError, NotADirectoryError):
@@ -125,11 +125,11 @@ def release_folder(folder: Path) -> bool:
     return True
 
 
-# --- between the file and what clients have in common -----------------------------------------------------------
+# --- between the file and the settings that clients share -------------------------------------------------------
 
 
 def to_shared(kept: SavedState) -> MountSettings:
-    """What all clients of a mount begin with."""
+    """Return the shared settings with which all clients of a mount begin."""
     return MountSettings(
         sites={int(index): site for index, site in kept.sites.items()},
         site=kept.site,
@@ -140,7 +140,7 @@ def to_shared(kept: SavedState) -> MountSettings:
 
 
 def from_shared(shared: MountSettings, mount: Values, synced: SyncSum = SyncSum()) -> SavedState:
-    """The lasting part of it; the rest (a pulse under way, a drive rate) ends with the gateway."""
+    """Return the lasting part of the shared settings; the rest (a guide pulse, a drive rate) ends with the run."""
     return SavedState(
         FORMAT,
         sites={str(index): site for index, site in shared.sites.items() if site != UNNAMED},

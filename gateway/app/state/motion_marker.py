@@ -1,8 +1,8 @@
-"""The motion marker: a file that exists while the mount moves because the gateway told it to.
+"""The motion marker: a file that exists while the mount moves by order of the gateway.
 
-A process that was killed cannot stop its mount. By the marker the next gateway, or ``mount-gateway stop``, learns that
-it must. It is written before the motion is sent, without waiting for the disk: it has to survive the process, not a
-power failure, and it never delays a motion by more than ``PATIENCE``.
+A process that was killed cannot stop its mount. The marker tells the next gateway, or ``mount-gateway stop``, to do it.
+It is written before the motion is sent, without flushing to the disk: it must survive the process, not a power failure,
+and it never delays a motion by more than ``PATIENCE``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ InThread = Callable[..., Awaitable[Any]]
 
 
 class MotionMarker:
-    """``content`` tells what to write, ``busy`` whether the mount may be moving."""
+    """Keeps the marker file: ``content`` returns what to write, ``busy`` whether the mount may be moving."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class MotionMarker:
             self._watch()
 
     async def before_motion(self) -> None:
-        """The marker is there, or at least under way, when this returns."""
+        """Write the marker; return once it is written, or after ``PATIENCE`` seconds while the disk is still busy."""
         marked = self._there is not None and self._wanted is not None
         self._want(msgspec.json.encode(self._content()))
         self._quiet = 0.0
@@ -56,12 +56,12 @@ class MotionMarker:
             await asyncio.wait({self._writing}, timeout=PATIENCE)
 
     def renew(self) -> None:
-        """What must be known to stop the mount has changed: its tracking has been suspended, for example."""
+        """Update the marker after a change that matters for stopping, for example suspended tracking."""
         if self._wanted is not None:
             self._want(msgspec.json.encode(self._content()))
 
     def _want(self, content: bytes | None) -> None:
-        """Make the file so. Whatever is wanted last wins, in order, on one thread at a time."""
+        """Write this content, or delete the file (None); writes run one after another, and the last one wins."""
         self._wanted = content
         if self._writing is None and self._there != content:
             self._writing = asyncio.get_running_loop().create_task(self._write())
@@ -92,7 +92,7 @@ class MotionMarker:
             self._watching = asyncio.get_running_loop().create_task(self._until_quiet())
 
     async def _until_quiet(self) -> None:
-        """Take the marker away once nothing has moved for a while; a guiding program moves all the time."""
+        """Delete the marker once nothing has moved for ``QUIET`` seconds; a guiding program moves all the time."""
         self._quiet = 0.0
         while self._quiet < QUIET:
             await asyncio.sleep(LOOK)
@@ -100,7 +100,7 @@ class MotionMarker:
         self._want(None)
 
     async def close(self) -> None:
-        """Take the marker away, unless the mount could not be stopped: then it is for whoever comes next."""
+        """Delete the marker, unless the mount could not be stopped: then the next gateway needs it."""
         if self._watching is not None:
             self._watching.cancel()
         if not self._busy():

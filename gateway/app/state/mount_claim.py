@@ -1,7 +1,7 @@
-"""One gateway for a mount behind a network address: the second is refused, as it is for a serial port.
+"""A lock for a mount behind a network address, so that a second gateway is refused as it is on a serial port.
 
-A serial port is the system's to give away, a network address is not. The lock is named by the address, so that another
-state folder, another protocol or ``rfc2217://`` for ``socket://`` makes no difference.
+The system locks a serial port, but not a network address. The lock is named by the address, so that another state
+folder, another protocol or ``rfc2217://`` instead of ``socket://`` makes no difference.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from gateway.core.errors import UserError
 from gateway.system.locks import Claim, Taken
 
 SCHEMES = ("socket", "rfc2217")
-#: What a port of this computer is written as.
+#: Names and addresses that all mean this computer.
 HERE = ("localhost", "::1", "0.0.0.0", "::")
 
 
 def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
-    """Held until it is released; None for a mount that has no network address.
+    """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
-    Without a folder for locks the mount is served all the same: ``warn`` is told why nobody else can be kept away.
-    Raises UserError where another gateway has this mount.
+    If there is no folder for locks, ``warn`` gets a message and the mount is served without a lock. Raises UserError if
+    another gateway has this mount.
     """
     name = address(mount.where)
     try:
@@ -39,7 +39,7 @@ def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
 
 
 def address(where: str) -> str | None:
-    """What the lock of a mount is called, by host and port; None for what is no network address."""
+    """Return the name of a mount's lock, made from host and port; None if it has no network address."""
     try:
         url = urlsplit(where)
         host, port = url.hostname, url.port

@@ -1,7 +1,7 @@
 """Keeps a mount's state file and motion marker up to date while its gateway runs.
 
 Changes are written soon, on a thread; a burst of changes causes few writes. If the folder cannot be written to, one
-warning says so and nothing else suffers. Two gateways never share a file: the second keeps its state in memory.
+warning says so and everything else works. Two gateways never share a file: the second keeps its state in memory.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ PAUSE = 1.0
 
 
 class PreviousRun(Struct, frozen=True):
-    """What an earlier run has kept, and the marker it left behind when it ended in motion."""
+    """The state that the previous run saved, and the motion marker if it ended while the mount moved."""
 
     kept: SavedState
     left: MarkerContent | None = None
 
 
 def recall(controller: MountController, past: PreviousRun) -> None:
-    """Take up what an earlier run has remembered; what it left moving is stopped first."""
+    """Restore the state of the previous run; a mount that it left moving is stopped first."""
     controller.driver.restore_state(past.kept.mount, moving=False)
     controller.synced.value = past.kept.synced
     if past.left is not None:
@@ -44,7 +44,7 @@ def recall(controller: MountController, past: PreviousRun) -> None:
 
 
 def selected_site(shared: MountSettings) -> Place | None:
-    """The site that was selected last, when it is complete: it stands in for a mount that knows none."""
+    """Return the site that a program selected last, if it is complete: the fallback for a mount that knows no site."""
     stored = shared.stored(shared.site or 0)
     if stored.latitude is None or stored.longitude is None:
         return None
@@ -52,7 +52,10 @@ def selected_site(shared: MountSettings) -> Place | None:
 
 
 class StateStore:
-    """``shared`` is what all clients have in common. ``held`` tells whether the files are this gateway's."""
+    """Keeps the files of one mount. ``shared`` are the settings that all clients share.
+
+    ``held``: this gateway holds the lock of the files, and may write them.
+    """
 
     def __init__(
         self,
@@ -65,10 +68,10 @@ class StateStore:
     ) -> None:
         self.directory, self.name = directory(configured), file.file_name(protocol, where)
         self.path, self._mark_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))
-        #: The file that names the process which these files belong to; another number in it is another gateway.
+        #: Holds the number of the process that owns these files; another number in it means another gateway.
         self.lock_path = self.directory / f"{self.name}.lock"
         self.held = False
-        #: A simulated mount in this process ends with it, so there is nothing to stop, and nobody to warn of another.
+        #: A simulated mount ends with this process: it needs no marker, and a second gateway is no conflict.
         self._simulated = where == "sim"
         self._marked, self.in_thread = marked, in_thread
         self._warn, self._warned = warn, False
@@ -87,7 +90,7 @@ class StateStore:
         self._writer: asyncio.Task[None] | None = None
 
     def _say(self, text: str) -> None:
-        """Once: a disk that is full stays full for a while."""
+        """Warn the user, but only once: a disk that is full stays full for a while."""
         if not self._warned:
             self._warned = True
             self._warn(text)
@@ -95,7 +98,7 @@ class StateStore:
     # --- beginning --------------------------------------------------------------------------------------------------
 
     def _take(self) -> None:
-        """Become the one who writes these files."""
+        """Create the folder and take the lock of the files."""
         try:
             self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._lock.acquire()
@@ -134,7 +137,7 @@ class StateStore:
         return SavedState(file.FORMAT)
 
     def attach(self, controller: MountController) -> None:
-        """Let the controller tell of motions and changes; stop first what the last run left moving."""
+        """Restore the previous state in the controller, and follow its motions and changes from now on."""
         self._memory = controller.driver.saved_state
         self._synced = lambda: controller.synced.value
         recall(controller, self.past)
@@ -165,7 +168,7 @@ class StateStore:
     # --- saving -----------------------------------------------------------------------------------------------------
 
     def changed(self) -> None:
-        """Something that is kept may have changed."""
+        """Save soon: saved state may have changed."""
         if self._mark is not None:
             self._mark.renew()
         self._dirty = True
@@ -173,7 +176,7 @@ class StateStore:
             self._writer = asyncio.get_running_loop().create_task(self._save())
 
     async def _save(self) -> None:
-        """The first change at once, those that follow together."""
+        """Write the first change at once, and those that follow together."""
         try:
             while self._dirty:
                 self._dirty = False
@@ -184,7 +187,7 @@ class StateStore:
             self._writer = None
 
     async def _write(self) -> bool:
-        """Write what is not in the file yet -> whether there was anything to write."""
+        """Write the state if it differs from the file; return whether it did."""
         data = file.encode(file.from_shared(self.shared.settings, self._memory(False), self._synced()))
         if data == self._written:
             return False
@@ -200,7 +203,7 @@ class StateStore:
         return True
 
     async def close(self) -> None:
-        """Write what is left to write, and let go of the files. The mount has been stopped before."""
+        """Finish writing and release the lock; to be called after the mount was stopped."""
         self._closing.set()
         if self._writer is not None:
             await asyncio.wait({self._writer})

@@ -1,1 +1,1 @@
-"""The watchdog: a second, small process that stops the mount when its gateway dies or hangs while something moves."""
+"""The watchdog: a second, small process that stops the mount if the gateway dies or hangs during a motion."""

@@ -1,9 +1,9 @@
-"""The gateway's side of the watchdog: it starts the process, passes it the serial lines, and tells it what moves.
+"""The gateway's side of the watchdog: starts the process, passes it the serial lines, and reports which mounts move.
 
 Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor; ``gone
-NUMBER``; ``moving NUMBER COMMAND…`` with what stops the mount; ``rest NUMBER``; and ``beat``. Texts and commands are in
-hexadecimal. The process answers ``stopped NUMBER``. Heartbeats are sent from the event loop, only while something
-moves; the mount is asked nothing.
+NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the mount; ``rest NUMBER``; and ``beat``. Texts and
+commands are in hexadecimal. The process answers ``stopped NUMBER``. The event loop sends heartbeats only while a mount
+moves; they cost no exchange with the mount.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from gateway.system.own_commands import script_words
 
 #: Seconds between two heartbeats.
 BEAT = 0.25
-#: A process that ended sooner than that after its start is not started again.
+#: A process that ended within so many seconds after its start is not restarted.
 LASTED = 1.0
 PROGRAM = Path(__file__).with_name("process.py")
-#: What ends or suspends the gateway must not do so to its watchdog, from its first moment on.
+#: Signals that end or suspend the gateway; they are blocked in the watchdog process from its start.
 HELD_BACK = [
     getattr(signal, name)
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
     if hasattr(signal, name)  # Windows has two of them, and no watchdog
 ]
-#: The descriptor of the socket in the process.
+#: The descriptor of the socket in the watchdog process.
 THERE = 3
 
 
 def available() -> bool:
-    """Whether this system can hand a line to another process."""
+    """Whether this system can pass the descriptor of a line to another process."""
     return hasattr(os, "posix_spawn") and hasattr(socket, "send_fds")
 
 
 class Watchdog:
-    """The watchdog process of this gateway. ``warn`` is told when it cannot be kept running."""
+    """The watchdog process of this gateway. ``warn`` gets a message if it cannot be kept running."""
 
     def __init__(self, warn: Callable[[str], None] = lambda text: None) -> None:
         self.warn = warn
@@ -53,7 +53,7 @@ class Watchdog:
         self.start()
 
     def start(self) -> None:
-        """Start the process; it needs no event loop. Where that fails there is none."""
+        """Start the process, without an event loop. If that fails, warn and run without a watchdog."""
         here, there = socket.socketpair()
         here.setblocking(False)
         arguments = [*script_words(str(PROGRAM)), str(THERE), str(os.getpid())]
@@ -84,7 +84,7 @@ class Watchdog:
         busy: Callable[[], bool],
         stopped: Callable[[], None],
     ) -> WatchedMount:
-        """Another mount to be watched, from the event loop on which all of them run; see ``WatchedMount``."""
+        """Add a mount to be watched; call this on the event loop on which all mounts run. See ``WatchedMount``."""
         if self._loop is None:
             self._loop = asyncio.get_running_loop()
             self._began = self._loop.time()
@@ -93,13 +93,13 @@ class Watchdog:
         return self._mounts[-1]
 
     def send(self, text: str, descriptors: Sequence[int] = ()) -> None:
-        """Tell the process; never waits. One that takes nothing is as good as none."""
+        """Send a message to the process without waiting; if its buffer is full, the message is dropped."""
         if self._connection is not None:
             with contextlib.suppress(OSError):
                 socket.send_fds(self._connection, [f"{text}\n".encode()], list(descriptors))
 
     def beat(self) -> None:
-        """Be heard of, from now on and for as long as anything moves."""
+        """Send heartbeats from now on, as long as any mount moves."""
         if self._beating is None and self._loop is not None:
             self._beating = self._loop.call_later(BEAT, self._on_beat)
 
@@ -117,7 +117,7 @@ class Watchdog:
             self._loop.add_reader(self._connection.fileno(), self._heard)
 
     def _heard(self) -> None:
-        """Something has come from the process, or it has ended."""
+        """Read the messages of the process, or notice that it has ended."""
         assert self._connection is not None and self._loop is not None
         try:
             data = self._connection.recv(4096)
@@ -132,7 +132,7 @@ class Watchdog:
             self._mounts[int(line.rpartition(" ")[2])].was_stopped()
 
     def _ended(self) -> None:
-        """Somebody has killed the process: start another, unless it does not live."""
+        """Restart the process after it was killed, unless it ended right after its start."""
         assert self._loop is not None
         self._hang_up()
         if self._loop.time() - self._began < LASTED:
@@ -158,7 +158,7 @@ class Watchdog:
                 os.waitpid(self.pid, os.WNOHANG)
 
     def close(self) -> None:
-        """The gateway ends in order: nothing moves any more, or what still does is for the process to stop."""
+        """End the watchdog, which first stops every mount that still moves."""
         if self._beating is not None:
             self._beating.cancel()
         for mount in self._mounts:
@@ -167,11 +167,11 @@ class Watchdog:
 
 
 class WatchedMount:
-    """What the watchdog knows of one mount.
+    """One mount as the watchdog knows it.
 
-    ``stop_commands`` gives the bytes of its stop as things are now, ``busy`` whether it moves or is about to,
-    ``stopped`` is called when the process has stopped it because this gateway was not heard of. ``lock`` is the file
-    whose content changes when another gateway takes the mount.
+    ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it moves or is about to; ``stopped`` is
+    called when the process has stopped the mount because heartbeats were missing. ``lock`` is the file whose content
+    changes when another gateway takes the mount.
     """
 
     def __init__(
@@ -191,17 +191,17 @@ class WatchedMount:
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
-        """The line to the mount is open at this descriptor."""
+        """Pass the descriptor of the line, which was opened, to the process."""
         self._descriptor = descriptor
         self.introduce()
 
     def closed(self) -> None:
-        """The line is about to be closed."""
+        """Tell the process to close its duplicate: the line is about to be closed."""
         self._descriptor = None
         self._watchdog.send(f"gone {self._number}")
 
     def introduce(self) -> None:
-        """Hand the line over, and what stops the mount if it moves."""
+        """Send the line's descriptor to the process, and the stop commands if the mount moves."""
         if self._descriptor is not None:
             words = (self._title, str(self._lock or ""))
             self._watchdog.send(
@@ -212,13 +212,13 @@ class WatchedMount:
                 self.renew()
 
     def begin(self) -> None:
-        """The mount is about to be set moving."""
+        """Tell the process that a motion is about to begin."""
         self.moving = True
         self._tell()
         self._watchdog.beat()
 
     def renew(self) -> None:
-        """See whether it still moves, and whether its stop is another one by now: its tracking has been suspended."""
+        """Check whether the mount still moves, and send its stop commands again if they have changed."""
         if self.moving:
             self.moving = self._busy()
             self._tell()
@@ -231,6 +231,6 @@ class WatchedMount:
             self._watchdog.send(f"{'moving' if commands else 'rest'} {self._number}{words}")
 
     def was_stopped(self) -> None:
-        """The process has stopped the mount because this gateway was not heard of."""
+        """Report that the process has stopped the mount because heartbeats were missing."""
         self._told = ()
         self._stopped()

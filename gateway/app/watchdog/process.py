@@ -1,12 +1,12 @@
-"""The watchdog process: it stops what a gateway has set moving when that gateway dies or hangs.
+"""The watchdog process: it stops the mounts that its gateway has set moving if the gateway dies or hangs.
 
-It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it is there before
+It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it starts before
 anything heavy is loaded and stays under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads
-single lines of ASCII from a socket: ``line``, ``gone``, ``moving``, ``rest``, ``beat`` (see ``client.py``). While
-nothing moves it sleeps. While something moves, ``SILENCE`` seconds without a word, or the end of the socket, mean that
-nobody looks after the mount any more: the stop of every mount that moves is sent, and repeated for some seconds. It
-ends with its gateway, and as soon as another gateway has taken the lock of a mount, but by no signal that ends a
-gateway: those are held back from it.
+single lines of ASCII from a socket: ``line``, ``gone``, ``moving``, ``rest``, ``beat`` (see ``client.py``). While no
+mount moves, it sleeps. While one moves, ``SILENCE`` seconds without a message, or the end of the socket, mean that the
+gateway no longer supervises it: the process sends the stop of every moving mount, and repeats it for some seconds. It
+leaves a mount alone as soon as another gateway has taken its lock, and it ends with its gateway; signals that end a
+gateway are blocked in it.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import select
 import sys
 import time
 
-#: Seconds without a heartbeat after which a gateway with something in motion counts as hung.
+#: Seconds without a heartbeat after which a gateway with a moving mount counts as hung.
 SILENCE = 1.2
-#: Seconds between two commands of a stop: a hand control answers one before it hears the next.
+#: Seconds between two commands of a stop: a hand control must answer one before it can receive the next.
 BETWEEN = 0.15
-#: A stop is sent so many times, at the most once in so many seconds: the line may have been in the middle of a command.
+#: A stop is sent so many times, once in so many seconds: the first may end up in the middle of a command.
 TIMES, EVERY = 5, 1.0
-#: Whoever was itself not run for so long cannot say that the gateway was silent.
+#: If this process itself did not run for so many seconds, it cannot judge whether the gateway was silent.
 FROZEN = 0.5
 
 
 class Mount:
-    """One mount: the duplicate of its line, who holds its lock, and the commands that stop it while it moves."""
+    """One mount: the duplicate of its line, the holder of its lock, and the commands that stop it while it moves."""
 
     def __init__(self, title: str, lock: str, descriptor: int) -> None:
         self.title, self.lock, self.descriptor = title, lock, descriptor
@@ -40,25 +40,25 @@ class Mount:
         return read(self.lock) != self.holder
 
     def send(self, command: bytes) -> None:
-        """Write one command, unless the line is gone or takes nothing at the moment."""
+        """Write one command, unless the line is lost or its buffer is full."""
         try:
             if select.select([], [self.descriptor], [], BETWEEN)[1]:
                 os.write(self.descriptor, command)
         except OSError:
-            pass  # sent again a second later
+            pass  # the stop is repeated a second later
 
     def unlock(self) -> None:
-        """Let the next gateway open the port: the duplicate shares the lock of the one that is dead."""
+        """Let the next gateway open the port: the duplicate shares the lock of the dead gateway's descriptor."""
         import fcntl
 
         try:
             fcntl.flock(self.descriptor, fcntl.LOCK_UN)
         except OSError:
-            pass  # a socket has none
+            pass  # a socket has no lock
 
 
 def read(path: str) -> bytes:
-    """What a lock file says of its holder; nothing where it cannot be read."""
+    """Return the content of a lock file, which names its holder; empty if it cannot be read."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
     except (OSError, ValueError):
@@ -70,7 +70,7 @@ def read(path: str) -> bytes:
 
 
 class Watch:
-    """The mounts of one gateway, and what it says of them."""
+    """Watches the mounts of one gateway by its messages."""
 
     def __init__(self, connection: _socket.socket, gateway: str) -> None:
         self.connection, self.gateway = connection, gateway
@@ -79,7 +79,7 @@ class Watch:
         self._rest = b""
 
     def run(self) -> None:
-        """Watch until the gateway has ended, and nothing of it moves any more."""
+        """Watch until the gateway has ended and its moving mounts were sent their stops."""
         while True:
             moving = [mount for mount in self.mounts.values() if mount.stop]
             asked = time.monotonic()
@@ -89,12 +89,12 @@ class Watch:
                     self.has_ended(moving)
                     return
             elif left is not None and time.monotonic() - asked > left + FROZEN:
-                self.heard = time.monotonic()  # the whole computer stood still
+                self.heard = time.monotonic()  # the whole computer was suspended or overloaded
             else:
                 self.is_silent(moving)
 
     def listen(self) -> bool:
-        """Take in what the gateway says -> whether it is still there."""
+        """Read the gateway's messages; return whether it still runs."""
         try:
             data, ancillary, _, _ = self.connection.recvmsg(65536, _socket.CMSG_SPACE(64))
         except OSError:
@@ -112,7 +112,7 @@ class Watch:
         return bool(data)
 
     def take(self, words: list[str], descriptors: list[int]) -> None:
-        """One line of the gateway."""
+        """Act on one message of the gateway, split into words."""
         kind, number = [*words, ""][:2]
         if kind == "line":
             self.drop(number)
@@ -124,13 +124,13 @@ class Watch:
             self.mounts[number].stop = [bytes.fromhex(word) for word in words[2:]]
 
     def drop(self, number: str) -> None:
-        """The gateway has closed this line."""
+        """Close the duplicate of a line that the gateway has closed."""
         mount = self.mounts.pop(number, None)
         if mount is not None:
             os.close(mount.descriptor)
 
     def has_ended(self, mounts: list[Mount]) -> None:
-        """The gateway is dead: stop its mounts for some seconds, each until another gateway has taken it."""
+        """Stop the mounts of a dead gateway for some seconds, each until another gateway has taken it."""
         self.say(mounts, "has ended")
         for mount in mounts:
             mount.unlock()
@@ -143,7 +143,7 @@ class Watch:
             times += 1
 
     def is_silent(self, mounts: list[Mount]) -> None:
-        """The gateway hangs: stop its mounts for some seconds, or until it is heard again."""
+        """Stop the mounts of a gateway that hangs for some seconds, or until it sends something again."""
         self.say(mounts, f"has not responded for {SILENCE:g} s")
         for attempt in range(TIMES):
             began = time.monotonic()
@@ -157,7 +157,7 @@ class Watch:
             mount.stop = []
 
     def say(self, mounts: list[Mount], why: str) -> None:
-        """One line for each on the gateway's stderr, if anybody still reads it."""
+        """Write one line for each mount to the gateway's stderr, if it is still open."""
         for mount in mounts:
             text = (
                 f"mount-gateway watchdog: the gateway (process {self.gateway}) {why} while {mount.title} moved; "
@@ -169,16 +169,16 @@ class Watch:
                 pass
 
     def report(self, mounts: list[Mount]) -> None:
-        """Tell the gateway, for when it comes back to life, that its mounts were stopped."""
+        """Tell the gateway, in case it resumes, that its mounts were stopped."""
         numbers = [number for number, mount in self.mounts.items() if mount in mounts]
         try:
             self.connection.send("".join(f"stopped {number}\n" for number in numbers).encode())
         except OSError:
-            pass  # it is dead
+            pass  # the gateway has died meanwhile
 
 
 def send_stops(mounts: list[Mount]) -> None:
-    """The stops of all mounts side by side, command by command; whoever takes a mount meanwhile is not talked into."""
+    """Send the stops of all mounts in parallel, command by command, except of mounts that another gateway has taken."""
     for place in range(max((len(mount.stop) for mount in mounts), default=0)):
         for mount in mounts:
             if place < len(mount.stop) and not mount.taken_over():
@@ -187,7 +187,7 @@ def send_stops(mounts: list[Mount]) -> None:
 
 
 def main() -> None:
-    """``process.py DESCRIPTOR PID``: watch the gateway at the other end of that socket."""
+    """Run ``process.py DESCRIPTOR PID``: watch the gateway PID at the other end of the socket DESCRIPTOR."""
     try:
         os.setsid()
     except OSError:

@@ -1,8 +1,8 @@
-"""``goto``, ``sync``, ``move``, ``park``, ``unpark``: what a person asks of the mount, through the gateway that runs.
+"""``goto``, ``sync``, ``move``, ``park``, ``unpark``: the user's requests to the mount, through the running gateway.
 
-Each is one request to that gateway, whose limits hold; what it refuses is said in words, with exit code 1. Ctrl-C takes
-the request back: what it began is stopped. A place is two angles, of date as the mount and ``status`` tell them unless
-they are said to be of 2000 as a catalogue's are, or the name of an object.
+Each is one request to that gateway, whose limits apply; a refusal is explained in words, with exit code 1. Ctrl-C
+cancels the request: the motion that it began is stopped. A place is two angles or the name of an object; angles are of
+the equinox of date, as the mount and ``status`` show them, or with ``--j2000`` of J2000.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
-#: A request, made of the arguments and of the number by which it is known from then on. Raises UserError.
+#: Makes a request from the arguments and its number. Raises UserError.
 Make: TypeAlias = Callable[
     [argparse.Namespace, str], "wishes.Goto | wishes.Sync | wishes.Park | wishes.Unpark | wishes.Move"
 ]
@@ -119,7 +119,7 @@ def _add_wait(command: Parser) -> None:
 
 
 def _requests(command: Parser, make: Make) -> None:
-    """Which gateway is meant, and what the command asks of it."""
+    """Add the flags that choose a gateway, and the function that makes the request."""
     add_which(command)
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
 
@@ -131,7 +131,7 @@ def _move(arguments: argparse.Namespace, number: str) -> wishes.Move:
 
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
-    """Have the request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
+    """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
     wish = make(arguments, draw())
     lasting = wish.seconds if isinstance(wish, wishes.Move) else 0.0
 
@@ -150,7 +150,7 @@ def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
 
 
 async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
-    """What came of it in the end; None when Ctrl-C came first. A line on a terminal tells how it goes meanwhile."""
+    """Return the final result of a request, or None after Ctrl-C. Meanwhile a line on the terminal shows progress."""
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
@@ -168,16 +168,16 @@ async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> 
 
 
 def add_place(command: argparse.ArgumentParser) -> None:
-    """The arguments."""
+    """Add the arguments for a place on the sky."""
     command.add_argument("place", nargs="+", metavar="PLACE", help="RA DEC, or the name of an object: see below")
     command.add_argument("--j2000", action="store_true", help="RA and DEC are of 2000, as catalogues have them")
 
 
 def place(arguments: argparse.Namespace) -> wishes.Where:
-    """What was typed. Raises UserError that says what would be right."""
+    """Return the target that the user typed. Raises UserError that says what would be right."""
     words = [word.strip() for word in arguments.place]
     if len(words) != 2 or not words[0][:1].isdecimal():
-        from gateway.app.control import objects  # the catalogues: neither two angles nor another command needs them
+        from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
         return objects.find(" ".join(words))
     ra, dec = words
@@ -188,7 +188,7 @@ def place(arguments: argparse.Namespace) -> wishes.Where:
 
 
 def _angle(text: str, what: str, most: float, least: float) -> float:
-    """Whole units and their fraction. Raises UserError."""
+    """Parse an angle; return it in hours or degrees, as it was typed. Raises UserError."""
     plain = re.sub(r"[hdms°'\"′″*]", ":", text.lower()).rstrip(":")
     try:
         value = sexagesimal.parse(plain.encode(), least=1)

@@ -1,6 +1,6 @@
-"""``status`` and ``watch``: what is wanted of the mounts, what is allowed, and what is seen, by the gateways that run.
+"""``status`` and ``watch``: show the state of mounts, as running gateways know it.
 
-``status`` tells everything once, of every gateway; ``watch`` tells of one mount every second until Ctrl-C, on one line.
+``status`` shows everything once, for every gateway; ``watch`` shows one mount on one line, every second until Ctrl-C.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def add_watch(commands: Commands) -> None:
 
 
 async def _state(door: ControlEndpoint) -> State | str:
-    """What a gateway knows of its mount; a sentence that begins with ``failed`` where it does not say."""
+    """Return what a gateway knows of its mount; if it does not answer, a sentence that begins with ``failed``."""
     answer = await wished(door, written(See()))
     try:
         return msgspec.json.decode(answer, type=State)
@@ -101,20 +101,20 @@ async def _keep_telling(door: ControlEndpoint, done: asyncio.Event) -> int:
 
 
 def lines(state: State) -> Iterator[str]:
-    """A mount's state for a person."""
+    """Yield the lines that show a mount's state to the user."""
     look = state.look
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
-    seen = where(look)  # with its age, where it is old
+    seen = where(look)  # includes the age of an old position
     if look.position is not None and look.age <= OLD:
         seen += f", {look.age:.0f} s ago"
-    doing = "" if look.state in ("opening", "down") else does(look)  # nobody knows what it does now
+    doing = "" if look.state in ("opening", "down") else does(look)  # not known now
     rows = {
         "mount": [state.found or "has not said yet which one it is"],
         "seen": [f"{seen}; {doing}" if doing else seen],
         "wanted": state.wanted or ["no motion"],
         "allowed": ["; ".join(state.allowed)],
-        "site": [state.site or "not known: altitudes cannot be reckoned"],
+        "site": [state.site or "not known: altitudes cannot be computed"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
         "programs": [", ".join(_counted(state.programs)) or "none"],
@@ -126,5 +126,5 @@ def lines(state: State) -> Iterator[str]:
 
 
 def _counted(names: Iterable[str]) -> Iterator[str]:
-    """Every name once, with how often where that is more."""
+    """Return every name once, with its count if it is there several times."""
     return (f"{name} ({often} times)" if often > 1 else name for name, often in Counter(names).items())

@@ -1,8 +1,8 @@
-"""Taking one command through the surface: what it asks for is at hand, begun, refused, or must be waited for.
+"""Carries out one command: each operation is answered from the cache, started, refused, or waited for.
 
-``advance`` goes as far as it goes without waiting, ``finish`` the rest of the way. What a client may not ask for, and
-what it asks for too late, is refused here, whatever the protocol. Of what nobody waits for a limited number is under
-way, plus whatever ends a motion.
+``advance`` runs until the command must wait, ``finish`` runs the rest. Operations that the client may not request, or
+requests too late, are refused here for every protocol. The number of operations that run without a reply is limited,
+except for those that end a motion.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
 
-#: Operations of one connection that may be under way without anybody waiting for them; only an end is begun beyond.
+#: Operations of one connection that may run without a reply; beyond that only those that end a motion are started.
 BEGUN = 16
 
 
 class Begun:
-    """The operations of a client that are under way without anybody waiting for them. True while there are any."""
+    """The operations of one client that run without a reply. True while there are any."""
 
     def __init__(self, controller: MountController, log: ClientLog, life: HostActivity) -> None:
         self._controller, self._log, self._life = controller, log, life
@@ -39,9 +39,9 @@ class Begun:
         return bool(self._operations)
 
     def begin(self, operation: Operation, stops: int) -> None:
-        """An operation nobody is told the outcome of: a failure goes to the wire log."""
+        """Start an operation without a reply; a failure goes to the wire log."""
         controller, name = self._controller, type(operation).__name__
-        if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or nobody is there
+        if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or the client is gone
             return
         halts = isinstance(operation, StopAxis | AbortSlew)
         if halts and controller.orders.again(operation):
@@ -55,12 +55,12 @@ class Begun:
         task.add_done_callback(lambda done: self._operations.pop(done, None))
 
 
-#: What takes minutes by its manual, and ends with the next command: its answer is waited for until that comes.
+#: An operation that takes minutes by its manual and ends with the next command: its reply may take until then.
 LASTING = ClockFromGps
 
 
 class TurnRunner:
-    """Of one client. ``rights`` are what it may ask for, ``equinox`` is how it counts coordinates."""
+    """Runs the commands of one client. ``rights`` are its rights, ``equinox`` converts its coordinates."""
 
     def __init__(
         self, controller: MountController, surface: Surface, session: Session, life: HostActivity, log: ClientLog
@@ -73,7 +73,7 @@ class TurnRunner:
         self._deferred: dict[str, asyncio.TimerHandle] = {}
 
     def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> Operation:
-        """Go on with a command as far as it goes without waiting -> the operation that must be waited for."""
+        """Continue a command until it must wait. Return the operation to wait for; StopIteration carries the reply."""
         while True:
             wanted = turn.steps.send(answer) if fault is None else turn.steps.throw(fault)
             answer, fault, turn.lasting = None, None, isinstance(wanted, LASTING)
@@ -107,7 +107,7 @@ class TurnRunner:
                 answer = self._tell(wanted, value)
 
     async def finish(self, turn: Turn, wanted: Operation) -> bytes | None:
-        """Wait for one operation after the other until the command is done -> its reply."""
+        """Wait for one operation after the other until the command is done. Return its reply."""
         while True:
             answer, fault = None, None
             try:
@@ -124,10 +124,10 @@ class TurnRunner:
                 reply: bytes | None = end.value
                 return reply
 
-    # --- what is asked for ------------------------------------------------------------------------------------------
+    # --- requested operations ----------------------------------------------------------------------------------------
 
     def _begin(self, turn: Turn, operation: Operation) -> None:
-        """Have it done without waiting for it; a stop that was begun when it came is not begun again."""
+        """Start an operation without waiting. One that was started when the bytes arrived is not started again."""
         turn.plain = False
         if self._refused(operation, turn.came):
             return
@@ -136,7 +136,7 @@ class TurnRunner:
             self.begun.begin(self._inward(operation), turn.stops)
 
     def _refused(self, operation: Operation, came: float) -> Fault | None:
-        """What this client is told no with, where it may not ask for this or it is too late; the wire log is told."""
+        """Return the fault if the client may not request this or it is too late, and log it."""
         late = self._controller.now() - came
         if late > AT_ONCE and (isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))):
             self._log.refused(f"{type(operation).__name__}: {LATE}")
@@ -147,16 +147,16 @@ class TurnRunner:
         return None if refusal is None else refusal.fault
 
     def _impossible(self, operation: Operation) -> Fault | None:
-        """What this client is told no with where nothing can come of it; the wire log is told."""
+        """Return the fault if the operation is impossible now, and log it."""
         fault = self._controller.impossible(operation)
         if fault is not None:
             self._log.refused(f"{type(operation).__name__}: {fault}")
         return fault
 
-    # --- what it is told --------------------------------------------------------------------------------------------
+    # --- answers -----------------------------------------------------------------------------------------------------
 
     def _again(self, operation: Operation, turn: Turn) -> object:
-        """What this client was told a moment ago; None when that is too long ago."""
+        """Return the reading that the client was sent a moment ago; None if that is too long ago."""
         told = self.cache.again(operation, self._controller.now())
         if told is None:
             return None
@@ -175,7 +175,7 @@ class TurnRunner:
         return value
 
     async def reading(self, operation: Operation) -> object:
-        """A reading as this client is told it, without being asked for it. Raises Fault."""
+        """Return a reading in this client's form, for a subscription. Raises Fault."""
         value = self._controller.peek(operation)
         if value is MISSING:
             value = await self._controller.perform(self._inward(operation), self._controller.stops, self._life)
@@ -184,7 +184,7 @@ class TurnRunner:
     def _inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)
 
-    # --- what is done later -----------------------------------------------------------------------------------------
+    # --- deferred commands -------------------------------------------------------------------------------------------
 
     def _defer(self, wanted: Defer) -> None:
         old = self._deferred.pop(wanted.handler, None)
@@ -195,7 +195,7 @@ class TurnRunner:
         )
 
     async def _deferred_handler(self, handler: str) -> None:
-        """Run a deferred handler: it has no reply, so it may run after the connection has ended."""
+        """Run a deferred handler. It has no reply, so it may outlive its connection."""
         steps = self._surface.call(handler, self._session, None, {})
         turn = Turn(handler.encode(), steps, self._controller.stops, None, self._controller.now())
         try:
@@ -208,12 +208,12 @@ class TurnRunner:
             self.defect(turn.frame, error)
 
     def defect(self, frame: bytes, error: Exception) -> None:
-        """An error of this program: what failed may have been what should have ended a motion."""
+        """Log an internal error, and stop a moving mount: the failed command may have been meant to end the motion."""
         self._log.note(f"internal error at {frame!r}, please report it: {error!r}")
         if self._controller.reconciler.busy:
             self._controller.begin_stop()
 
 
 def _never_late(operation: Operation) -> bool:
-    """Whether it is not to be done when whoever asked for it is not told any more: a motion, or a sync."""
+    """Whether the operation must not be carried out after its reply is too late: a motion or a sync."""
     return begins_motion(operation) or isinstance(operation, Sync)

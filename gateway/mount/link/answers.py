@@ -64,12 +64,12 @@ class AnswerTimes:
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered. ``alike`` says whether a reply to one request could be
-    mistaken for a reply to the other.
+    """Requests that timed out and may still be answered. ``ambiguous_with`` says whether a reply to one request
+    could be mistaken for a reply to the other.
     """
 
-    def __init__(self, alike: Callable[[Send, Send], bool]) -> None:
-        self._alike = alike
+    def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
+        self._ambiguous_with = ambiguous_with
         self._open: list[tuple[float, Send]] = []
 
     def add(self, ask: Send, until: float) -> None:
@@ -88,4 +88,4 @@ class LateReplies:
         if not self._open:
             return []
         self._open = [(end, other) for end, other in self._open if end > now]
-        return [(end, other) for end, other in self._open if self._alike(ask, other)]
+        return [(end, other) for end, other in self._open if self._ambiguous_with(ask, other)]

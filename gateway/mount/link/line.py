@@ -245,12 +245,12 @@ class MountLink:
     async def in_step(self) -> bool:
         """Whether every check command is answered as it should be, and nothing follows the last reply."""
         self._proofs += 1
-        for ask in self.dialogue.proof(self._proofs):
+        for ask in self.dialogue.resync_commands(self._proofs):
             await asyncio.sleep(self.talk.gap(ask))
-            outcome = await self.talk.exchange(ask, proof=True)
+            outcome = await self.talk.exchange(ask, resync=True)
             if isinstance(outcome, Busy):
                 continue  # this is a reply as well
-            if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
+            if isinstance(outcome, Fault) or not self.dialogue.is_resync_reply(ask, outcome):
                 return False
         return not await self.talk.drain(QUIET)
 

@@ -61,7 +61,7 @@ class Transaction:
         #: Loop time of the last write; long ago if there was none.
         self.wrote = -1e9
         self.times = AnswerTimes()
-        self.late = LateReplies(dialogue.alike)
+        self.late = LateReplies(dialogue.ambiguous_with)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
         self.heard_ever = False
@@ -134,9 +134,9 @@ class Transaction:
         if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
         if not self._buffer:
-            if self._last is None or not self.dialogue.alike(self._last, ask):
+            if self._last is None or not self.dialogue.ambiguous_with(self._last, ask):
                 return 0.0
-            if now > self._stray + UNRULY and not self.dialogue.expected(ask).bare:
+            if now > self._stray + UNRULY and not self.dialogue.expected(ask).unterminated:
                 return 0.0
         return left
 
@@ -147,15 +147,15 @@ class Transaction:
         hurried, self._cut_short = self._cut_short, False
         try:
             outcome = await self.exchange(ask, firm=hurried, stop=stop)
-            if hurried and stop and self.dialogue.expected(ask).pace:
+            if hurried and stop and self.dialogue.expected(ask).delay_after:
                 outcome = await self.exchange(ask, stop=True)  # without the pause the mount may have missed the first
             return outcome
         finally:
             self.busy = False
 
-    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False, stop: bool = False) -> Answer:
+    async def exchange(self, ask: Send, firm: bool = False, resync: bool = False, stop: bool = False) -> Answer:
         """Send a request and return the fields of its reply, or the Fault that came instead. A ``firm`` pause after it
-        is not cut short; a ``proof`` has the protocol's timeout, not a shorter one. A ``stop`` does not wait for quiet.
+        is not cut short; a ``resync`` has the full timeout of the protocol. A ``stop`` does not wait for quiet.
         """
         try:
             request = self.dialogue.encode(ask)
@@ -168,7 +168,7 @@ class Transaction:
         self._last = ask
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = ask.long, 0, False
-        taken = await self._reply(ask, expected, began, settle, proof) if self.send(request) else None
+        taken = await self._reply(ask, expected, began, settle, resync) if self.send(request) else None
         self.long, self.long_until = False, self._now() if ask.long else self.long_until
         if taken is None:
             return self._unanswered(ask, expected, began)
@@ -183,7 +183,7 @@ class Transaction:
             outcome = {**outcome, "raw": self._buffer[:length]}
         self._cut(length)
         self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not ask.long)
-        if expected.pace and await self._pause(expected.pace, firm):
+        if expected.delay_after and await self._pause(expected.delay_after, firm):
             outcome = self._objection(ask) or outcome
         return outcome
 
@@ -203,13 +203,13 @@ class Transaction:
             await self._queue.woken(left)
         return True
 
-    async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, proof: bool) -> Taken | None:
+    async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, resync: bool) -> Taken | None:
         """Return the reply and its length when it is complete; None if it is not in time, or the wire was lost.
 
         A reply without a terminator is complete when nothing follows it for ``settle`` seconds.
         """
-        place = expected.kind == "position" and not proof
-        deadline, busy_at = began + (ask.patience or self.times.timeout(expected.timeout, place)), began + BUSY_AFTER
+        position = expected.answer_kind == "position" and not resync
+        deadline, busy_at = began + (ask.patience or self.times.timeout(expected.timeout, position)), began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
@@ -222,7 +222,7 @@ class Transaction:
                 self._cut(taken[1], "busy: the mount refused the stop")
                 self._arrived.set()
             elif taken is not None:
-                if taken[1] and expected.bare and not self._hurried:
+                if taken[1] and expected.unterminated and not self._hurried:
                     self._settling = True
                     if await self._arrived.within(settle):
                         taken = self._take(ask) or taken

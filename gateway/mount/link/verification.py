@@ -70,7 +70,7 @@ class ReplyVerifier:
 
     async def exchange(self, ask: Send, rank: int) -> tuple[Heard, int]:
         """Return a verified reply, and how many exchanges that took. Raises Fault."""
-        kind = self._line.dialogue.expected(ask).kind
+        kind = self._line.dialogue.expected(ask).answer_kind
         if kind is None:
             asked = self._now()
             return Heard(await self._order(ask, rank), None, asked, self._now()), 1

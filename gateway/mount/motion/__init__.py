@@ -1,1 +1,1 @@
-"""What moves a mount: what was ordered, what is seen of it, and what must still be done about the difference."""
+"""The motion of a mount: what clients ordered, what the position shows, and the operations that this requires."""

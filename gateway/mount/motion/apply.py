@@ -1,8 +1,8 @@
-"""How orders change what is wanted, and what comes next: one small row a kind of order, pure functions.
+"""How each kind of order changes `Wanted`, and which order is carried out next: pure functions, one row per kind.
 
-The newest order counts: a rate replaces one that still waits, a halt takes back what would set its axis moving, a stop
-all that moves. A goto is one thing with two axes: a halt of either while it waits or is under way ends it as a whole,
-except the release of an arrow that the same host pressed before the goto, which is over.
+The newest order counts: a rate replaces one that still waits, a halt removes the waiting orders that would move its
+axis, a stop removes all motions. A goto moves both axes as one: a halt of either axis, while the goto waits or is under
+way, ends all of it. The exception is the release of an arrow that the same host pressed before the goto.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_
 from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
 from gateway.protocols.base.driver import Schedule
 
-#: Guide pulses that may wait for their turn; more than that is no guiding.
+#: The number of guide pulses that may wait; with more of them guiding makes no sense.
 PULSES = 8
 
 
 def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """What is wanted after an order. ``slewing``: the mount is seen to carry out a goto. Raises Refused."""
+    """Return what is wanted after an order. ``slewing``: the mount reports a goto under way. Raises Refused."""
     return _ROWS.get(type(order.operation), _asked)(wanted, order, now, slewing)
 
 
 def stopped(wanted: Wanted) -> Wanted:
-    """A stop: all that moves or would move is over, and the mount is owed the command for it."""
+    """Return what is wanted after a stop: no motion, and the mount is owed the stop command."""
     pending = tuple(
         order
         for order in wanted.pending
@@ -37,9 +37,9 @@ def stopped(wanted: Wanted) -> Wanted:
 
 
 def does_for(wanted: Wanted, operation: op.Operation) -> Order | None:
-    """The equal halt that is not done, and does for this one as well; None when there is none.
+    """Return the pending equal halt that serves for this one as well; None if there is none.
 
-    One that is behind a goto does only for those between which nothing else was asked for.
+    A halt that waits behind a goto serves only if no other order came between the two.
     """
     if not isinstance(operation, ENDS):
         return None
@@ -52,7 +52,7 @@ def does_for(wanted: Wanted, operation: op.Operation) -> Order | None:
 
 
 def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
-    """With a follow-up of the driver's own as order ``number``; the same one planned again replaces the first."""
+    """Add a follow-up of the driver as order ``number``; it replaces an equal one that still waits."""
     order = Order(
         number,
         later.operation,
@@ -71,20 +71,20 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
 
 
 def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool:
-    """Whether a stop has come since it was asked for; ``stops`` is how many there had been then."""
+    """Whether a stop came after the client asked for the operation; ``stops`` is how many stops there had been then."""
     if stops is None or stops == wanted.stops:
         return False
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
 
 
 def take_back(wanted: Wanted, operation: op.Operation) -> Wanted:
-    """Without what a halt, the end of gotos or a newer rate ends before it has begun."""
+    """Remove the pending orders that a halt, the end of gotos or a newer rate ends before they have begun."""
     pending = tuple(order for order in wanted.pending if not _ends(operation, order, order.number == wanted.active))
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
 
 def interrupted(wanted: Wanted, halt: Order) -> Wanted:
-    """What is only being prepared is begun anew behind a halt that goes first."""
+    """Let a halt interrupt the active order, if that can be begun again after it."""
     active = next((order for order in wanted.pending if order.number == wanted.active), None)
     if halt.rank != FIRST or active is None or not (isinstance(active.operation, BEGUN_ANEW) or active.hammered):
         return wanted
@@ -105,7 +105,7 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
 
 
 def pulses(order: Order) -> int | None:
-    """The axis that a guide pulse, the rest of one or its end belongs to; None for everything else."""
+    """Return the axis of a guide pulse, its remainder or its end; None for all other orders."""
     match order.operation:
         case op.Pulse(direction=direction):
             return direction.axis
@@ -120,22 +120,22 @@ def pulses(order: Order) -> int | None:
 
 
 def next_operation(wanted: Wanted, now: float) -> Order | None:
-    """The order that is due; None when there is none.
+    """Return the order to carry out now; None if none is due.
 
-    Ends come first, then what was interrupted for one, then everything else in the order in which it was asked for. A
-    guide pulse waits for the one before it on its axis.
+    Ends come first, then what an end interrupted, then all other orders in the order of their arrival. A guide pulse
+    waits for the one before it on its axis.
     """
     due = [order for order in wanted.pending if due_at(wanted, order) <= now]
     return min(due, key=lambda order: (order.rank, order.number), default=None)
 
 
 def next_moment(wanted: Wanted) -> float | None:
-    """The loop time at which the next order is due; None when nothing waits."""
+    """Return the loop time at which the next order is due; None if nothing waits."""
     return min((due_at(wanted, order) for order in wanted.pending), default=None)
 
 
 def due_at(wanted: Wanted, order: Order) -> float:
-    """The loop time from which on an order may be carried out."""
+    """Return the loop time from which an order may be carried out."""
     if order.follow_up or not wanted.pulses:
         return order.at
     axis = pulses(order)
@@ -146,7 +146,7 @@ def due_at(wanted: Wanted, order: Order) -> float:
 
 
 def _asked(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Everything in the order in which it was asked for."""
+    """Append the order, after removing what it supersedes."""
     wanted = take_back(wanted, order.operation)
     return replace(wanted, pending=(*wanted.pending, order), asked=wanted.asked + 1)
 
@@ -160,13 +160,13 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """What is pressed from now on is newer than this."""
+    """Append the goto in place of postponed gotos and waiting pulses, and count it: later arrows are newer."""
     pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _gives_way(one))
     return _asked(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
 
 
 def _gives_way(order: Order) -> bool:
-    """Whether a newer goto ends it: a goto that waits for the mount to hear, and a guide pulse."""
+    """Whether a newer goto replaces the order: a guide pulse, or a goto postponed until the mount accepts commands."""
     if isinstance(order.operation, GOTOS):
         return order.at > 0.0
     return pulses(order) is not None and not order.follow_up
@@ -179,7 +179,7 @@ def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """The end of one axis, or of a goto as a whole."""
+    """Apply the halt of one axis, which may end a whole goto."""
     axis = axis_ended(order.operation)
     press = next(
         (one for one in wanted.pressed if order.by is not None and (one.who, one.axis) == (order.by.who, axis)), None
@@ -189,7 +189,7 @@ def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
         pressed=tuple(one for one in wanted.pressed if one is not press and (order.by is not None or one.axis != axis)),
     )
     gotos = wanted.waiting_gotos
-    if not gotos and (wanted.by_hand or not slewing):  # an arrow that was begun has ended the goto
+    if not gotos and (wanted.by_hand or not slewing):  # motion by hand means that the goto has ended
         return _end(wanted, order, now, slewing)
     if press is None or press.gotos >= wanted.gotos:
         return stopped(wanted)
@@ -197,7 +197,9 @@ def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Before all that waits, except a goto that it may have to end; one that is hammered waits for its turn."""
+    """Put an end before all pending orders, but behind a goto that it may have to end, and in order of arrival if
+    clients keep repeating it.
+    """
     axis = axis_ended(order.operation)
     wanted = take_back(replace(wanted, pulses=tuple(one for one in wanted.pulses if one.axis != axis)), order.operation)
     same = does_for(wanted, order.operation)
@@ -220,7 +222,7 @@ def axis_ended(operation: op.Operation) -> int | None:
 
 
 def _focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """The newest counts: the end of a motion before, which the mount did not hear and is to be told again, is over."""
+    """Replace the retry of a focuser halt: the newest order for the focuser counts."""
     pending = tuple(
         other
         for other in wanted.pending
@@ -230,7 +232,7 @@ def _focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _sleep(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """What sleeps holds no arrow."""
+    """Forget the pressed arrows: a hibernating mount does not move."""
     return _asked(replace(wanted, pressed=()), order, now, slewing)
 
 

@@ -1,9 +1,9 @@
 """The end of a motion is owed until the position shows it: an acknowledgement can be lost, and some mounts give none.
 
-An end is done when the speed has fallen below a ``PART`` of what was ordered; until then its command is sent again, at
-growing intervals, and after ``TIMES`` in vain somebody is told. Then it is left: nothing is known of who moves a mount,
-and an end is not fought for without end. What is to be done is decided by pure functions over frozen values. Angles are
-degrees, times are seconds of any clock that never goes back.
+An end is done when the speed has fallen below ``PART`` of the ordered speed. Until then its command is sent again, at
+growing intervals; after ``TIMES`` attempts the log warns the user, and after ``AT_MOST`` the gateway gives up, because
+a person at the hand control may be moving the mount. Pure functions over frozen values decide. Angles are degrees,
+times are seconds of a monotonic clock.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from msgspec import Struct
 from gateway.astro.spherical import wrap180
 from gateway.core.signals import Signal
 
-#: Seconds from one sending to the next; a mount runs on for up to two seconds, and that must not look like a lost stop.
+#: Seconds between retries; a mount runs on for up to two seconds after a stop, which must not look like a lost stop.
 AGAIN = (1.5, 2.0, 3.0, 5.0)
-#: How often an end is sent before somebody is told, and every how many seconds after that.
+#: How often an end is sent before the log warns the user, and the seconds between further retries.
 TIMES, THEN_EVERY = 5, 10.0
-#: How many of the last positions are remembered.
+#: How many of the last positions are kept.
 REMEMBERED = 6
-#: After so many times it is left alone: perhaps somebody at the hand control moves it. Limits hold all the same.
+#: After this many attempts the gateway gives up: perhaps a person moves the mount. The limits still apply.
 AT_MOST = TIMES + 3
-#: How many digits of the position a motion must be large enough to change.
+#: A speed is measured over at least this many units of the position's resolution.
 DIGITS = 3
-#: The part of the speed ordered that is no rest: a mount may be able to do no more than half of what it was ordered.
+#: The fraction of the ordered speed that still counts as motion: some mounts reach only half of the ordered speed.
 PART = 0.4
-#: Degrees a second below which no motion by hand can be told from tracking by looking.
+#: Degrees a second below which positions cannot distinguish motion by hand from tracking.
 SLOW = 0.05
 
 
 class Sample(Struct, frozen=True):
-    """Where the axes were seen, in a frame in which an axis at rest stands still; ``digit`` is the least difference."""
+    """The axes at a time, in coordinates in which an axis at rest is constant; ``digit`` is the resolution, degrees."""
 
     at: float
     axes: tuple[float, float]
@@ -42,7 +42,7 @@ class Sample(Struct, frozen=True):
 
 
 class Ending(Struct, frozen=True):
-    """Something is to stand still: which axes (1, 2), how fast they went, and when the command for it was sent."""
+    """Axes (1, 2) that are to stand still, their speed in degrees a second, and when the command was sent."""
 
     axes: frozenset[int]
     speed: float
@@ -53,7 +53,7 @@ class Ending(Struct, frozen=True):
 
 
 class Step(Enum):
-    """What is to be done about an end: nothing more, look again, send it again, or send it and say so."""
+    """The next step for an end: nothing more, look again, send it again, or send it again and warn the user."""
 
     DONE = auto()
     LOOK = auto()
@@ -62,14 +62,14 @@ class Step(Enum):
 
 
 def visible(ending: Ending) -> bool:
-    """Whether looking can tell at all that it was not heard."""
+    """Whether the motion is fast enough for positions to show that it has not ended."""
     return ending.speed >= 2.0 * SLOW
 
 
 def speed(ending: Ending, samples: Sequence[Sample]) -> float | None:
-    """How fast the axes that are to rest went since the end was sent, degrees a second; None while nobody can say.
+    """Return the speed of the axes since the end was sent, degrees a second; None if the samples do not show it yet.
 
-    Of the looks since then the last two that are far enough apart count, so that a run-on before them does not.
+    Of the samples since then the last two that are far enough apart count, which leaves out the run-on before them.
     """
     since = [sample for sample in samples if sample.at >= ending.sent[-1]]
     for before, after in reversed(list(pairwise(since))):
@@ -81,7 +81,7 @@ def speed(ending: Ending, samples: Sequence[Sample]) -> float | None:
 
 
 def next_step(ending: Ending, samples: Sequence[Sample], now: float) -> Step:
-    """What is to be done now."""
+    """Return what to do about an end now."""
     if not visible(ending):
         return Step.DONE
     seen = speed(ending, samples)
@@ -95,9 +95,9 @@ def next_step(ending: Ending, samples: Sequence[Sample], now: float) -> Step:
 
 
 class EndWatch:
-    """Looks after an end that was sent; a motion that is begun meanwhile takes its place: what moves then is wanted.
+    """Watches an end that was sent until the position shows it. A motion that begins meanwhile supersedes the end.
 
-    ``again`` is emitted with the axes whose end is to be sent once more; ``warn`` is told what must be known.
+    ``again`` is emitted with the axes whose end is to be sent again; ``warn`` receives the log lines.
     """
 
     def __init__(self, now: Callable[[], float], warn: Callable[[str], None]) -> None:
@@ -108,11 +108,11 @@ class EndWatch:
 
     @property
     def pending(self) -> bool:
-        """Whether an end is not proven yet: positions are wanted."""
+        """Whether the position does not show the end yet: positions are needed."""
         return self.ending is not None
 
     def sent(self, axes: Iterable[int], speed: float) -> None:
-        """An end went out for axes that were ordered, or seen, to go at up to so many degrees a second."""
+        """Watch an end that was sent; ``speed`` is the highest speed of its axes so far, degrees a second."""
         both, before = frozenset(axes), self.ending
         if before is not None and before.axes == both:
             self.ending = Ending(both, max(speed, before.speed), (*before.sent[:-1], self._now()))
@@ -121,12 +121,13 @@ class EndWatch:
             self.ending = Ending(both | rest[0], max(speed, rest[1]), (self._now(),))
 
     def moves(self, axes: Iterable[int]) -> None:
-        """These axes were set moving anew: their end is over."""
+        """Forget the end of axes that were set moving again."""
         if self.ending is not None:
             left = self.ending.axes - frozenset(axes)
             self.ending = Ending(left, self.ending.speed, self.ending.sent) if left else None
 
     def look(self, sample: Sample) -> None:
+        """Take a position, and emit ``again`` if the end must be sent again."""
         self._samples = [*self._samples[1 - REMEMBERED :], sample]
         ending = self.ending
         if ending is None:

@@ -1,7 +1,7 @@
-"""One order: is it allowed, who must know before, what the driver does about it, and what follows from it.
+"""Carries out one order: admission, the announcement to the watchdog, the driver, and the consequences.
 
-Once the mount has acknowledged an order some things are known without asking, and somebody has to look at it from then
-on.
+The consequences are what is known without a request once the mount has acknowledged an order, and what has to be
+watched from then on.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from gateway.protocols.base.driver import FollowUps
 
 
 async def _nobody() -> None:
-    """Nobody needs to know."""
+    """The default of ``announce``: do nothing."""
 
 
 class OrderRunner:
     """``admitted`` is the number of the last order that was admitted.
 
-    ``announce`` is awaited before the mount is sent anything that sets it moving: should this process be killed, a mark
-    on disk or a watchdog must know. The application may set it.
+    ``announce`` is awaited before anything is sent that sets the mount moving, so that the marker on disk and the
+    watchdog know of the motion should this process be killed. The application sets it.
     """
 
     def __init__(self, context: Context, follow_ups: FollowUps, runner: DriverRunner, admission: Admission) -> None:
@@ -44,7 +44,9 @@ class OrderRunner:
         self.admitted = 0
 
     async def carry_out(self, order: Order, stop: Callable[[], Awaitable[None]]) -> tuple[op.Operation, Any]:
-        """-> the operation as it was admitted, and its answer. ``stop`` ends what moves before it. Raises Fault."""
+        """Return the operation as it was admitted, and its answer. ``stop`` ends all motion before hibernation. Raises
+        Fault.
+        """
         operation = order.operation
         if order.follow_up:
             special = self._follow_ups.get(type(operation))
@@ -62,7 +64,7 @@ class OrderRunner:
         return operation, await self._runner.drive(self._driver.perform(operation), rank, since)
 
     async def go_on_alone(self, stop: Callable[[], object]) -> None:
-        """One axis was ended: what still moves must be allowed without it, else ``stop`` ends it."""
+        """After the end of one axis, check that the other may move on alone; if not, call ``stop``."""
         try:
             await self._admission.still_allowed()
         except Fault as fault:
@@ -70,7 +72,7 @@ class OrderRunner:
             stop()
 
     async def _in_time(self, order: Order) -> op.Operation:
-        """-> the operation as it was admitted. Raises Fault, while whoever asked for it can still be told."""
+        """Return the operation as it was admitted. Raises Fault, Busy at the latest when the client stops waiting."""
         try:
             async with asyncio.timeout_at(order.until if order.until < inf else None):
                 return await self._admission.admit(order.operation)
@@ -79,7 +81,7 @@ class OrderRunner:
 
 
 class Consequences:
-    """What is known without asking once the mount has acknowledged an order. Listens to the reconciler."""
+    """Updates the cache and the watches once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
         self, context: Context, gate: HibernationGate, told: ToldPosition, watch: LimitWatch, ends: EndWatch
@@ -96,13 +98,13 @@ class Consequences:
         self._cache.put(op.Slewing, False, self._now())
 
     def begins(self, operation: op.Operation) -> None:
-        """The mount has acknowledged an operation, and what is wanted does not say so yet."""
+        """Handle an operation that the mount has acknowledged, before ``Wanted`` shows it."""
         self._told.ordered(operation, isinstance(operation, ENDS) and self._watch.restless)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.began(operation)
 
     def done(self, done: Done) -> None:
-        """What is wanted says so from now on."""
+        """Handle an operation that the mount has acknowledged, after ``Wanted`` shows it."""
         operation, cache = done.operation, self._cache
         if isinstance(operation, GOTOS):
             self._ends.moves((1, 2))
@@ -110,7 +112,7 @@ class Consequences:
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
             self._ends.moves((operation.axis,))
-            cache.changed.emit(op.Position)  # nothing was told anew, but it must be watched from now on
+            cache.changed.emit(op.Position)  # no new position, but it must be polled more often from now on
         elif isinstance(operation, op.StopAxis):
             self._halted(operation.axis, done.before.by_hand.get(operation.axis))
         elif isinstance(operation, op.AbortSlew):
@@ -131,7 +133,7 @@ class Consequences:
             self._watch.ended()
 
     def _has_synced(self, operation: op.Sync) -> None:
-        """Where the mount believes to point is another place now; all syncs add up."""
+        """Add the shift to the sum of all syncs, and forget the positions: the mount reports others from now on."""
         status, here = self._cache.value(op.GetStatus), self._cache.value(op.Position)
         if status is not None and status.aligned and here is not None:
             there = self._context.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))

@@ -1,8 +1,8 @@
-"""What is wanted once an order has come to its end: done by the mount, refused, taken back, or put off.
+"""How the outcome of an order changes `Wanted`: done by the mount, refused, superseded, or postponed.
 
-The counterpart of ``apply``: pure functions again. What the mount has acknowledged becomes ``motion``; a guide pulse
-leaves its end or its rest behind as an order of the gateway's own; a release that waited for a goto counts if that was
-refused. A goto that comes while a telescope calculates is put off until it hears again, and not for long.
+The counterpart of ``apply``, and again pure functions. What the mount has acknowledged becomes ``motion``. A guide
+pulse leaves its end or its remainder behind as an order of the gateway. A release that waited for a goto takes effect
+if the goto was refused. A goto that arrives while the mount is calculating is postponed, but not for long.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from gateway.mount.motion.wanted import (
     Wanted,
 )
 
-#: Seconds from the order on that one waits for a mount that does not hear; and between two looks whether it does.
+#: Seconds that an order waits at most while the mount accepts no commands, and seconds between two checks.
 LONGEST, LOOK = 15.0, 0.1
 
 
 class Done(NamedTuple):
-    """The mount has acknowledged an operation; ``before`` is what was wanted until then."""
+    """An operation that the mount has acknowledged; ``before`` is what was wanted until then."""
 
     operation: op.Operation
     before: Wanted
 
 
 def over(wanted: Wanted, order: Order) -> Wanted:
-    """Without an order that has come to its end, however it did."""
+    """Remove an order that has ended in any way."""
     pending = tuple(other for other in wanted.pending if other.number != order.number)
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
 
 
 def done(wanted: Wanted, order: Order, now: float) -> Wanted:
-    """The same of one that the mount has carried out; of a halt it is noted when."""
+    """Remove an order that the mount has carried out; note the time if it was a halt."""
     wanted = over(wanted, order)
     if not isinstance(order.operation, ENDS) or order.follow_up:
         return wanted
@@ -56,7 +56,7 @@ def done(wanted: Wanted, order: Order, now: float) -> Wanted:
 
 
 def refused(wanted: Wanted, order: Order) -> Wanted:
-    """The same of one that came to nothing; an arrow that was released meanwhile is to be released after all."""
+    """Remove an order that failed. If it was a goto, releases of arrows that waited for it take effect after all."""
     wanted = over(wanted, order)
     if isinstance(order.operation, ENDS):
         wanted = replace(wanted, halted=tuple(one for one in wanted.halted if one.operation != order.operation))
@@ -72,15 +72,15 @@ def refused(wanted: Wanted, order: Order) -> Wanted:
 
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
-    """Whether what failed may move the mount all the same: its acknowledgement was lost, or it was begun before."""
+    """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
     unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
     return unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
 
 
 def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float) -> Wanted:
-    """What moves, once the mount has acknowledged an operation in the form in which it was admitted.
+    """Return what is wanted once the mount has acknowledged an operation, in the form in which it was admitted.
 
-    ``speed``: of a motion by hand, degrees a second.
+    ``speed`` is that of a motion by hand, degrees a second.
     """
     match operation:
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
@@ -109,12 +109,12 @@ def at_rest(wanted: Wanted) -> Wanted:
 
 
 def arrived(wanted: Wanted) -> Wanted:
-    """The goto under way is over, wherever it ended."""
+    """Note that the goto under way has ended, wherever it did."""
     return replace(wanted, motion=Theirs()) if isinstance(wanted.motion, Slew) else wanted
 
 
 def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
-    """A guide pulse was begun: its end, or its rest, becomes due; ``number`` is that of the order for it."""
+    """Note a guide pulse that began, and add the order for its end or its remainder, with this ``number``."""
     axis, until = pulses(order), now + pulse.seconds
     assert axis is not None
     others = tuple(one for one in wanted.pulses if one.axis != axis)
@@ -130,7 +130,7 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
 
 
 def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
-    """What moves by hand, with one axis as it is now."""
+    """Replace the motion by hand of one axis; None if it has ended."""
     by_hand = wanted.motion if isinstance(wanted.motion, ByHand) else ByHand()
     by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
     if isinstance(wanted.motion, Slew) and motion is None:
@@ -139,30 +139,30 @@ def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
 
 
 def _without_pulses(wanted: Wanted, axis: int) -> Wanted:
-    """An arrow takes the place of a guide pulse: its end must not end the arrow."""
+    """Remove the guide pulses of an axis, and their ends, which would end the motion by hand that replaces them."""
     pending = tuple(order for order in wanted.pending if pulses(order) != axis or order.number == wanted.active)
     return replace(wanted, pending=pending, pulses=tuple(one for one in wanted.pulses if one.axis != axis))
 
 
-# --- what waits for a mount that does not hear ------------------------------------------------------------------------
+# --- orders that wait for a mount that accepts no commands ------------------------------------------------------------
 
 
 def patient(order: Order) -> bool:
-    """Whether it waits for a mount that cannot hear: a goto, of which the newest one only, a tracking mode or rate.
+    """Whether the order waits while the mount accepts no commands: a goto (the newest only), a tracking mode or rate.
 
-    So does, for as long as it takes, an end that is sent a second time. Arrows and pulses never wait: by then they are
-    no longer meant. A line that is down is waited for by nobody.
+    A retried end waits too, for as long as it takes. Motions by hand and pulses never wait, because they are no longer
+    wanted by then. No order waits for a line that is down.
     """
     return order.heard or (isinstance(order.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not order.follow_up)
 
 
 def may_wait(order: Order, now: float) -> bool:
-    """Whether it has not waited for too long; whoever waits for its outcome is told no while he still listens."""
+    """Whether the order may wait longer; if not, it is refused while the client still waits for its outcome."""
     return order.heard or now < min(order.since + LONGEST, order.until)
 
 
 def forsaken(order: Order) -> bool:
-    """Whether it is a goto whose program has gone: it is not begun after its connection has closed."""
+    """Whether the order is a goto whose client has disconnected: it is not begun any more."""
     return isinstance(order.operation, GOTOS) and order.by is not None and order.by.closed is not None
 
 

@@ -1,8 +1,8 @@
-"""Brings a mount to do what is wanted: the only one that sends what moves it, one operation after the other.
+"""Makes the mount do what is wanted: the only part that sends motion commands, one operation after the other.
 
-Orders change what is wanted (``apply``), ``next_operation`` names what is to be done, the driver does it, and its
-outcome changes what is wanted again. An operation that is not wanted any more is given up between two exchanges. A stop
-waits for the exchange on the wire and for nothing else: not for a setting that survives it, which goes on meanwhile.
+Orders change what is wanted (``apply``), ``next_operation`` returns the next order, the driver carries it out, and its
+outcome changes what is wanted again. An operation that is no longer wanted is cancelled between two exchanges. A stop
+waits only for the exchange on the wire, not for an operation that survives it: that continues.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from gateway.mount.motion.stopping import Stopping
 from gateway.mount.motion.wanted import RESUMED, Order, Theirs, Wanted
 from gateway.protocols.base.driver import Schedule
 
-#: Seconds until the focuser is told to stop once more, while its mount does not answer to that.
+#: Seconds between two attempts to halt a focuser whose mount does not reply.
 FOCUS_AGAIN = 1.0
 
 
 class Reconciler:
-    """Alone replaces what is wanted; ``orders`` carries out one order.
+    """Owns what is wanted and alone replaces it; ``orders`` carries out one order.
 
-    Signals: ``begins`` with an operation that the mount has acknowledged, before what is wanted says so, and ``done``
-    after that; ``stop_sent`` when the commands of a stop went out, acknowledged or not, and ``at_rest`` when it was
-    acknowledged; ``lasting`` when something may have changed that outlives the gateway.
+    Signals: ``begins`` with an operation that the mount has acknowledged, before ``wanted`` shows it, and ``done``
+    after that; ``stop_sent`` when the commands of a stop were sent, acknowledged or not, and ``at_rest`` when the stop
+    was acknowledged; ``lasting`` when the state that is saved to disk may have changed.
     """
 
     def __init__(self, context: Context, runner: DriverRunner, orders: OrderRunner) -> None:
@@ -49,9 +49,9 @@ class Reconciler:
         self.done: Signal[Done] = Signal()
         self.lasting: Signal[None] = Signal()
         self._loop = asyncio.get_running_loop()
-        #: Those of new orders.
+        #: The numbers of new orders.
         self.numbers = count(1)
-        #: What whoever gave an order may wait for, by its number.
+        #: By order number, the future that the client of the order may wait for.
         self._outcomes: dict[int, Outcome] = {}
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         #: The number of the order that is being carried out.
@@ -71,14 +71,16 @@ class Reconciler:
 
     @property
     def busy(self) -> bool:
-        """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
+        """Whether a stop would change anything: a motion, an order for one, an owed stop, or suspended tracking."""
         coming = any(not survives_abort(order.operation) for order in self.wanted.pending)
         return self.wanted.owed or coming or self._movement.anything or self._driver.tracking_suspended
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
     def take(self, order: Order, after: Wanted) -> Outcome:
-        """``after`` is what is wanted with this order -> its outcome; perhaps that of one that does for it, too."""
+        """Take an order; ``after`` is what is wanted with it. Return its outcome, or that of a pending order that
+        serves for it as well.
+        """
         asked = any(one.number == order.number for one in after.pending)
         if asked:
             self._outcomes[order.number] = waiting.outcome()
@@ -97,27 +99,27 @@ class Reconciler:
         self._go_on()
 
     def plan(self, later: Schedule) -> None:
-        """Have a follow-up performed after some seconds; the same one planned again replaces the first."""
+        """Carry out a follow-up after some seconds; it replaces an equal one that still waits."""
         self.want(planned(self.wanted, later, next(self.numbers), self._loop.time()))
 
     def arrived(self, _: None = None) -> None:
-        """The goto under way is seen to be over."""
+        """Note that the mount reports the end of the goto."""
         self._want(outcomes.arrived(self.wanted))
 
     # --- stops ------------------------------------------------------------------------------------------------------
 
     def no_more(self) -> None:
-        """What was asked for before now is not begun any more."""
+        """Refuse operations that clients asked for before now and that were not ordered yet."""
         self._put(replace(self.wanted, stops=self.wanted.stops + 1))
 
     def owe_stop(self) -> None:
-        """Something that an earlier run of the gateway set moving is to stand still."""
+        """Owe a stop, for a motion that an earlier run of the gateway left behind."""
         self._put(replace(self.wanted, owed=True))
 
     def begin_stop(self) -> asyncio.Task[None]:
-        """End every motion: what runs or waits dies now, and the stop goes to the line first.
+        """End every motion: cancel all orders that run or wait, and send the stop before everything else.
 
-        It is owed until the mount has acknowledged it: a lost answer or a lost line does not cancel it.
+        The stop is owed until the mount has acknowledged it: a lost reply or a lost line does not cancel it.
         """
         work = self._work
         self._want(stopped(self.wanted))
@@ -128,14 +130,14 @@ class Reconciler:
         await result_of(self.begin_stop())
 
     def send_again(self, axes: frozenset[int]) -> None:
-        """An end is sent once more: the mount was seen to go on moving. What was asked for meanwhile goes on."""
+        """Send an end again, because the position shows that the mount still moves. Other orders continue."""
         if len(axes) > 1:
             self._stopping.send(None)
         else:
             self._context.tasks.spawn(self._stopping.halt_again(*axes))
 
     def _is_broken(self, _: None) -> None:
-        """A defect leaves it open what moves now: nothing may."""
+        """Stop the mount: after a defect in the driver it is unknown what moves."""
         if self.busy:
             self.begin_stop()
 
@@ -146,19 +148,20 @@ class Reconciler:
         self._state.changed.emit(wanted)
 
     def _want(self, wanted: Wanted) -> None:
-        """Replace what is wanted; whoever asked for what is not any more is told, and work on it is given up."""
+        """Replace what is wanted, settle the outcomes of orders that are no longer wanted, and cancel work on them."""
         before = self.wanted
         self._put(wanted)
         if before.pending is not wanted.pending:
             left = {order.number for order in wanted.pending}
             for order in before.pending:
                 if order.number not in left and (outcome := self._outcomes.pop(order.number, None)) is not None:
-                    outcome.set_result(None) if order.unless else outcome.cancel()  # an arrow that was over is let go
+                    # The release of an arrow that a goto has ended already is done; any other order is cancelled.
+                    outcome.set_result(None) if order.unless else outcome.cancel()
             if self._work is not None and (wanted.active != self._active or self._active not in left):
                 self._work.cancel()
 
     def _go_on(self) -> None:
-        """Begin what is due, unless something is being done; else look again when something is due."""
+        """Begin the order that is due, unless another is being carried out; if none is due, set a timer."""
         if self.closed or self._work is not None or self._stopping.task is not None:
             return
         order = next_operation(self.wanted, self._loop.time()) if self.wanted.pending else None
@@ -177,7 +180,7 @@ class Reconciler:
             self._timer = self._loop.call_at(moment, self._go_on)
 
     def _postpone(self, order: Order) -> None:
-        """The mount does not hear now: look again a little later, while somebody wants it and it is not too late."""
+        """Postpone an order, because the mount accepts no commands now; refuse it if it has waited too long."""
         now = self._loop.time()
         if may_wait(order, now) and not forsaken(order):
             self._want(postponed(self.wanted, order, now))
@@ -206,12 +209,12 @@ class Reconciler:
         self._go_on()
 
     def _keep(self, order: Order, outcome: Outcome | None) -> None:
-        """It is not decided yet."""
+        """Keep the outcome: the order is not decided yet."""
         if outcome is not None:
             self._outcomes[order.number] = outcome
 
     def _was_interrupted(self, order: Order, outcome: Outcome | None) -> None:
-        """It is begun anew behind what goes first; perhaps the mount has heard of it already."""
+        """Leave the order pending: it is begun again after the end. A motion by hand may have begun already."""
         self._keep(order, outcome)
         if isinstance(order.operation, op.Move | op.MoveAxis):
             self._moves(order, order.operation)
@@ -224,13 +227,13 @@ class Reconciler:
             and patient(order)
             and may_wait(order, now)
             and self._link.worked_after(order.since)
-        ):  # it began to calculate while this was prepared
+        ):  # the mount began a long operation while this order was prepared
             self._keep(order, outcome)
             self._want(postponed(self.wanted, order, now))
             return
         if outcome is not None:
             outcome.set_exception(error)
-        if order.rank < 0:  # nobody wants it any more
+        if order.rank < 0:  # no longer wanted
             return
         self._want(outcomes.refused(self.wanted, order))
         half_begun = may_have_begun(order, error) or self._has_cut_in(order)
@@ -239,16 +242,16 @@ class Reconciler:
             self._end_focus_again(order)
         elif order.follow_up:
             self._context.note(f"{type(order.operation).__name__}: {error}")
-        if (not_ended or half_begun) and isinstance(error, Fault):  # whatever should have ended, or may move, must end
+        if (not_ended or half_begun) and isinstance(error, Fault):  # something may move that should not
             self.begin_stop()
 
     def _has_cut_in(self, order: Order) -> bool:
-        """Whether a goto that came to grief was to end a motion before: perhaps it has, and tracking is off still."""
+        """Whether a failed goto may have ended the motion before it, or left tracking suspended."""
         sent = isinstance(order.operation, GOTOS) and self._orders.admitted == order.number
         return sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
 
     def _end_focus_again(self, order: Order) -> None:
-        """The focuser was not heard to stop: no position shows it, and no stop of the mount does it."""
+        """Retry a focuser halt that was not acknowledged: no position shows it, and no stop of the mount does it."""
         if not any(isinstance(one.operation, op.Focus) for one in self.wanted.pending):
             self.plan(Schedule(FOCUS_AGAIN, order.operation))
 
@@ -275,7 +278,7 @@ class Reconciler:
         self.lasting.emit(None)
 
     def close(self) -> None:
-        """Forget everything that was planned or waits."""
+        """Cancel all orders and timers, and begin nothing more."""
         self.closed = True
         self._stopping.close()
         if self._timer is not None:

@@ -1,8 +1,8 @@
-"""The stop: sent before everything else, a few times where its answer is lost, and owed until it was acknowledged.
+"""The stop: sent before everything else, several times if its reply is lost, and owed until it is acknowledged.
 
-It needs no admission and no turn. It waits for the operation that was given up for it to come to its end, between two
-exchanges, and for nothing else. One that was not acknowledged on a line that stays up is sent again every few seconds,
-a bounded number of times, unless something else was set moving since: nobody knows who else moves the mount by then.
+It needs no admission and does not queue behind other orders: it waits only until the operation that was cancelled for
+it has ended, between two exchanges. If a stop is not acknowledged although the line is up, it is sent again every few
+seconds, a bounded number of times, unless another motion was ordered since.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import STOP
 
-#: How often a stop is sent again on a line that is up, when its answer was lost.
+#: How often a stop is sent at once on a line that is up, if its reply is lost.
 TRIES = 3
-#: Seconds from one stop that was not acknowledged to the next; after the last of them somebody is told.
+#: Seconds between further attempts while the stop is not acknowledged; after the last one the log warns the user.
 AGAIN = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 
 class Stopping:
-    """``sent`` is emitted when the commands of a stop went out, ``at_rest`` when the mount has acknowledged them, and
-    ``over`` when a stop has come to its end, however it did.
+    """Sends stops. ``sent`` is emitted when the commands of a stop were sent, ``at_rest`` when the mount has
+    acknowledged them, and ``over`` when an attempt has ended, with or without success.
     """
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
@@ -38,14 +38,16 @@ class Stopping:
         self.over: Signal[None] = Signal()
         self._closed = False
         self._loop = asyncio.get_running_loop()
-        #: The stop that is being sent: nothing is begun meanwhile.
+        #: The stop that is being sent; no order is begun during it.
         self.task: asyncio.Task[None] | None = None
-        #: How often the stop was sent again, and when it will be.
+        #: How many further attempts were made, and the timer of the next.
         self._times = 0
         self._timer: asyncio.TimerHandle | None = None
 
     def send(self, given_up: asyncio.Task[Any] | None) -> asyncio.Task[None]:
-        """Send a stop when this task has ended; one that is being sent does for it: nothing can have begun since."""
+        """Send a stop when the cancelled task has ended. A stop that is being sent serves as well, because no motion
+        can have begun since.
+        """
         if self.task is None or self.task.done():
             self.task = self._loop.create_task(self._send(given_up))
             self.task.add_done_callback(self._ended)
@@ -60,16 +62,16 @@ class Stopping:
                 break
             except Fault as fault:
                 self._context.note(f"stop: {fault}")
-                if self._driver.asleep and self._link.state != "down":  # it stands still, and hears of nothing
+                if self._driver.asleep and self._link.state != "down":  # a hibernating mount stands still
                     break
                 if attempt == TRIES - 1 or self._link.state == "down":
-                    self.sent.emit(None)  # it stays owed, while it is seen to move
+                    self.sent.emit(None)  # the stop stays owed
                     raise
         self.sent.emit(None)
         self.at_rest.emit(None)
 
     async def halt_again(self, axis: int) -> None:
-        with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
+        with contextlib.suppress(Fault):  # it is retried if the next position shows that the axis still moves
             await self._runner.perform(StopAxis(axis), STOP)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
@@ -85,18 +87,18 @@ class Stopping:
         else:
             self._times = 0
             self._context.note(
-                "WARNING: the mount has not acknowledged the stop, however often it was sent: it may "
-                "go on moving; stop it at its hand control, or switch it off"
+                "WARNING: the mount has not acknowledged the stop, although it was sent again and again: it may "
+                "still be moving; stop it at its hand control, or switch it off"
             )
 
     def _to_be_ended(self) -> object:
-        """The motion that a stop is owed for; None where none is, or something else is about to be set moving."""
+        """Return the motion for which a stop is owed; None if none is owed, or another motion is pending."""
         wanted = self._context.wanted.value
         coming = any(isinstance(order.operation, MOVING) for order in wanted.pending)
         return None if self._closed or coming or not wanted.owed else wanted.motion
 
     def _once_more(self, motion: object) -> None:
-        """On a line that was lost meanwhile it goes first when that is back."""
+        """Send the stop again if it is still owed for the same motion. If the line is lost, it is sent at reopening."""
         if self._to_be_ended() is motion is not None and self.task is None and self._link.usable:
             self._times += 1
             self.send(None)

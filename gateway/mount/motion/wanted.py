@@ -1,8 +1,8 @@
-"""What is wanted of a mount: one frozen value, replaced as a whole by ``apply`` and by nothing else; what of it moves.
+"""What is wanted of a mount: one frozen value, which ``apply`` and ``outcomes`` replace as a whole.
 
-``pending`` holds what was asked for and not carried out yet, ``motion`` what the mount was told and has acknowledged.
-Orders change the first, outcomes move them to the second; what moves otherwise than it was told belongs to the person
-beside the mount, and nobody here wants anything of it (``Theirs``). ``Movement`` tells what of ours moves at a moment.
+``pending`` holds the orders that are not carried out yet, ``motion`` what the mount has acknowledged. Orders change the
+first, outcomes move them to the second. Any other motion belongs to the person beside the mount, and the gateway wants
+nothing of it (``Theirs``). ``Movement`` reports what moves by the gateway's orders at a moment.
 """
 
 from __future__ import annotations
@@ -18,21 +18,20 @@ from gateway.core.signals import Signal
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
 
-#: What ends a motion, or must come before it; what was interrupted for that; everything else.
+#: The ranks of orders: ends (and what must precede motions), what an end interrupted, all other orders.
 FIRST, RESUMED, IN_ORDER = range(3)
-#: So many repetitions of a halt in a row go before everything else, each within so many seconds of the one before.
+#: How many repetitions of a halt go before all other orders, each within AGAIN seconds of the one before.
 AT_ONCE, AGAIN = 1, 1.0
 
 
 class Order(Struct, frozen=True):
-    """Something that was asked for and is not done.
+    """An operation that a client or the gateway asked for and that is not done.
 
-    ``number`` counts the orders, ``by`` is the connection it came from, ``since`` the loop time at which it came,
-    ``at`` the one before which it is not due, ``until`` the one after which nobody is told any more what came of it. A
-    ``follow_up`` is the gateway's own, and ``urgent`` when it ends a motion; one that is to be ``heard`` waits until
-    the mount hears. ``unless`` is the number of a goto after whose beginning it is void. Of a halt it is known whether
-    it ``overtakes`` what waits, and the ``repeats`` of an equal one before it while nothing else was asked for
-    (``asked`` counts that).
+    ``number`` is its sequence number, ``by`` the client's connection, ``since`` the loop time of its arrival, ``at``
+    the one from which it is due, ``until`` the one at which the client stops waiting for the outcome. A ``follow_up``
+    is the gateway's own order, ``urgent`` if it ends a motion; a ``heard`` one waits until the mount accepts commands.
+    ``unless`` is the number of a goto: once that has begun, this order is void. A halt has three more fields: whether
+    it ``overtakes`` waiting orders, how many equal halts it ``repeats``, and the count ``Wanted.asked`` at its arrival.
     """
 
     number: int
@@ -52,12 +51,12 @@ class Order(Struct, frozen=True):
 
     @property
     def hammered(self) -> bool:
-        """Whether it is a halt that comes again and again, and can wait for its turn."""
+        """Whether this is a halt that a client keeps repeating, and that can wait for its turn."""
         return self.repeats > AT_ONCE
 
 
 class AxisMotion(Struct, frozen=True):
-    """One axis moves by hand: as told, by whom, since when, and how fast, degrees a second."""
+    """The motion by hand of one axis: its operation, the client's connection, its start, and degrees a second."""
 
     operation: op.Move | op.MoveAxis
     by: HostActivity | None
@@ -76,7 +75,7 @@ class ByHand(Struct, frozen=True):
 
 
 class Slew(Struct, frozen=True):
-    """A goto with both of its axes: as it was sent, by whom, since when."""
+    """A goto of both axes: its operation as it was sent, the client's connection, and its start."""
 
     operation: op.Goto | op.GotoHorizontal | op.GotoAxes | op.Park | op.Home
     by: HostActivity | None
@@ -84,7 +83,7 @@ class Slew(Struct, frozen=True):
 
 
 class Theirs(Struct, frozen=True):
-    """Nobody here wants anything: what moves, moves by somebody else's hand, or tracks."""
+    """No motion by the gateway's orders: the mount tracks, rests, or is moved at its hand control."""
 
 
 class FocusMotion(Struct, frozen=True):
@@ -102,7 +101,7 @@ class GuidePulse(Struct, frozen=True):
 
 
 class Press(Struct, frozen=True):
-    """A host's arrow on an axis is pressed; how many gotos had been asked for then."""
+    """An arrow of an axis that a host has pressed, and how many gotos had been ordered by then."""
 
     who: str
     axis: int
@@ -110,7 +109,7 @@ class Press(Struct, frozen=True):
 
 
 class Halted(Struct, frozen=True):
-    """A halt that is done: when, how much had been asked for, how many equal ones were done before it."""
+    """A halt that is done: its loop time, ``Wanted.asked`` at its arrival, and how many equal halts it repeated."""
 
     operation: op.Operation
     at: float
@@ -121,9 +120,9 @@ class Halted(Struct, frozen=True):
 class Wanted(Struct, frozen=True):
     """``active`` is the number of the order that is being carried out, 0 for none.
 
-    ``stops`` and ``gotos`` count those asked for so far, ``slews`` the gotos that the mount has acknowledged, ``asked``
-    whatever ends nothing. A stop is ``owed`` until the mount has acknowledged it. It is ``homed`` where it was sent
-    home last, and nothing here has moved it since.
+    ``stops`` and ``gotos`` count the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged,
+    ``asked`` all orders that end nothing. A stop is ``owed`` until the mount has acknowledged it. ``homed``: the mount
+    was sent home, and no order has moved it since.
     """
 
     motion: Theirs | Slew | ByHand = Theirs()
@@ -142,9 +141,9 @@ class Wanted(Struct, frozen=True):
 
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
-        """What moves by hand, axis by axis."""
+        """The motions by hand, by axis."""
         motion, found = self.motion, {}
-        if isinstance(motion, ByHand):  # written out: it is asked for a dozen times with every look at the mount
+        if isinstance(motion, ByHand):  # without a loop, because every position calls this a dozen times
             if motion.first is not None:
                 found[1] = motion.first.operation
             if motion.second is not None:
@@ -153,15 +152,12 @@ class Wanted(Struct, frozen=True):
 
     @property
     def waiting_gotos(self) -> list[Order]:
-        """The gotos that were asked for and that the mount has not acknowledged."""
+        """The gotos that were ordered and that the mount has not acknowledged."""
         return [order for order in self.pending if isinstance(order.operation, GOTOS)]
 
 
 class WantedState:
-    """The one place where it is kept: ``value``, which everybody may read and the reconciler alone replaces.
-
-    ``changed`` tells that it did.
-    """
+    """Holds ``value``, which all parts may read and only the reconciler replaces; ``changed`` is emitted then."""
 
     def __init__(self) -> None:
         self.value = Wanted()
@@ -169,7 +165,7 @@ class WantedState:
 
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
-        """What moves by hand, axis by axis."""
+        """The motions by hand, by axis."""
         return self.value.by_hand
 
     @property
@@ -178,12 +174,12 @@ class WantedState:
 
     @property
     def gotos(self) -> int:
-        """Grows whenever a goto was asked for, and when it is under way."""
+        """A count that grows whenever a goto is ordered, and when it is under way."""
         return self.value.gotos + self.value.slews
 
     @property
     def owed(self) -> bool:
-        """Whether the mount has a stop to come that it has not acknowledged."""
+        """Whether the mount has not acknowledged a stop yet."""
         return self.value.owed
 
     @property
@@ -193,17 +189,17 @@ class WantedState:
 
     @property
     def goto_waits(self) -> bool:
-        """Whether a goto was asked for that the mount has not acknowledged yet."""
+        """Whether a goto was ordered that the mount has not acknowledged yet."""
         return bool(self.value.waiting_gotos)
 
     @property
     def waking(self) -> bool:
-        """Whether the mount was asked to wake, and has not acknowledged it yet."""
+        """Whether a wake-up was ordered that the mount has not acknowledged yet."""
         return any(isinstance(order.operation, op.Wake) for order in self.value.pending)
 
 
 class Moving(Struct, frozen=True):
-    """``by_hand`` is by axis; ``ending`` whether a stop or a halt was asked for and is not acknowledged."""
+    """What moves now: ``by_hand`` is by axis; ``ending``: a stop or a halt was ordered and is not acknowledged."""
 
     slewing: bool
     by_hand: Mapping[int, op.Move | op.MoveAxis]
@@ -211,12 +207,12 @@ class Moving(Struct, frozen=True):
 
     @property
     def anything(self) -> bool:
-        """Whether there is anything that a stop should end."""
+        """Whether a motion is under way that a stop should end."""
         return self.slewing or bool(self.by_hand)
 
 
 class Movement:
-    """Tells it, from what is wanted and from what the mount has said last."""
+    """Reports what moves, from what is wanted and from the mount's last replies."""
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
         self._wanted, self._cache = wanted, cache
@@ -227,7 +223,7 @@ class Movement:
 
     @property
     def anything(self) -> bool:
-        """Whether anything moves that a stop should end."""
+        """Whether a motion is under way that a stop should end."""
         return bool(self._wanted.value.by_hand) or self.slewing
 
     def now(self) -> Moving:

@@ -19,7 +19,7 @@ from gateway.core import errors
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, kind
+from gateway.protocols.base.reply_rules import Expected, answer_kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 NAK = 0x15
@@ -129,7 +129,7 @@ class Lx200ReplyRules:
     def as_written(self, command: str, reply: bytes) -> bytes:
         return self._notation.write(command, reply)
 
-    def alike(self, one: Send, other: Send) -> bool:
+    def ambiguous_with(self, one: Send, other: Send) -> bool:
         """Whether the forms of the two replies are so similar that one could be mistaken for the other."""
         first, second = _shapes(_sources(one.command)), _shapes(_sources(other.command))
         either = first | second
@@ -174,12 +174,12 @@ class Lx200ReplyRules:
             return (Garbled(), len(buffer)) if whole else None
         return None
 
-    def proof(self, number: int) -> Iterator[Send]:
+    def resync_commands(self, number: int) -> Iterator[Send]:
         """Yield the commands that show whether replies are in step: :GR and :GD, whose replies differ in form."""
         yield Send("GR")
         yield Send("GD")
 
-    def proven(self, ask: Send, values: Values) -> bool:
+    def is_resync_reply(self, ask: Send, values: Values) -> bool:
         return "ra" in values or "dec" in values
 
 
@@ -193,10 +193,10 @@ def _sources(command: str) -> tuple[str, ...]:
 def _expected(command: str, once: bool, raw: bool) -> Expected:
     protocol, sources = Lx200ReplyRules.protocol, _sources(command)
     return Expected(
-        kind(protocol, command, once, raw),
+        answer_kind(protocol, command, once, raw),
         TIMEOUT,
-        bare=any("#" not in source for source in sources),
-        pace=0.0 if sources else PACE,
+        unterminated=any("#" not in source for source in sources),
+        delay_after=0.0 if sources else PACE,
         silent=not sources,
         leaves_open=command == "ACK",
     )

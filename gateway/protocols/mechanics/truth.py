@@ -70,7 +70,7 @@ class Truth(Struct, frozen=True):
 
 def truth_of(simulator: Simulated) -> Truth:
     """The present moment of a simulated mount of either protocol; asking it changes nothing."""
-    simulator.truth()  # what is due by now has happened
+    simulator.come_to_now()
     now, mechanics = simulator.now, simulator.mechanics
     first, second = mechanics.axes(now)
     rates, moving = mechanics.speeds(now), mechanics.moving(now)

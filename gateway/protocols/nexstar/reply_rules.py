@@ -14,13 +14,13 @@ from typing import NamedTuple
 from gateway.core.errors import Fault, Garbled, NoDevice, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, kind
+from gateway.protocols.base.reply_rules import Expected, answer_kind
 from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: StarSense answers ``t`` with more than one byte: how many more at most.
 EXTRA = {"t": 4}
-#: Printable bytes that an echo is asked for; none is ``#``, and a proof shares none with the ones before it.
+#: Printable bytes that an echo is asked for; none is ``#``, and a check shares none with the ones before it.
 ECHOES = range(0x40, 0x7E)
 #: Seconds that a hand control may take, at worst. Source: Developer Notes, Timeouts.
 TIMEOUT = 3.5
@@ -56,7 +56,7 @@ class NexStarReplyRules:
         """Every command is answered, by its length; a reply may be ``#`` alone."""
         return _expected(ask.command, ask.once, ask.raw)
 
-    def alike(self, one: Send, other: Send) -> bool:
+    def ambiguous_with(self, one: Send, other: Send) -> bool:
         """Whether the reply to the one could be taken for a reply to the other: by its length, that is all there is."""
         first, second = _reply(one.command), _reply(other.command)
         return first.width <= second.longest and second.width <= first.longest
@@ -89,15 +89,15 @@ class NexStarReplyRules:
             return NoDevice(), end + 1
         return picture.decode(buffer[: width - 1] + b"#"), end + 1
 
-    def proof(self, number: int) -> Iterator[Send]:
+    def resync_commands(self, number: int) -> Iterator[Send]:
         """Exchanges that show the line to be in step again: two echoes of bytes that were not used lately."""
         for step in (2 * number, 2 * number + 1):
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 
-    def proven(self, ask: Send, values: Values) -> bool:
+    def is_resync_reply(self, ask: Send, values: Values) -> bool:
         return bool(values.get("echo") == ask.values["echo"])
 
 
 @cache
 def _expected(command: str, once: bool, raw: bool) -> Expected:
-    return Expected(kind(PROTOCOL, command, once, raw), TIMEOUT, bare=_reply(command).width == 1)
+    return Expected(answer_kind(PROTOCOL, command, once, raw), TIMEOUT, unterminated=_reply(command).width == 1)

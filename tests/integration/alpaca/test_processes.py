@@ -84,19 +84,21 @@ def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> N
 
 
 def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
-    """Not before: no start waits for it."""
-    said = "atexit.register(lambda: print('aiohttp' in sys.modules, file=sys.stderr))"
-    look = f"import atexit, sys, runpy; sys.argv[0] = 'mount-gateway'; {said}; runpy.run_module('gateway')"
-    for asked in (False, True):
-        own = Running(
-            "run", "--mount", "nexstar@sim", "--no-discovery", "--state", str(tmp_path / str(asked)),
-            "--surface", "alpaca@tcp://127.0.0.1:0", by=[sys.executable, "-c", look],
-        )  # fmt: skip
-        where = own.ready()
-        if asked:
-            assert ask(where, "GET", "interfaceversion") == 4
-        assert own.end(signal.SIGTERM) == 0
-        assert own.said.splitlines()[-1] == str(asked)
+    """Not before: no start waits for it. The process says whether it is, when it is sent SIGUSR1 and at its end."""
+    said = "say = lambda *_: print('aiohttp' in sys.modules, file=sys.stderr)"
+    told = "atexit.register(say); signal.signal(signal.SIGUSR1, say)"
+    look = (
+        f"import atexit, signal, sys, runpy; sys.argv[0] = 'mount-gateway'\n{said}\n{told}\nrunpy.run_module('gateway')"
+    )
+    own = Running(
+        "run", "--mount", "nexstar@sim", "--no-discovery", "--state", str(tmp_path),
+        "--surface", "alpaca@tcp://127.0.0.1:0", by=[sys.executable, "-c", look],
+    )  # fmt: skip
+    where = own.ready()
+    own.process.send_signal(signal.SIGUSR1)
+    assert ask(where, "GET", "interfaceversion") == 4
+    assert own.end(signal.SIGTERM) == 0
+    assert own.said.splitlines()[-2:] == ["False", "True"]
 
 
 @pytest.mark.parametrize("where", ["pty:/tmp/mount", "rfc2217://127.0.0.1:4030", "web"])

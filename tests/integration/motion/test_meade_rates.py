@@ -82,10 +82,10 @@ async def turns(bridge: Any, device: int, frame: bytes) -> float:
     """Arcseconds a second of the axis a moment later; then it is let go."""
     client = bridge.client()
     assert await client.ask(frame) == b"#"
-    await asyncio.sleep(3.0)
+    await asyncio.sleep(2.0)
     seen = truth_of(bridge.sim)
     assert await client.ask(key(device, 0)) == b"#"
-    await asyncio.sleep(5.0)
+    await asyncio.sleep(3.0)
     after = truth_of(bridge.sim)
     assert (after.rate1 * 3600.0, after.rate2 * 3600.0) == pytest.approx((SIDEREAL, 0.0), abs=0.01)
     assert after.tracking and not after.moving

@@ -170,7 +170,7 @@ def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> None:
                 for which in {"lx200": (0, 1), "cge": (1,)}.get(mount, ()):  # others go round in other angles
                     way, gone = wrap180(goal[which] - begin[which]), wrap180(seen[which] - begin[which])
                     assert gone * (1 if way > 0 else -1) <= abs(way) + 0.01
-                await asyncio.sleep(0.05)
+                await asyncio.sleep(0.1)
             assert separation(*await told(client, "lx200"), *goal) < 0.02
 
     run(program())
@@ -185,13 +185,13 @@ def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount:
             controller.watch.began = lambda _: None  # type: ignore[method-assign]
             client.tell(b":RS#:Ms#")
             lowest = 90.0
-            for _ in range(1000):
+            for _ in range(400):
                 seen = await told(client, "lx200")
                 lowest = min(lowest, controller.astrometry.altitude(*seen) or 0.0)
                 said = controller.cache.value(op.Position)
                 if said is not None and (controller.astrometry.altitude(said.ra, said.dec) or 0.0) >= 20.0:
                     assert (controller.astrometry.altitude(*seen) or 0.0) >= 19.98
-                await asyncio.sleep(0.02)
+                await asyncio.sleep(0.03)
             assert lowest < 15.0
 
     run(program())

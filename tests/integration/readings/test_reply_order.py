@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from tests.soak.fuzz_forms import PROTOCOLS, of_reply
 from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.sampling import as_a_rule
 from tests.support.virtual import run
 
 #: Seconds: an answer that is not given within this is never given (NexStar protocol, Communication Protocol).
@@ -179,7 +180,7 @@ def packets_of(commands: tuple[bytes, ...]) -> Any:
 
 
 WAYS_IN_TURN = st.lists(st.tuples(st.sampled_from(WAYS), st.sampled_from([0.4, 1.0, 3.0, 8.0])), min_size=1, max_size=5)
-EACH = settings(max_examples=20, deadline=None)
+EACH = settings(max_examples=as_a_rule(13, whole=20), deadline=None)
 
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])

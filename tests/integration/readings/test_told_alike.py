@@ -20,7 +20,7 @@ from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.told import degrees
 from tests.support.virtual import run
 
-STEP = 0.05
+STEP = 0.08
 LONG_AGO = EVENING - 28 * 365.25 * 86400.0
 LX200 = (b":GR#", b":GD#", b":GZ#", b":GA#", b":D#", b":Gt#", b":Gg#", b":GW#")
 NEXSTAR = (b"e", b"E", b"z", b"Z", b"L", b"w", b"t", b"J")
@@ -41,7 +41,7 @@ def alike(question: bytes, told: bytes, fresh: bytes) -> bool:
 async def compared(bridge: Bridge, questions: tuple[bytes, ...], scenario: Scenario) -> None:
     """Ask half of the questions at every moment, the one who polls first, until some time after the scenario's end."""
     pollers = [(question, bridge.client(f"10.0.0.{number}")) for number, question in enumerate(questions, 10)]
-    going, left, moment = asyncio.ensure_future(begun_later(scenario, bridge)), 100, 0
+    going, left, moment = asyncio.ensure_future(begun_later(scenario, bridge)), 40, 0
     while left:
         left -= going.done()
         moment += 1

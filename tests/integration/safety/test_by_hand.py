@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
-from tests.integration.safety.test_altitude import altitude, notes
+from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -19,12 +19,10 @@ WEST = b"P\x02\x10\x24\x09\0\0\0"
 
 async def polled(bridge: Any, client: Any, question: bytes, seconds: float) -> tuple[float, float]:
     """A program that shows life meanwhile -> the lowest and the highest altitude of the tube."""
-    seen = []
+    seen: list[float] = []
     for _ in range(round(seconds * 2)):
         client.tell(question)
-        for _ in range(5):
-            await asyncio.sleep(0.1)
-            seen.append(altitude(bridge))
+        seen += await extremes(bridge, 0.5)
     return min(seen), max(seen)
 
 

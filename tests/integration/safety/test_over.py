@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission import slew_paths
-from tests.integration.safety.test_altitude import altitude, extremes, notes
+from tests.integration.safety.test_altitude import altitude, at_rest, notes
 from tests.integration.safety.test_by_hand import polled, ready
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -41,7 +41,7 @@ def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the_limit
             await asyncio.sleep(2.0)
             assert bridge.sim.mechanics.axes(bridge.clock())[1] > 110.0
             await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, declination))
-            low, _ = await extremes(bridge, 30.0)
+            low, _ = await at_rest(bridge)
             assert low >= 10.0
             assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
 
@@ -60,7 +60,7 @@ def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -
             assert altitude(bridge) == pytest.approx(50.0, abs=0.5)
             bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(highest=75.0))
             await bridge.controller.perform(op.GotoHorizontal(0.0, 40.0))
-            _, high = await extremes(bridge, 30.0)
+            _, high = await at_rest(bridge)
             assert high <= 75.0
             assert high > 65.0, "it goes as far as it may"
 

@@ -10,13 +10,14 @@ import pytest
 from gateway.core.errors import UserError
 from gateway.protocols.mechanics.truth import truth_of
 from tests.integration.safety.test_altitude import notes
+from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 from tests.unit.app.config.test_config import flags
 
 
 def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") -> tuple[float, bool, list[str]]:
-    """``:hP#`` and a minute -> where the tube truly points, whether the mount tracks, what was said."""
+    """``:hP#`` until nothing moves -> where the tube truly points, whether the mount tracks, what was said."""
     seen: list[Any] = []
 
     async def program() -> None:
@@ -24,9 +25,13 @@ def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") 
             client = bridge.client()
             await client.ask(b":GR#")
             client.tell(b":hP#")
+            rested = 0
             for _ in range(60):
                 client.tell(b":D#")
                 await asyncio.sleep(1.0)
+                rested = 0 if truth.moving(bridge.sim) else rested + 1
+                if rested == 8:
+                    break
             seen.append((truth_of(bridge.sim).altitude, truth_of(bridge.sim).tracking, notes(bridge)))
 
     run(program())
@@ -54,7 +59,7 @@ def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
             await asyncio.sleep(90.0)
             assert not truth_of(bridge.sim).tracking
             client.tell(b":hW#")
-            for _ in range(60):
+            for _ in range(20):
                 await client.ask(b":GR#")
                 await asyncio.sleep(1.0)
             assert truth_of(bridge.sim).tracking, notes(bridge)
@@ -107,5 +112,5 @@ def test_what_the_key_may_say_depends_on_the_mount() -> None:
     assert flags("--park", "3,4").mount[0].park == (3.0, 4.0)
     with pytest.raises(UserError, match="a NexStar has no park position of its own"):
         flags("--park", "mount")
-    with pytest.raises(UserError, match="a Meade parks where it was told at its keypad"):
+    with pytest.raises(UserError, match="a Meade parks at the position set with its keypad"):
         flags("--mount", "lx200@sim", "--park", "3,4")

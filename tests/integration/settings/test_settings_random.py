@@ -36,7 +36,7 @@ SITES = [
     (b"+60*10", b"335*03", (60.167, 24.95)),
 ]
 LOSABLE = {"lx200": (b":St", b":Sg", b":SG", b":SL", b":SC", b":Gt", b":GL"), "nexstar": (b"W", b"H", b"h", b"w")}
-SOON, LONG = 8.0, 90.0
+SOON, LONG = 8.0, 45.0
 
 
 class Night:

@@ -122,6 +122,6 @@ def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
 @pytest.mark.parametrize("framer", [lx200.Framer, NexStarFramer])
 def test_noise_for_hours_takes_no_memory(framer: type[lx200.Framer] | type[NexStarFramer]) -> None:
     cutting = framer()
-    for _ in range(1000):
+    for _ in range(100):
         cutting.feed(b"\xff" * 1000, 0.0)
     assert sum(len(data) for data in cutting.dropped.values()) == 1000

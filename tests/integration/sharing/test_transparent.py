@@ -286,8 +286,8 @@ def test_a_firmware_that_is_mute_to_a_command_costs_nobody_the_line() -> None:
 
     @shared("autostar")
     async def mute(bridge: Bridge) -> None:
-        knows = bridge.sim.knows
-        bridge.sim.knows = lambda name: name not in ("GM", "SM", "Gb") and knows(name)
+        supports = bridge.sim.supports
+        bridge.sim.supports = lambda name: name not in ("GM", "SM", "Gb") and supports(name)
         client = bridge.client()
         assert await client.ask(b":GM#", 8.0) == b""
         assert await client.ask(b":SMPIER#", 8.0) == b"0"

@@ -14,6 +14,7 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.protocols.mechanics.truth import truth_of
 from tests.integration.stops.test_lost_answers import swallow
+from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -28,12 +29,23 @@ async def polled(bridge: Bridge, seconds: int) -> None:
         await asyncio.sleep(1.0)
 
 
+async def arrived(bridge: Bridge, most: int = 60) -> None:
+    """A program polls until the mount has stood for 3 s, or only followed the sky."""
+    rested = 0
+    for _ in range(most):
+        await polled(bridge, 1)
+        rested = 0 if truth.moving(bridge.sim) else rested + 1
+        if rested == 3:
+            return
+    raise AssertionError("it never arrives")
+
+
 def test_a_park_that_the_mount_never_heard_leaves_it_tracking() -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:
             client = bridge.client()
             await client.ask(GOTO, until=b"0")
-            await polled(bridge, 60)
+            await arrived(bridge)
             lost = swallow(bridge, lambda data: data[:1] == b"b")
             client.tell(b":hP#")
             await polled(bridge, 30)
@@ -51,10 +63,10 @@ def test_what_the_mount_heard_without_an_answer_is_under_way(order: str) -> None
             client = bridge.client()
             if order == "park":
                 await client.ask(GOTO, until=b"0")
-                await polled(bridge, 60)
+                await arrived(bridge)
             lost = swallow(bridge, lambda data: data[:1] in b"br", carried_out=True)
             client.tell(b":hP#" if order == "park" else GOTO)
-            await polled(bridge, 90)
+            await arrived(bridge, 90)
             assert lost
             if order == "park":
                 assert not bridge.sim.tracking
@@ -104,12 +116,12 @@ def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> Non
         async with Bridge("cge") as bridge:
             await bridge.controller.perform(op.SetHome())
             await bridge.client().ask(GOTO, until=b"0")
-            await polled(bridge, 60)
+            await arrived(bridge)
             await bridge.controller.perform(op.Home())
             await asyncio.sleep(1.0)
             assert await bridge.controller.perform(op.HomeState()) == 2
             await bridge.controller.perform(instead)
-            await polled(bridge, 60)
+            await arrived(bridge)
             assert await bridge.controller.perform(op.HomeState()) == 0
 
     run(program())
@@ -154,10 +166,11 @@ def test_a_mount_that_did_not_hear_the_end_of_its_park_is_told_again(times: int)
         async with Bridge("cge") as bridge:
             client = bridge.client()
             await client.ask(GOTO, until=b"0")
-            await polled(bridge, 60)
+            await arrived(bridge)
             lost = swallow(bridge, lambda data: data == b"T\x00", times)
             client.tell(b":hP#")
-            await polled(bridge, 120)
+            await arrived(bridge)
+            await polled(bridge, 20 * times)
             assert len(lost) == times
             assert not bridge.sim.tracking
             assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
@@ -170,14 +183,14 @@ def test_a_park_that_is_over_is_not_put_in_force_again() -> None:
         async with Bridge("cge") as bridge:
             client = bridge.client()
             await client.ask(GOTO, until=b"0")
-            await polled(bridge, 60)
+            await arrived(bridge)
             lost = swallow(bridge, lambda data: data == b"T\x00")
             client.tell(b":hP#")
             while not lost:
                 await polled(bridge, 1)
             await asyncio.sleep(4.0)
             assert (await client.ask(GOTO, until=b"0")).endswith(b"0")
-            await polled(bridge, 60)
+            await arrived(bridge)
             assert bridge.sim.tracking
             assert not bridge.driver.parked
 
@@ -191,7 +204,7 @@ def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
             await polled(bridge, 10)
             assert await bridge.controller.perform(op.HomeState()) == 1
             await bridge.controller.perform(op.GotoAxes(100.0, 60.0))
-            await polled(bridge, 40)
+            await arrived(bridge)
             assert await bridge.controller.perform(op.HomeState()) == 0
 
     run(program())

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gateway.astro.spherical import wrap180
 from tests.support.in_process_gateway import Bridge
 from tests.support.operations_matrix import _axes
+from tests.support.sampling import as_a_rule
 from tests.support.virtual import run
 
 LATENCY = 0.1
@@ -51,7 +52,7 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
         st.sampled_from((0.0, 0.0, 0.0, 0.01, 0.11, 0.35)),
     )
 
-    @settings(max_examples=15, deadline=None)
+    @settings(max_examples=as_a_rule(10, whole=15), deadline=None)
     @given(st.lists(said, max_size=12))
     @example([(False, 2, 1, 0, 0.0), (True, 2, 1, 0, 0.0), (False, 2, 1, 0, 0.0)])
     @example([(False, 0, 1, 0, 0.0), (True, 0, 1, 1, 0.0), (False, 0, 30, 0, 0.0)])
@@ -125,7 +126,7 @@ def test_whoever_asks_where_the_mount_is_waits_for_no_flood_of_halts(flood: byte
 
             pouring = bridge.controller.spawn(pour())
             waits = []
-            for _ in range(100):
+            for _ in range(50):
                 began = loop.time()
                 assert await other.ask(b":GR#" if lx200 else b"e", 20.0, until=b"#")
                 waits.append(loop.time() - began)

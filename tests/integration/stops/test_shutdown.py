@@ -23,6 +23,7 @@ from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.transport.wires import SimulatedTransport
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running, ask
+from tests.support.sampling import as_a_rule
 from tests.support.virtual import run
 
 GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
@@ -42,10 +43,14 @@ async def still(sim: Any, seconds: float = 1.0) -> bool:
 @pytest.mark.parametrize("mount", ["6-8se", "cge"])
 @pytest.mark.parametrize("motion", [b":RS#:Mn#", b":RC#:Ms#", GOTO, b":Mgn9999#", b":RS#:Mn#:Me#:Qn#", b":Mn#:Qn#"])
 def test_whenever_it_ends_the_mount_stands_and_tracks(mount: str, motion: bytes) -> None:
-    """Ended at many instants of a motion's first second and a half, between and within exchanges."""
+    """Ended at many instants of a motion's first second and a half, between and within exchanges.
+
+    Each mount at every second instant, unless all of it is wanted.
+    """
+    first, every = as_a_rule(int(mount == "cge"), whole=0), as_a_rule(2, whole=1)
 
     async def program() -> None:
-        for moment in (0.0, 0.02, 0.06, 0.12, 0.17, 0.22, 0.28, 0.35, 0.45, 0.7, 1.0, 1.5):
+        for moment in (0.0, 0.02, 0.06, 0.12, 0.17, 0.22, 0.28, 0.35, 0.45, 0.7, 1.0, 1.5)[first::every]:
             async with Bridge(mount) as bridge:
                 assert bridge.sim.tracking
                 bridge.client().tell(motion)

@@ -18,8 +18,8 @@ LOST = [("command", 1), ("byte", 3)]
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_a_stop_that_is_swallowed_in_part_is_a_stop(mount: str) -> None:
-    every = as_a_rule(4, whole=1)
-    for program, motion, end in WORDS[list(MOUNTS).index(mount) % every :: every]:  # each on three mounts
+    every = as_a_rule(5, whole=1)
+    for program, motion, end in WORDS[list(MOUNTS).index(mount) % every :: every]:  # each on two mounts or three
         for lost, number in LOST if motion == "arrow" else LOST[:1]:
             outcome = play(Case(mount, program, motion, end, "stop", lost, number))
             assert outcome.swallowed, outcome

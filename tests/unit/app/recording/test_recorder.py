@@ -123,7 +123,7 @@ def test_a_full_disk_is_told_at_once_and_what_was_written_stays_good(
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert len(said) == 1
-    assert str(path) in said[0] and "ends here: File too large" in said[0] and "start the gateway again" in said[0]
+    assert str(path) in said[0] and "ends here: File too large" in said[0] and "restart the gateway" in said[0]
     text = path.read_text()
     assert 4000 < len(text) < 5000
     assert text.endswith("\n")

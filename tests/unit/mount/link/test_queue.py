@@ -105,7 +105,7 @@ def test_a_position_goes_before_other_reads_and_settings_however_long_these_have
     run(program())
 
 
-@pytest.mark.parametrize("ranks", [(POSITION, READ), (MOTION, POSITION), (MOTION, MOTION)])
+@each("ranks", [(POSITION, READ), (MOTION, POSITION), (MOTION, MOTION)])
 def test_a_setting_gets_its_turn_whatever_goes_before_it(ranks: tuple[int, ...]) -> None:
     """Two that ask without end, on a line that is slower than they are."""
 

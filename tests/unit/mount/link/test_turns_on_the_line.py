@@ -21,6 +21,7 @@ from gateway.mount.link.queue import (
     too_late,
 )
 from gateway.protocols.base.driver import Send
+from tests.support.each import each
 
 NOW = 100.0
 
@@ -45,7 +46,7 @@ def test_of_one_rank_the_first_that_came_goes_first() -> None:
     assert [one.number for one in in_turn([Waits(READ, 2), Waits(READ, 1)], NOW, 0, 0)] == [1, 2]
 
 
-@pytest.mark.parametrize("rank", [POSITION, READ])
+@each("rank", [POSITION, READ])
 def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_before_the_next(rank: int) -> None:
     aged = Waits(rank, 1, NOW - AGED[rank] - 0.01)
     assert ranks(Waits(SETTING), aged) == [rank, SETTING]

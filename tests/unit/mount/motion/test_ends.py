@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.mount.motion.ends import AGAIN, SLOW, THEN_EVERY, TIMES, Ending, Sample, Step, next_step, speed, visible
+from tests.support.examples import some
 
 FAST = Ending(frozenset({1, 2}), 4.0, (100.0,))
 
@@ -61,6 +62,7 @@ def test_a_coarse_position_says_nothing_before_it_could_have_changed() -> None:
     assert next_step(slow, [*coarse[:1], *looks((103.0, 5.0), digit=90 / 3600)], 103.0) is Step.DONE
 
 
+@some
 @given(st.floats(0.0, 2 * SLOW - 1e-9))
 def test_what_nobody_could_see_is_not_looked_for(rate: float) -> None:
     ending = Ending(frozenset({1}), rate, (0.0,))
@@ -68,6 +70,7 @@ def test_what_nobody_could_see_is_not_looked_for(rate: float) -> None:
     assert next_step(ending, [], 100.0) is Step.DONE
 
 
+@some
 @given(st.floats(0.2, 8.0), st.floats(0.1, 1.0), st.floats(0.0, 2.0))
 def test_no_run_on_of_up_to_a_second_has_a_stop_sent_again(rate: float, every: float, begins: float) -> None:
     """The motor loses its speed evenly, and its position is told at even intervals."""

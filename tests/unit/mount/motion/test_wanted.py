@@ -14,6 +14,8 @@ from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, next_moment, next_operation, stopped, take_back
 from gateway.mount.motion.wanted import ByHand, Order, Slew, Theirs, Wanted
 from gateway.mount.presence import HostActivity
+from tests.support.each import each
+from tests.support.examples import some
 
 FAST = op.Rate(name="max")
 NORTH, EAST = op.Move(op.Direction.NORTH, FAST), op.Move(op.Direction.EAST, FAST)
@@ -114,7 +116,7 @@ def test_a_stop_ends_all_but_what_is_no_motion() -> None:
     assert not outcomes.at_rest(desk.wanted).owed
 
 
-@pytest.mark.parametrize("halt", [op.StopAxis(1), op.StopAxis(2)])
+@each("halt", [op.StopAxis(1), op.StopAxis(2)])
 def test_a_halt_without_an_arrow_ends_a_goto_as_a_whole(halt: op.Operation) -> None:
     for under_way in (False, True):
         desk = Desk().ask(GOTO)
@@ -214,6 +216,7 @@ def test_a_goto_ends_the_guiding_and_more_than_a_few_pulses_are_refused() -> Non
         Desk().ask(*[PULSE] * 9)
 
 
+@some
 @given(st.lists(st.tuples(st.sampled_from(KINDS), st.booleans(), st.booleans()), max_size=30))
 def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Operation, bool, bool]]) -> None:
     """And what waits ends, one after the other: nothing is kept for ever, nothing is done twice."""
@@ -242,6 +245,7 @@ def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Op
     assert len(numbers) == len(set(numbers))
 
 
+@some
 @given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.StopAxis(1), op.StopAxis(2), op.AbortSlew()]))
 def test_what_is_taken_back_is_what_the_halt_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
     wanted = Wanted(pending=tuple(Order(number, one) for number, one in enumerate(asked, 1)))

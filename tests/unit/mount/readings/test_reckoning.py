@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from gateway.astro.spherical import wrap180
 from gateway.mount.readings.reckoning import Reading, course, place
 from tests.support.each import each
+from tests.support.examples import some
 
 FAST = 8.0 * 2.0**0.5
 
@@ -96,6 +97,7 @@ RATE = st.floats(-8.0, 8.0)
 RA, DEC = st.floats(0.0, 359.999), st.floats(-80.0, 80.0)
 
 
+@some
 @given(
     rates=st.tuples(RATE, RATE),
     last=st.tuples(RA, DEC),

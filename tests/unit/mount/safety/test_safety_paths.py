@@ -15,6 +15,7 @@ from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.slew_paths import STEP, clear, one_rests, together
 from gateway.mount.safety.allow import check_hour_angle, leaving, past_meridian
 from tests.support.each import each
+from tests.support.examples import some
 
 angles = st.floats(-180.0, 180.0)
 readings = st.tuples(angles, st.floats(-180.0, 180.0))
@@ -32,6 +33,7 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
     return math.degrees(math.acos(max(-1.0, min(1.0, best))))
 
 
+@some
 @given(readings, st.tuples(angles, angles), st.tuples(angles, st.floats(-90.0, 90.0)), st.floats(1.0, 60.0))
 def test_a_way_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pair, sun: Pair, limit: float) -> None:
     least = nearest(start, turn, sun)
@@ -41,6 +43,7 @@ def test_a_way_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pa
         assert not clear(start, turn, sun, limit)
 
 
+@some
 @given(readings, st.tuples(angles, angles))
 def test_both_shapes_begin_and_end_at_the_same_places(start: Pair, turn: Pair) -> None:
     length = max(map(abs, turn))
@@ -86,6 +89,7 @@ def test_an_hour_angle_exactly_at_the_limit_is_allowed() -> None:
             check_hour_angle(limits, beyond)
 
 
+@some
 @given(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0), st.floats(0.0, 10.0))
 def test_a_motion_that_leads_back_is_never_stopped(before: float, now: float, margin: float) -> None:
     limits = Limits(lowest=10.0, highest=80.0)

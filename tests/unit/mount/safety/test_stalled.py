@@ -28,6 +28,7 @@ def freeze(bridge: Any) -> None:
     wire._feed = hear
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200"), ("autostar", "lx200")]
 )
@@ -63,7 +64,7 @@ def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, l
         async with Bridge(mount, driven=driven, latency=latency, config=config) as bridge:
             client = bridge.client()
             client.tell(motion)
-            for _ in range(40):
+            for _ in range(24):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert bridge.controller.wanted.axes

@@ -48,7 +48,7 @@ def test_what_cannot_be_understood(method: str, member: str, pairs: list[tuple[s
     assert not refused.value.allow
 
 
-@pytest.mark.parametrize(("method", "member", "allow"), [("PUT", "slewing", "GET"), ("GET", "park", "PUT"),
+@each(("method", "member", "allow"), [("PUT", "slewing", "GET"), ("GET", "park", "PUT"),
                                                         ("POST", "tracking", "GET, PUT")])  # fmt: skip
 def test_another_method_than_the_member_has(method: str, member: str, allow: str) -> None:
     with pytest.raises(BadRequest) as refused:

@@ -193,7 +193,7 @@ def test_a_body_that_does_not_come_is_waited_for_in_vain_for_some_seconds(monkey
     run(test)
 
 
-@pytest.mark.parametrize("body", [b"\xff\xfe", b"Connected=%ff", b"x" * 9000, b"&".join([b"a=1"] * 200)])
+@each("body", [b"\xff\xfe", b"Connected=%ff", b"x" * 9000, b"&".join([b"a=1"] * 200)])
 def test_a_body_that_cannot_be_read(body: bytes) -> None:
     async def test(own: Served) -> None:
         form = {"Content-Type": "application/x-www-form-urlencoded"}
@@ -204,7 +204,7 @@ def test_a_body_that_cannot_be_read(body: bytes) -> None:
     run(test)
 
 
-@pytest.mark.parametrize(
+@each(
     ("headers", "status"),
     [
         ({}, 200),

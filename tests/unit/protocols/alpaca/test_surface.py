@@ -130,7 +130,7 @@ def test_parking(mount: tuple[str, str]) -> None:
     """Between Park and AtPark there is no moment at which it neither slews nor is parked."""
 
     async def program() -> None:
-        async with stage(*mount) as own:
+        async with stage(*mount, speed=4.0) as own:
             client = await connected(own)
             assert await ask(client, "put park") is None
             for _ in range(1200):

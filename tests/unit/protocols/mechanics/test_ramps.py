@@ -10,6 +10,8 @@ import pytest
 from gateway.astro.axes import Build, Sky
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.protocols.mechanics.mount import Mechanics
+from tests.support.each import each
+from tests.support.sampling import as_a_rule
 
 #: A power of two, so that a quarter of a second is exact.
 START = 2.0**30
@@ -90,7 +92,7 @@ def test_a_goto_hurried_by_the_simulation_is_ended_as_hurriedly() -> None:
     assert second(made, 9.0) - before == pytest.approx(2.0, abs=1e-4)
 
 
-@pytest.mark.parametrize("build", list(Build))
+@each("build", list(Build))
 def test_pulses_are_exact(build: Build) -> None:
     made, other = mount(build, on=True), mount(build, on=True)
     made.pulse(START + 1.0, 2, 0.5 * SIDEREAL_RATE, 2.0)
@@ -135,13 +137,13 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
 
 
 @pytest.mark.parametrize("build", list(Build))
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(as_a_rule(2, whole=4)))
 def test_whatever_is_ordered_no_motor_jumps(build: Build, seed: int) -> None:
     """Places follow speeds, and speeds change at twice the acceleration at most: off one order and on to another."""
     chance, made = Random(seed), mount(build, on=True)
     step = 1.0 / 64.0
     now, before, speeds = START, made.axes(START), made.speeds(START)
-    for _ in range(3000):
+    for _ in range(as_a_rule(2000, whole=3000)):
         now += step
         if chance.random() < 0.03:
             order(made, now, chance)

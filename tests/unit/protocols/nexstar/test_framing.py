@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.protocols.nexstar.framing import Framer
+from tests.support.each import each
+from tests.support.examples import some
 
 #: Typed by hand: one request of each length and letter.
 REQUESTS = [
@@ -29,7 +30,7 @@ REQUESTS = [
 ]
 
 
-@pytest.mark.parametrize("request_", REQUESTS, ids=repr)
+@each("request_", REQUESTS)
 def test_one_request_however_it_comes(request_: bytes) -> None:
     assert Framer().feed(request_, 0.0) == [request_]
     framer = Framer()
@@ -53,6 +54,7 @@ def test_half_a_command_is_dropped_after_a_quiet_second() -> None:
     assert framer.feed(b"5555,20000000", 10.9) == [b"r35555555,20000000"]
 
 
+@some
 @given(st.lists(st.binary(max_size=40), max_size=20))
 def test_nothing_piles_up_and_splitting_changes_nothing(chunks: list[bytes]) -> None:
     framer, whole = Framer(), Framer()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -10,10 +9,16 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
+from tests.support.examples import some
 from tests.support.fake_mount import Mount, Talk
+from tests.support.sampling import as_a_rule
 
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
 NAMES = sorted(load("lx200").commands)
+ARGUMENTS = (
+    b"", b"x", b"abc", b" ", b"-5", b"+", b".", b"0", b"9", b"1.2.3", b"9999999", b"n", b"n-5", b"\xff", b"12:34:56",
+    b"+12*34:56", b"nan", b"inf", b"1e3", b"1_0",
+)  # fmt: skip
 
 
 # --- whatever is sent ---------------------------------------------------------------------------------------------
@@ -21,34 +26,16 @@ NAMES = sorted(load("lx200").commands)
 
 @each("name", [name for name in NAMES if name != "ACK"])
 def test_no_argument_upsets_a_command(name: str) -> None:
-    for model in MODELS:
-        for argument in (
-            b"",
-            b"x",
-            b"abc",
-            b" ",
-            b"-5",
-            b"+",
-            b".",
-            b"0",
-            b"9",
-            b"1.2.3",
-            b"9999999",
-            b"n",
-            b"n-5",
-            b"\xff",
-            b"12:34:56",
-            b"+12*34:56",
-            b"nan",
-            b"inf",
-            b"1e3",
-            b"1_0",
-        ):
+    """As a rule each with one model, and every command with all of them."""
+    every = as_a_rule(len(MODELS), whole=1)
+    for number, argument in enumerate(ARGUMENTS, len(name)):
+        for model in MODELS[number % every :: every]:
             talk = Talk(model=model)
             talk.send((b"" if name.startswith("$Q") else b":") + name.encode() + argument + b"#")
             assert talk.send(b"#:Gc#").endswith((b"24#", b"12#"))
 
 
+@some
 @given(
     st.lists(
         st.one_of(
@@ -77,6 +64,7 @@ def _degrees(text: bytes) -> float:
     return -size if text.startswith(b"-") else size
 
 
+@some
 @given(st.floats(0, 360, exclude_max=True), st.floats(-90, 90))
 def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) -> None:
     long, short = Talk(mount := Mount()), Talk(mount)
@@ -94,7 +82,7 @@ def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) ->
             assert abs((off + 180) % 360 - 180) <= digit / 2 + 1e-9, (command, reply)
 
 
-@pytest.mark.parametrize("start", ["high", "low"])
+@each("start", ["high", "low"])
 def test_the_format_is_a_clients_own(start: str) -> None:
     long, short = (
         (b"12:34:56#+45*12:34#", b"12:34.9#+45*13#")
@@ -118,7 +106,7 @@ def test_pointing_precision_is_no_format() -> None:
 # --- one instant --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("first", "second", "before", "after"),
     [(b":GR#", b":GD#", b"+45*12:34#", b"+20*00:00#"), (b":GZ#", b":GA#", b"+40*00:00#", b"+20*00:00#")],
 )
@@ -177,9 +165,7 @@ def test_the_alignment_menu_marks_the_present_mode() -> None:
     assert talk.send(b":AL#:G2#").startswith(b">")
 
 
-@pytest.mark.parametrize(
-    ("model", "product", "firmware"), [("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l")]
-)
+@each(("model", "product", "firmware"), [("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l")])
 def test_identity_is_the_presented_models(model: str, product: bytes, firmware: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":GVP#:GVN#") == product + b"#" + firmware + b"#"

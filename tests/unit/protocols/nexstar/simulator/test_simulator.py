@@ -14,6 +14,7 @@ from gateway.core.errors import UserError
 from gateway.protocols.nexstar.simulator.hand_control import HANDLERS, SimulatedHandControl
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
+from tests.support.examples import some
 
 #: 19:26:00 UT, 6 April 2005: the manual's example, 3:26 PM in New York in summer.
 APRIL = 1112815560.0
@@ -232,7 +233,7 @@ def forms() -> list[list[str]]:
     return [line.split(" | ") for line in lines if line and not line.startswith(";;")]
 
 
-@pytest.mark.parametrize("form", forms(), ids=lambda form: form[0])
+@each("form", forms())
 def test_the_manuals_forms(form: list[str]) -> None:
     _, request, _, reply = form
     answer = manual_state()(typed(request)).decode("latin-1")
@@ -319,7 +320,7 @@ def test_the_starsense() -> None:
     assert Bench("6-8se", None, starsense=True)(b"V") == b"\x01\x14#"
 
 
-@pytest.mark.parametrize(("model", "version"), [("cge", "3.01"), ("cge", "3.04"), ("advanced-gt", "3.02")])
+@each(("model", "version"), [("cge", "3.01"), ("cge", "3.04"), ("advanced-gt", "3.02")])
 def test_shifted_modes(model: str, version: str) -> None:
     bench = Bench(model, version)
     assert bench(b"t") == b"\x01#"
@@ -355,8 +356,8 @@ def test_unaligned() -> None:
     assert re.fullmatch(rb"[0-9A-F]{8},[0-9A-F]{8}#", bench(b"e"))
 
 
-@pytest.mark.parametrize("latitude", [45.0, -34.0])
-@pytest.mark.parametrize("model", ["6-8se", "cge"])
+@each("latitude", [45.0, -34.0])
+@each("model", ["6-8se", "cge"])
 def test_a_goto_ends_on_the_sky(model: str, latitude: float) -> None:
     bench = Bench(model, site=(latitude, 10.0), speed=4.0)
     ra = sidereal_time(bench.now, 10.0) + 20.0
@@ -384,7 +385,7 @@ def test_fork_limits_are_silent() -> None:
     assert bench(b"B4000,4000") == b"#" and bench(b"L") == b"1#"
 
 
-@pytest.mark.parametrize(("latitude", "west", "mode"), [(45.0, "24", 2), (-34.0, "25", 3)])
+@each(("latitude", "west", "mode"), [(45.0, "24", 2), (-34.0, "25", 3)])
 def test_directions_of_a_german_mount(latitude: float, west: str, mode: int) -> None:
     bench = Bench("cge", site=(latitude, 10.0), ramps=False)
     assert bench(b"t") == bytes((mode,)) + b"#"
@@ -559,6 +560,7 @@ _BYTES = st.one_of(
 )
 
 
+@some
 @given(
     st.sampled_from(["6-8se", "cge", "cgx", "nexstar-gps"]),
     st.sampled_from([-90.0, -34.0, 0.0, 45.0, 90.0]),

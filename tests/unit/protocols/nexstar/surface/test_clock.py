@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gateway.core import operations as op
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
+from tests.support.examples import some
 from tests.support.fake_mount import Mount, Talk, unix
 
 #: Hours east: every offset that is law somewhere.
@@ -84,9 +85,7 @@ def local(utc: str, hours: float) -> bytes:
 
 
 @each("offset", OFFSETS)
-@pytest.mark.parametrize(
-    "utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35", "2000-01-02 03:04:05"]
-)
+@each("utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35", "2000-01-02 03:04:05"])
 def test_told_time_is_utc_in_every_zone(offset: float, utc: str) -> None:
     talk = talk_to(version="5.31")
     talk.mount.clock = op.Moment(unix(utc), offset)
@@ -131,6 +130,7 @@ def test_the_manuals_example() -> None:
     assert talk.mount.clock == op.Moment(unix("2005-04-06 19:26:00"), -4.0)
 
 
+@some
 @given(st.binary(min_size=8, max_size=8))
 def test_no_eight_bytes_upset_the_clock(data: bytes) -> None:
     for command, version in ((b"H", "4.21"), (b"I", "5.31")):
@@ -174,6 +174,7 @@ def test_one_w_is_one_site() -> None:
     assert place.longitude == pytest.approx(-118.338055555556)
 
 
+@some
 @given(st.binary(min_size=8, max_size=8))
 def test_no_eight_bytes_upset_the_site(data: bytes) -> None:
     talk = talk_to()
@@ -197,7 +198,7 @@ def test_models() -> None:
 
 
 @each("model", MODELS)
-@pytest.mark.parametrize(
+@each(
     ("command", "count", "reply"),
     [
         (55, 1, b"\1"),

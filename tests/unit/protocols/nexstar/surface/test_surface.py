@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gateway.core import operations as op
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
+from tests.support.examples import some
 from tests.support.fake_mount import Mount, Talk
 
 LETTERS = [letter.encode() for letter in "EeZzRrBbSsTtPWwHhVvmKJLMplxyiIu"]
@@ -20,6 +21,7 @@ def talk_to(model: str = "6-8se", mount: Mount | None = None, version: str | Non
     return Talk(mount, protocol="nexstar", model=model, version=version)
 
 
+@some
 @given(st.lists(st.one_of(st.binary(max_size=20), st.sampled_from(LETTERS), st.just(b"P\2\x10\x24")), max_size=30))
 @pytest.mark.parametrize(("model", "version"), [("6-8se", "4.21"), ("cge", "3.02"), ("cgx", "5.31")])
 def test_no_bytes_upset_the_surface(model: str, version: str, pieces: list[bytes]) -> None:
@@ -29,6 +31,7 @@ def test_no_bytes_upset_the_surface(model: str, version: str, pieces: list[bytes
     assert talk.send(b"Kz") == b"z#"
 
 
+@some
 @given(st.floats(0, 360, exclude_max=True), st.floats(-90, 90))
 def test_positions_are_capital_letters_and_within_half_a_tick(ra: float, dec: float) -> None:
     talk = talk_to()
@@ -42,6 +45,7 @@ def test_positions_are_capital_letters_and_within_half_a_tick(ra: float, dec: fl
             assert abs((turns * 360 - wanted + 180) % 360 - 180) <= 180 / 2**bits + 1e-9
 
 
+@some
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2**30), st.booleans())
 def test_requests_in_either_case_are_one_place(ra: int, dec: int, small: bool) -> None:
     talk = talk_to()
@@ -52,7 +56,7 @@ def test_requests_in_either_case_are_one_place(ra: int, dec: int, small: bool) -
     assert abs(sync.dec - dec / 2**32 * 360) <= 180 / 2**24 + 1e-9
 
 
-@pytest.mark.parametrize(("aligned", "reply"), [(True, b"\1#"), (False, b"\0#")])
+@each(("aligned", "reply"), [(True, b"\1#"), (False, b"\0#")])
 def test_alignment_is_a_number_and_slewing_a_letter(aligned: bool, reply: bytes) -> None:
     talk = talk_to()
     talk.mount.status = op.Status(op.Tracking.ALTAZ, aligned=aligned, equatorial=False)
