@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.app.gateway import Gateway
 from gateway.protocols.lx200.framing import Framer
 from gateway.transport.intake import GAP, LARGE_READ, OTHERS, PAUSE, SHARE, Pace, period, skip_repetitions
 from tests.support.each import each
+from tests.support.sampling import as_a_rule
 from tests.unit.transport.test_ports import address, ask, serve
 
 
@@ -26,6 +27,7 @@ def test_whose_share_takes_long_costs_the_others_no_more() -> None:
     assert [pace.pause(10.0, 0.01) for _ in range(4)] == pytest.approx([PAUSE + OTHERS * 0.01 * n for n in range(4)])
 
 
+@settings(max_examples=as_a_rule(40, whole=100))
 @given(
     st.lists(st.sampled_from([b":Qn#", b":Qs#", b":Qe#", b":Qw#", b":Q#"]), min_size=1, max_size=9),
     st.integers(0, 40),
