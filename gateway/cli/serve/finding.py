@@ -113,8 +113,8 @@ def waiting(gateway: Gateway) -> str:
     takes = spec.takes[gateway.mount.model is None]
     if gateway.controller.context.met.is_set():
         return (
-            f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
-            f"it {takes} s to say"
+            f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "
+            "model"
         )
     return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest} may take {takes} s"
 
