@@ -56,7 +56,7 @@ def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, m
             assert not truth_of(bridge.sim).moving
             assert not bridge.controller.wanted.owed and not bridge.controller.moving
             assert [
-                entry for entry in bridge.entries if "the connection to the mount was lost during a motion" in entry.note
+                entry for entry in bridge.entries if "connection to the mount was lost during a motion" in entry.note
             ]
 
     run(program())
