@@ -25,7 +25,7 @@ class Owner:
     """Somebody at the keyboard of a bridge's gateway."""
 
     def __init__(self, bridge: Any, name: str = "") -> None:
-        self.desk = Desk(bridge.controller, name, "nexstar@sim", lambda: bridge.reception.here())
+        self.desk = Desk(bridge.controller, name, "nexstar@sim", lambda: bridge.reception.present_hosts())
         self._controller = bridge.controller
 
     async def wish(self, wish: commands.Wish) -> str:
