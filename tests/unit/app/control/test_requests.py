@@ -25,7 +25,9 @@ class Owner:
     """Somebody at the keyboard of a bridge's gateway."""
 
     def __init__(self, bridge: Any, name: str = "") -> None:
-        self.request_handler = RequestHandler(bridge.controller, name, "nexstar@sim", lambda: bridge.reception.here())
+        self.request_handler = RequestHandler(
+            bridge.controller, name, "nexstar@sim", lambda: bridge.reception.present_hosts()
+        )
         self._controller = bridge.controller
 
     async def wish(self, wish: request_types.Request) -> str:
