@@ -51,7 +51,7 @@ from gateway.transport.web_port import WebDevice
 from gateway.transport.wires import on_the_wire
 
 if TYPE_CHECKING:
-    from gateway.app.control.requests import Desk
+    from gateway.app.control.requests import RequestHandler
 
 
 class Gateway:
@@ -196,7 +196,7 @@ class Gateway:
             self.keeping.name,
             str(self.mount),
             orders(self.controller, self.keeping, self.entrance),
-            lambda line: self.entrance.wish(line, self.desk.carry_out),
+            lambda line: self.entrance.wish(line, self.request_handler.carry_out),
             self.config.name or "",
         )
         try:
@@ -222,11 +222,11 @@ class Gateway:
         self.fitted.set()
 
     @cached_property
-    def desk(self) -> Desk:
+    def request_handler(self) -> RequestHandler:
         """Carries out requests from the command line; made at the first request, so that the start is faster."""
-        from gateway.app.control.requests import Desk
+        from gateway.app.control.requests import RequestHandler
 
-        return Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
+        return RequestHandler(self.controller, self.config.name or "", str(self.mount), self.programs)
 
     def programs(self) -> list[str]:
         """Return the hosts of the connected programs."""
