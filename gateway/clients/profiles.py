@@ -71,4 +71,4 @@ class SurfaceBinding(Struct, frozen=True):
     counts_in: str = "jnow"
     #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
-    manners: tuple[ClientProfile, ...] = ()
+    profiles: tuple[ClientProfile, ...] = ()

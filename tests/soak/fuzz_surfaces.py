@@ -148,7 +148,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     endpoint = Endpoint(case.presented, "-", case.model, case.version)
     face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
-    bridge.reception.face = face
+    bridge.reception.binding = face
     bridge.controller.astrometry.sky = SKY
     bridge.wire_log.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0

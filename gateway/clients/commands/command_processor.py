@@ -35,18 +35,18 @@ class CommandProcessor:
         self,
         name: str,
         controller: MountController,
-        face: SurfaceBinding,
+        binding: SurfaceBinding,
         session: Session,
         write: Write,
         life: HostActivity,
     ) -> None:
         self.life = life
-        self.controller, self.surface, self.session = controller, face.surface, session
+        self.controller, self.surface, self.session = controller, binding.surface, session
         self._wanted = controller.wanted
-        self.framer, self.write = face.framing(), write
+        self.framer, self.write = binding.framing(), write
         self.log = ClientLog(name, controller.wire_log)
         self._inbox = Inbox(self.log)
-        self.runner = TurnRunner(controller, face.surface, session, life, self.log)
+        self.runner = TurnRunner(controller, binding.surface, session, life, self.log)
         self._cache = self.runner.cache
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
@@ -55,7 +55,7 @@ class CommandProcessor:
         self._turn: Turn | None = None
         self._lasting = False
         #: Returns when the bytes being processed arrived, loop time.
-        self.came: Callable[[], float] = controller.now
+        self.arrival: Callable[[], float] = controller.now
         self.open = True
         #: Whether the last bytes only ended motions and need no reply.
         self.ended = False
@@ -87,7 +87,7 @@ class CommandProcessor:
             self.log.put("raw", data)
         if self._idle and self._task is None and self._repeated(data):
             return
-        frames = self.framer.feed(data, self.came())
+        frames = self.framer.feed(data, self.arrival())
         if self.log.sinks:
             self._tell_dropped()
         self._idle = self.framer.idle  # else the next bytes may belong to these
@@ -110,7 +110,7 @@ class CommandProcessor:
                 self._end(frame, ending)
             steps = self.surface.handle(self.session, frame)
             before = self._wanted.value.stops if stops is None else stops
-            self._inbox.add(Turn(frame, steps, before, ending, self.came()))
+            self._inbox.add(Turn(frame, steps, before, ending, self.arrival()))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
