@@ -218,7 +218,7 @@ class Served:
 
         monkeypatch.setattr(Gateway, "open", open_it)
         wire = SimulatedTransport("sim", self.sim.connection, 0.005)
-        monkeypatch.setattr("gateway.app.gateway.make_wire", lambda *_: wire)
+        monkeypatch.setattr("gateway.app.gateway.make_transport", lambda *_: wire)
 
     def run(self, fast: bool, then: Callable[[], object]) -> int:
         """Begin a goto, and a moment later do something to the loop or the process."""

@@ -162,15 +162,15 @@ def test_an_evening_with_strangers_replays(presented: str, tmp_path: Path) -> No
         gateway.begin()
         await asyncio.sleep(3.0)
         for number, name in enumerate(("a visit", "TLS", "SMTP", "a WebDAV merge")):
-            program = Caller(gateway.receptions[0], number=50000 + 2 * number)
-            stranger = Caller(gateway.receptions[0], number=50001 + 2 * number)
+            program = Caller(gateway.acceptors[0], number=50000 + 2 * number)
+            stranger = Caller(gateway.acceptors[0], number=50001 + 2 * number)
             await program.dribble(b"#" + question, (0.05,))
             await stranger.dribble(GREETINGS[name], (0.3,))
             assert stranger.gone
             await program.ask(sleep, 1.0)
             await program.ask(question)
             program.close()
-        short = Caller(gateway.receptions[0], number=51000)
+        short = Caller(gateway.acceptors[0], number=51000)
         await short.dribble(b"HEA", (0.1,))
         await short.ask(question)
         await gateway.close()
