@@ -237,7 +237,7 @@ def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
 def own_face(controller: MountController, face: SurfaceBinding) -> None:
     """Present the mount itself on a surface, as the mount has identified itself."""
     face.model.update(controller.driver.presented())
-    face.surface.as_written = controller.line.dialogue.as_written
+    face.surface.as_written = controller.line.reply_rules.as_written
 
 
 def make_wire(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
