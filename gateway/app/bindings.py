@@ -27,7 +27,7 @@ from gateway.transport import Listener, open_port
 from gateway.transport.handler import Arrive
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
-from gateway.transport.web_port import Elsewhere, WebDevice
+from gateway.transport.web_port import SharedWebPort, WebDevice
 from gateway.transport.wires import SerialTransport, Transport
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, tit
     """Open the port of a surface; HTTP clients see the mount under its ``title``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
-        return Elsewhere()
+        return SharedWebPort()
     if spec is None or spec.web is None:
         return await open_port(endpoint.where, arrive, baud)
     return await spec.web().open_port(endpoint.where, WebDevice(arrive, title))

@@ -150,8 +150,8 @@ class _Asking(asyncio.DatagramProtocol):
 def silent(pid: int) -> str:
     """Return a sentence about a gateway that does not answer: what the reason may be, and what to do."""
     ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
-    goes_on = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} lets it go on; or " if processes.suspended(pid) else ""
-    return f"the gateway (process {pid}) does not answer: {goes_on}{ended}"
+    resume = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} resumes it; or " if processes.suspended(pid) else ""
+    return f"the gateway (process {pid}) does not answer: {resume}{ended}"
 
 
 async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:

@@ -138,7 +138,7 @@ class ClientConnection:
                 "to begin a motion until it has caught up"
             )
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         """The other end has closed: from now on the client has a limited time to reconnect."""
         self._gone = True
         if not self.stranger:

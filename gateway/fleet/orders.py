@@ -60,7 +60,7 @@ class Orders:
         elif len(text) > LONGEST:
             self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters")
         elif to == EVERY:
-            self._refuse(text, "all mounts together can be told stop, and nothing else")
+            self._refuse(text, "the only order for all mounts together is stop")
         elif word not in (*PLAIN, GOTO) or (bool(rest) is not (word == GOTO)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
         elif word not in self._allowed:

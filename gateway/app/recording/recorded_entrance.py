@@ -174,13 +174,13 @@ class _Visitor:
         """Pass on the functions of a network connection; call this before ``feed``."""
         self._hang_up, self._hand_over = hang_up, hand_over
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         self._loop.enter(self._gone_away)
 
     def _gone_away(self) -> None:
         assert self._guest is not None
         self._recorder.line(self._name, "e")
-        self._guest.gone()
+        self._guest.peer_closed()
 
     def close(self) -> None:
         self._write = lambda data: None

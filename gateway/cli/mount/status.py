@@ -114,7 +114,7 @@ def lines(state: State) -> Iterator[str]:
         "seen": [f"{seen}; {doing}" if doing else seen],
         "wanted": state.wanted or ["no motion"],
         "allowed": ["; ".join(state.allowed)],
-        "site": [state.site or "not known: altitudes cannot be reckoned"],
+        "site": [state.site or "not known: altitudes cannot be computed"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
         "programs": [", ".join(_counted(state.programs)) or "none"],

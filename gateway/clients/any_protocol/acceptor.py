@@ -34,7 +34,7 @@ class AnyConnection:
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
         #: The connection that answers, and its protocol; preliminary while the protocol is undecided.
-        self._guest: ConnectionHandler | None = None
+        self._handler: ConnectionHandler | None = None
         self._protocol = ""
         #: Received bytes that no connection has got yet.
         self.sent = b""
@@ -49,15 +49,15 @@ class AnyConnection:
     @property
     def decided(self) -> bool:
         """Whether the protocol is known, at least preliminarily."""
-        return self._guest is not None
+        return self._handler is not None
 
     @property
     def ended(self) -> bool:
-        return self._guest is not None and self._guest.ended
+        return self._handler is not None and self._handler.ended
 
     @property
     def answered(self) -> bool:
-        return not self._browses if self._guest is None else self._guest.answered
+        return not self._browses if self._handler is None else self._handler.answered
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """Do nothing: there is no serial port."""
@@ -65,17 +65,17 @@ class AnyConnection:
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         self._hang_up, self._hand_over = hang_up, hand_over
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         self._silence.cancel()
-        if self._guest is not None:
-            self._guest.gone()
+        if self._handler is not None:
+            self._handler.peer_closed()
 
     def close(self) -> None:
         self._silence.cancel()
         self.feed = lambda data: None
         self._web.leave(self)
-        if self._guest is not None:
-            self._guest.close()
+        if self._handler is not None:
+            self._handler.close()
         self._left()
 
     # --- recognising the protocol -----------------------------------------------------------------------------------
@@ -94,7 +94,7 @@ class AnyConnection:
             self.sent = b""
         self._heard = now
         self.sent += data
-        waits = self._guest is not None and PROTOCOLS[self._protocol].waits
+        waits = self._handler is not None and PROTOCOLS[self._protocol].waits
         while rest := self.sent.lstrip(IDLE):
             verdict = decide(rest)
             if verdict is None:
@@ -104,14 +104,14 @@ class AnyConnection:
                 self._speak_http(rest)
                 return
             self._speak(verdict.protocol, verdict.why)
-            assert self._guest is not None
+            assert self._handler is not None
             count = undecided(verdict.protocol, rest)
             if not count:
                 self._settle()
                 return
             common, self.sent = rest[:count], rest[count:]
             self._said += common
-            self._guest.feed(common)
+            self._handler.feed(common)
         if waits:
             self._part()  # the first byte does not decide for that protocol
         if not rest:
@@ -124,19 +124,19 @@ class AnyConnection:
         self._part()
         self._protocol = protocol
         self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
-        self._guest = self._speaking[protocol].take(self._name, self._host, self._write, said=self._said)
+        self._handler = self._speaking[protocol].take(self._name, self._host, self._write, said=self._said)
         if self._hang_up is not None:
-            self._guest.network(self._hang_up)
+            self._handler.network(self._hang_up)
 
     def _part(self) -> None:
         """Close the connection that has answered until now."""
-        guest, self._guest, self._protocol = self._guest, None, ""
-        if guest is not None:
-            guest.close()
+        handler, self._handler, self._protocol = self._handler, None, ""
+        if handler is not None:
+            handler.close()
 
     def _settle(self) -> None:
-        assert self._guest is not None
-        self.feed = self._guest.feed
+        assert self._handler is not None
+        self.feed = self._handler.feed
         sent, self.sent = self.sent, b""
         self.feed(sent)
 

@@ -48,7 +48,7 @@ class Told:
         if event.arrow == ">":
             self.guest.feed(event.data)
         elif event.arrow == "e":
-            self.guest.gone()
+            self.guest.peer_closed()
         else:
             self.guest.close()
 

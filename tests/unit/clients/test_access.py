@@ -183,7 +183,7 @@ def test_a_mistake_says_what_would_be_right(line: str, words: str) -> None:
 @pytest.mark.parametrize("key", ["allow", "read-only"])
 def test_nobody_comes_to_a_serial_line_from_a_network(key: str) -> None:
     tables = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@pty:/tmp/x", key: ["10.0.0.0/8"]}]}
-    with pytest.raises(UserError, match=f"{key}: nobody comes from a network here"):
+    with pytest.raises(UserError, match=f"{key}: this surface has no network connections"):
         make_config(tables, Source("gateway.toml"))
 
 

@@ -25,6 +25,7 @@ from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
 from tests.support.in_process_gateway import Bridge
 from tests.support.manual_files import raw, rows
+from tests.support.sampling import as_a_rule
 from tests.support.transcript_files import files, read
 from tests.support.virtual import run
 
@@ -151,13 +152,13 @@ def goes_on(beginning: Beginning, opening: list[bytes], cuts: list[int]) -> None
     assert heard == whole
 
 
-@settings(max_examples=200)
+@settings(max_examples=as_a_rule(60, whole=200))
 @given(st.lists(NEXSTAR_COMMANDS, min_size=1, max_size=5), CUTS)
 def test_no_whole_command_to_a_hand_control_waits(opening: list[bytes], cuts: list[int]) -> None:
     goes_on(Beginning(NEXSTAR_BEGINNING), opening, cuts)
 
 
-@settings(max_examples=80)
+@settings(max_examples=as_a_rule(30, whole=80))
 @given(st.lists(LX200_COMMANDS, min_size=1, max_size=5), CUTS)
 def test_no_whole_command_to_a_meade_waits(opening: list[bytes], cuts: list[int]) -> None:
     goes_on(Beginning(LX200_BEGINNING), opening, cuts)
@@ -205,14 +206,17 @@ def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() ->
 
 
 @pytest.mark.sampled(1)
+@pytest.mark.parametrize("apart", [False, True], ids=["one after the other", "each the first of its connection"])
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("path", files("*.txt"), ids=lambda path: path.stem)
-def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(path: Path, transport: str) -> None:
-    """The first ten packets of every program, each as the first of its connection and one after the other."""
+def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(
+    path: Path, transport: str, apart: bool
+) -> None:
+    """The first ten packets of every program."""
     lines = [line for line in read(path).lines if line.mark == ">"][:10]
     protocol = path.stem.partition("-")[0]
 
-    async def told(trusted: bool, apart: bool) -> list[tuple[float, bytes]]:
+    async def told(trusted: bool) -> list[tuple[float, bytes]]:
         answers: list[tuple[float, bytes]] = []
         async with Bridge(presented=protocol, surface=None) as bridge:
             loop = asyncio.get_running_loop()
@@ -226,8 +230,7 @@ def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(path: Pa
                 assert not caller.gone
         return answers
 
-    for apart in (False, True):
-        assert run(told(trusted=False, apart=apart)) == run(told(trusted=True, apart=apart))
+    assert run(told(trusted=False)) == run(told(trusted=True))
 
 
 # --- what is kept -----------------------------------------------------------------------------------------------------

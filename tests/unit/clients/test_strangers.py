@@ -46,7 +46,7 @@ async def own(mount: str, surface: str) -> set[bytes]:
     """What the gateway asks of a mount when its clients ask for the position alone."""
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
         client = Caller(bridge.reception)
-        for _ in range(20):
+        for _ in range(8):
             await client.ask(QUESTION[surface])
             await asyncio.sleep(5.0)
         return set(bridge.sent())

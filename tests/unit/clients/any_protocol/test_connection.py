@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
+from tests.support.sampling import as_a_rule
 
 GOTO = struct.pack("<HHQIi", 20, 0, 0, round(83.633 / 360 * 2**32), round(22.0145 / 360 * 2**32))
 #: What is sent first, what the answer ends with, and what is spoken.
@@ -283,7 +284,7 @@ def test_closing_while_nothing_is_known() -> None:
             caller = bridge.call()
             if sent:
                 caller.tell(sent)
-            caller._guest.gone()
+            caller._guest.peer_closed()
             assert caller._guest.answered and not caller._guest.ended
             caller._guest.close()
         await asyncio.sleep(10.0)
@@ -296,7 +297,7 @@ def test_closing_while_nothing_is_known() -> None:
     pieces=st.lists(st.one_of(st.binary(min_size=1, max_size=30), st.sampled_from(ODD)), min_size=1, max_size=12),
     pauses=st.lists(st.sampled_from([0.0, 0.05, 1.2, 3.5]), min_size=12, max_size=12),
 )
-@settings(max_examples=30)
+@settings(max_examples=as_a_rule(15, whole=30))
 def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: list[float]) -> None:
     async def program(bridge: AnyBridge) -> None:
         caller = bridge.call()
