@@ -48,7 +48,7 @@ class Context:
     @property
     def timing(self) -> StopTiming:
         """The stop timing for the present speed of the line."""
-        return StopTiming(self.link.typical, self.driver.position_reads, RENEW[op.Position])
+        return StopTiming(self.link.typical_rtt, self.driver.position_reads, RENEW[op.Position])
 
     @property
     def fastest(self) -> float:

@@ -56,7 +56,7 @@ async def _stop_blindly(context: Context) -> None:
     """Write the bytes of a stop without waiting for replies."""
     with contextlib.suppress(Exception):  # nothing is left to try after this
         for command in stop_commands(context.driver, context.link.dialogue):
-            context.link.talk.send(command)
+            context.link.transaction.send(command)
             await asyncio.sleep(BLIND)
 
 

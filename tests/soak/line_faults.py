@@ -69,7 +69,7 @@ class Trial:
         self.line: MountLink = line
         self.strange: list[Send] = []
         self.acknowledged: list[tuple[Send, bool]] = []
-        in_step, exchange = line.in_step, line.talk.exchange
+        in_step, exchange = line.in_step, line.transaction.exchange
 
         async def exchanging(ask: Send, **more: Any) -> Any:
             self.wire.strange, self.wire.of_another = None, False
@@ -80,7 +80,7 @@ class Trial:
                 self.acknowledged.append((ask, self.wire.of_another))
             return outcome
 
-        line.talk.exchange = exchanging  # type: ignore[method-assign]
+        line.transaction.exchange = exchanging  # type: ignore[method-assign]
         order = self.bridge.controller.verifier._order
 
         async def ordering(ask: Send, rank: int) -> Any:
@@ -290,7 +290,7 @@ class Trial:
         """The time before which nothing that is told now may come from."""
         line = self.line
         old = line.state != "up" or self.bridge.controller.told_position.told_old  # which the log says
-        allowed = 10.0 if old else max(AGE, 2.5 * line.typical)
+        allowed = 10.0 if old else max(AGE, 2.5 * line.typical_rtt)
         return now - allowed - EXCHANGE
 
     def _check_position(self, ra: float, dec: float, paired: bool) -> None:

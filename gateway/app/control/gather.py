@@ -49,7 +49,7 @@ def gather(controller: MountController, name: str, mount: str, programs: Sequenc
         site(controller),
         clock(controller),
         tuple(sorted(programs)),
-        controller.line.typical,
+        controller.line.typical_rtt,
         controller.line.answers,
         tuple(_lately(controller)),
     )

@@ -70,7 +70,7 @@ class _Talk:
             ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
-            self.took.append(self.line.talk.times.took)
+            self.took.append(self.line.transaction.times.last_rtt)
         return answer
 
 

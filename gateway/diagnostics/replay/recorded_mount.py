@@ -124,7 +124,9 @@ class RecordedQueue(RequestQueue):
         self._recorded.granted += requests
         self.wake()
 
-    async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
+    async def next(
+        self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
+    ) -> Request | None:
         if answered:
             await self._what_follows()
         if self._recorded.granted > self._recorded.written and self._recorded.script:

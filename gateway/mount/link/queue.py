@@ -102,11 +102,13 @@ class RequestQueue:
         self._wake.clear()
         return await self._wake.within(seconds)
 
-    async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
+    async def next(
+        self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
+    ) -> Request | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
-        ``typical`` is the average reply time in seconds, ``gap`` returns the seconds of quiet still needed before a
-        command. If a client was ``answered`` just now, it may queue its next request first.
+        ``typical_rtt`` is the average reply time, ``quiet_needed`` returns the quiet needed before a command, both in
+        seconds. If a client was ``answered`` just now, it may queue its next request first.
         """
         if answered:
             await self._what_follows()
@@ -119,12 +121,12 @@ class RequestQueue:
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
         first = self.in_turn()[0]
-        pause = held_back(first, now, self._urgent[0] if self._urgent else None, typical)
+        pause = held_back(first, now, self._urgent[0] if self._urgent else None, typical_rtt)
         if pause is not None:
             if not await self.woken(pause):
                 heapq.heappop(self._urgent)
             return None
-        quiet = 0.0 if first.rank == STOP else gap(first.ask)
+        quiet = 0.0 if first.rank == STOP else quiet_needed(first.ask)
         if quiet > 0:
             first.chosen = True
             await self.woken(quiet)
@@ -199,12 +201,12 @@ def in_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: i
     return sorted(waiting, key=turn)
 
 
-def held_back(first: Request, now: float, urgent: float | None, typical: float) -> float | None:
+def held_back(first: Request, now: float, urgent: float | None, typical_rtt: float) -> float | None:
     """Return the seconds that a read waits for something due at loop time ``urgent``; None if it need not wait.
 
-    ``typical`` is the average reply time in seconds.
+    ``typical_rtt`` is the average reply time in seconds.
     """
-    if urgent is None or first.rank not in READS or urgent - now >= BEFORE_URGENT * typical:
+    if urgent is None or first.rank not in READS or urgent - now >= BEFORE_URGENT * typical_rtt:
         return None
     return max(0.0, urgent - now) + AFTER_DUE
 

@@ -15,8 +15,8 @@ from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import WireLog
-from gateway.mount.link.answers import LATEST, AnswerTimes, LateReplies
 from gateway.mount.link.queue import RequestQueue
+from gateway.mount.link.reply_times import LATEST, LateReplies, ReplyTimes
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import Expected, ReplyRules
 from gateway.transport.wires import Transport
@@ -60,7 +60,7 @@ class Transaction:
         self.long, self.busy, self.long_until = False, False, -1e9
         #: Loop time of the last write; long ago if there was none.
         self.wrote = -1e9
-        self.times = AnswerTimes()
+        self.times = ReplyTimes()
         self.late = LateReplies(dialogue.ambiguous_with)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
@@ -82,22 +82,22 @@ class Transaction:
 
         def on_data(data: bytes) -> None:
             if opening == self._opened:
-                self._hear(data)
+                self._receive(data)
 
         def on_lost(reason: str) -> None:
             if opening == self._opened:
-                self.lose(reason)
+                self.connection_lost(reason)
 
         return on_data, on_lost
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self.heard_ever = True
         self._heard = self._now()
         self._arrived.set()
 
-    def lose(self, reason: str) -> None:
+    def connection_lost(self, reason: str) -> None:
         """Note that the wire is lost, and end the exchange under way; further calls change nothing."""
         if not self.lost:
             self.wire_log.put("mount", "v", note=reason)
@@ -106,7 +106,7 @@ class Transaction:
         self._arrived.set()
         self._queue.wake()
 
-    def nudge(self, stop: bool) -> None:
+    def wake(self, stop: bool) -> None:
         """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
         self._hurried |= stop
         if self.long or (stop and self._settling):
@@ -119,13 +119,13 @@ class Transaction:
         try:
             self.wire.write(request)
         except Exception as error:  # the port was lost during the write; drivers raise various exceptions
-            self.lose(str(error))
+            self.connection_lost(str(error))
             return False
         return True
 
     # --- one exchange -----------------------------------------------------------------------------------------------
 
-    def gap(self, ask: Send) -> float:
+    def quiet_needed(self, ask: Send) -> float:
         """Return the seconds of quiet still needed before a command, so that the rest of the last reply is not taken
         for its own.
         """
@@ -162,8 +162,10 @@ class Transaction:
         except Fault as fault:
             return fault
         expected = self.dialogue.expected(ask)
-        settle = GAP if stop and self.gap(ask) else SETTLE  # a request that skipped the quiet must wait after the reply
-        self.drop("unsolicited")
+        settle = (
+            GAP if stop and self.quiet_needed(ask) else SETTLE
+        )  # a request that skipped the quiet must wait after the reply
+        self.discard("unsolicited")
         self._arrived.clear()
         self._last = ask
         began = self.wrote = self._now()
@@ -177,7 +179,7 @@ class Transaction:
             outcome = Garbled()
         if isinstance(outcome, Garbled):
             self._distrust(ask, expected, began)
-            self.drop("garbled")
+            self.discard("garbled")
             return outcome
         if ask.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length]}
@@ -241,7 +243,7 @@ class Transaction:
             return Silence()
         self._distrust(ask, expected, began)
         half = bool(self._buffer)
-        self.drop("no complete answer")
+        self.discard("no complete answer")
         return Garbled() if half and ask.patience is not None else NoAnswer()
 
     def _distrust(self, ask: Send, expected: Expected, began: float) -> None:
@@ -269,7 +271,7 @@ class Transaction:
         self.wire_log.put("mount", "<", self._buffer[:length], note)
         self._buffer = self._buffer[length:]
 
-    def drop(self, why: str) -> None:
+    def discard(self, why: str) -> None:
         if self._buffer:
             self._stray = self._now()
             self._cut(len(self._buffer), f"dropped: {why}")
@@ -286,5 +288,5 @@ class Transaction:
         if anything and self._unanswered_since is not None:
             self.times.came_late(self._heard - self._unanswered_since)
         self._unanswered_since = None
-        self.drop("drained")
+        self.discard("drained")
         return anything

@@ -64,7 +64,7 @@ class ReplyVerifier:
 
     def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
-        self._late = line.talk.late
+        self._late = line.transaction.late
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
@@ -88,7 +88,7 @@ class ReplyVerifier:
             if ask.light:
                 break
             took = heard.came - heard.asked
-            if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical:
+            if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical_rtt:
                 slow += 1
                 continue
             if not (row and self._agree(kind, row[-1], heard)):
@@ -180,7 +180,7 @@ class ReplyVerifier:
 
     def _reach(self, before: Heard, after: Heard) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
-        took = min(before.came - before.asked, 2.5 * self._line.typical)
+        took = min(before.came - before.asked, 2.5 * self._line.typical_rtt)
         return NEAR + self._fastest * (after.came - before.came + took)
 
     def _distance(self, before: Heard, after: Heard, poleward: float = 0.0) -> float:

@@ -133,7 +133,7 @@ class Poller:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if not self._wanted(kind, now):
             return IDLE
-        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical
+        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical_rtt
         every = RENEW[kind]
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
             every = self._watch.axes_every or every

@@ -209,7 +209,7 @@ class Reader:
         if isinstance(operation, op.Position):
             value = self._astrometry.from_mount(value)
         if isinstance(value, op.Equatorial | op.Horizontal):
-            half = self._link.typical / 2.0
+            half = self._link.typical_rtt / 2.0
             first, second = self._driver.read_at or (self._now(), self._now())
             self._told.came(type(operation), value, self._runner.asked_at, (first - half, second - half))
         return value

@@ -51,7 +51,7 @@ def at_hand(context: Context, kind: Kind) -> Any:
     value = context.cache.asked(kind, now)
     if value is not MISSING:
         return value
-    return context.cache.fresh(kind, now, EXCHANGES * link.typical, link.state != "up")
+    return context.cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
 
 
 class ToldPosition:

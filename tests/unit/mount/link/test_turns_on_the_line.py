@@ -66,10 +66,10 @@ def test_a_read_whose_turn_it_was_keeps_it() -> None:
 
 
 def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
-    assert held_back(Waits(READ), NOW, NOW + 0.1, typical=0.1) == pytest.approx(0.15)
-    assert held_back(Waits(READ), NOW, NOW + 0.2, typical=0.1) is None
-    assert held_back(Waits(READ), NOW, None, typical=0.1) is None
-    assert held_back(Waits(MOTION), NOW, NOW + 0.1, typical=0.1) is None
+    assert held_back(Waits(READ), NOW, NOW + 0.1, typical_rtt=0.1) == pytest.approx(0.15)
+    assert held_back(Waits(READ), NOW, NOW + 0.2, typical_rtt=0.1) is None
+    assert held_back(Waits(READ), NOW, None, typical_rtt=0.1) is None
+    assert held_back(Waits(MOTION), NOW, NOW + 0.1, typical_rtt=0.1) is None
 
 
 def test_what_begins_a_motion_by_hand_is_not_begun_late() -> None:
