@@ -36,7 +36,7 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
 UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
 
 
-def no(fault: Fault, limits: Limits) -> str:
+def explain(fault: Fault, limits: Limits) -> str:
     """Return one or two sentences, beginning with the words that programs get."""
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
     if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:

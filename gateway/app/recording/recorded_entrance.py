@@ -136,7 +136,7 @@ class _Visitor:
         return self._guest is not None and not self._waiting and self._guest.answered
 
     def come(self, reception: Admitting, host: str) -> None:
-        self._guest = reception.come(self._name, host, self._tell)
+        self._guest = reception.create(self._name, host, self._tell)
         if self._change_rate is not None:
             self._guest.serial(self._change_rate)
         if self._hang_up is not None:

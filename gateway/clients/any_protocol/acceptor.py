@@ -124,7 +124,7 @@ class AnyConnection:
         self._part()
         self._protocol = protocol
         self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
-        self._handler = self._speaking[protocol].take(self._name, self._host, self._write, said=self._said)
+        self._handler = self._speaking[protocol].create_silently(self._name, self._host, self._write, said=self._said)
         if self._hang_up is not None:
             self._handler.network(self._hang_up)
 
@@ -180,14 +180,14 @@ class AnyAcceptor:
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """A new connection. Raises ConnectionRefused."""
         self.admit(name, host)
-        return self.come(name, host, write)
+        return self.create(name, host, write)
 
     def admit(self, name: str, host: str) -> None:
         """Check whether a connection is allowed. Raises ConnectionRefused."""
         unknown = sum(not connection.decided for connection in self._connections)
         self._admission.check(name, host, unknown + sum(one.clients() for one in self.speaking.values()))
 
-    def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
         wire_log = self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
 
@@ -199,14 +199,14 @@ class AnyAcceptor:
         self._connections.add(connection)
         return connection
 
-    def here(self) -> list[str]:
-        connected = [host for one in self.speaking.values() for host in one.connected()]
-        between = {host for one in self.speaking.values() for host in one.between()}
+    def present_hosts(self) -> list[str]:
+        connected = [host for one in self.speaking.values() for host in one.connected_hosts()]
+        between = {host for one in self.speaking.values() for host in one.reconnecting_hosts()}
         return connected + sorted(between.difference(connected))
 
     def connections(self) -> list[ClientConnection]:
-        return [visit for one in self.speaking.values() for visit in one.connections()]
+        return [connection for one in self.speaking.values() for connection in one.connections()]
 
-    def located(self, where: str) -> None:
+    def set_address(self, where: str) -> None:
         for one in self.speaking.values():
-            one.located(where)
+            one.set_address(where)

@@ -80,7 +80,7 @@ class Stage:
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
         [made] = self.gateway.receptions
         assert isinstance(made, ConnectionAcceptor)
-        self.face, self.shared = made.face, made.shared
+        self.face, self.shared = made.binding, made.shared
         self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
     def remember(self) -> None:

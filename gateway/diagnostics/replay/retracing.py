@@ -135,7 +135,7 @@ class Retracing:
             case "o":
                 self._tasks.append(self._loop.create_task(stopped(gateway.controller)))
             case "c":
-                wish = gateway.desk.carry_out(event.data.decode("latin-1"))
+                wish = gateway.request_handler.carry_out(event.data.decode("latin-1"))
                 self._tasks.append(self._loop.create_task(wish))
             case "h" | "u":
                 gateway.controller.hold.on = event.arrow == "h"

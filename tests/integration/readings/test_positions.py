@@ -274,7 +274,7 @@ def test_slewing_is_told_from_the_order_until_the_mount_has_arrived(mount: str) 
 
 def handled(bridge: Bridge) -> list[bytes]:
     """The commands that the surface has had work with."""
-    surface, frames = bridge.reception.face.surface, []
+    surface, frames = bridge.reception.binding.surface, []
     handle = surface.handle
 
     def counted(session: Any, frame: bytes) -> Any:

@@ -206,9 +206,9 @@ def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> No
         )
         gateway.begin()
         assert await gateway.found(30.0)
-        ((protocol, face),) = gateway.faces
+        ((protocol, face),) = gateway.bindings
         assert f"{protocol}:{face.model['name']}" == told
-        assert gateway.receptions[0].face.model is face.model
+        assert gateway.receptions[0].binding.model is face.model
         await gateway.close()
 
     run(found())

@@ -157,7 +157,7 @@ def test_addresses_of_both_families_and_lines_without_any() -> None:
     assert [access.admits(host) for host in admitted] == [True] * 4
     assert not any(access.admits(host) for host in ["192.168.2.1", "10.1.2.4", "::1", "fe80::1%eth0", "?", ""])
     assert Access().admits("pty:/tmp/lx200")
-    assert Access(read_only=True).only_looks("pty:/tmp/lx200")
+    assert Access(read_only=True).is_read_only("pty:/tmp/lx200")
 
 
 @each(

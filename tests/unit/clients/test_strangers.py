@@ -136,7 +136,7 @@ def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
             await asyncio.sleep(40.0)
             for name in ("a visit", "TLS"):
                 Caller(bridge.reception).tell(GREETINGS[name])
-            assert len(bridge.reception.here()) == 0
+            assert len(bridge.reception.present_hosts()) == 0
             await asyncio.sleep(30.0)
             assert await Caller(bridge.reception).ask(b":Gr#") != b"05:34:32#"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from gateway.app.bindings import manners
+from gateway.app.bindings import profiles
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.describing import named
 from gateway.app.config.programs import programs, recognisable, settled, wanted_by
@@ -31,8 +31,8 @@ def house(**keys: str) -> tuple[House, list[Entry]]:
     surface = SurfaceConfig(at=TCP, **keys)  # type: ignore[arg-type]
     built = House(Mount())
     j2000 = J2000(built.mount.sky, built.controller.clock)
-    face = replace(built.reception.face, manners=tuple(manners("lx200", surface, j2000)))
-    built.reception.face = face
+    face = replace(built.reception.binding, profiles=tuple(profiles("lx200", surface, j2000)))
+    built.reception.binding = face
     entries: list[Entry] = []
     built.controller.wire_log.sinks.append(entries.append)
     return built, entries
