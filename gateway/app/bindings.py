@@ -237,7 +237,7 @@ def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
 def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:
     """Present the mount itself on a surface, as the mount has identified itself."""
     binding.model.update(controller.driver.presented())
-    binding.surface.as_written = controller.line.dialogue.as_written
+    binding.surface.as_written = controller.line.reply_rules.as_written
 
 
 def make_wire(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:

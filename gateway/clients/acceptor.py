@@ -82,8 +82,8 @@ class ConnectionAcceptor:
         at, kept = self._left.get(host, (-1e9, session.kept))
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
-        life = self.controller.presence.arrive(host)
-        client = CommandProcessor(name, self.controller, binding, session, write, life)
+        activity = self.controller.presence.arrive(host)
+        client = CommandProcessor(name, self.controller, binding, session, write, activity)
         client.runner.equinox = binding.equinox
         self._clients.add(client)
         if self.access.is_read_only(host):
@@ -142,14 +142,14 @@ class ConnectionAcceptor:
         self._connections.discard(connection)
         closed()
         if connection.stranger:
-            self.controller.presence.was_nobody(client.life)
+            self.controller.presence.was_nobody(client.activity)
             return
         self._save_state(host, client)
 
     def _save_state(self, host: str, client: CommandProcessor) -> None:
         """The client has disconnected: save its state for the next connection from this host."""
-        if client.life.closed is None:
-            self.controller.presence.leave(client.life)
+        if client.activity.closed is None:
+            self.controller.presence.leave(client.activity)
         self._left[host] = (self.controller.now(), copy(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._left[old]

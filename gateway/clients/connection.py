@@ -90,7 +90,7 @@ class ClientConnection:
         self._hang_up: HangUp = lambda last: None
         #: When the bytes that are being processed arrived, if that was earlier.
         self._arrived: float | None = None
-        self.host, self.heard = client.life.who, -1e9
+        self.host, self.heard = client.activity.who, -1e9
         #: The first bytes, as long as the client program may be recognised by them.
         self.said = b""
         #: Bytes that wait for their turn, each with the number of stops when they arrived.
@@ -125,14 +125,14 @@ class ClientConnection:
         if self._backlog.late:
             self._note_late()
         elif was_late and not self._peer_closed:
-            self.client.life.closed = None  # it has caught up, so a client is there
+            self.client.activity.closed = None  # it has caught up, so a client is there
         self._feed(data, sent)
         self._backlog.add(len(data), now, self._wanted.value.stops)
 
     def _note_late(self) -> None:
         """The sender may have disconnected, so the motions it started are no longer held by it."""
-        if self.client.life.closed is None:
-            self._controller.presence.leave(self.client.life)
+        if self.client.activity.closed is None:
+            self._controller.presence.leave(self.client.activity)
         if not self._said_late:
             self._said_late = True
             self.client.log.note(

@@ -27,14 +27,14 @@ class J2000:
     def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
         self._sky, self._unix = sky, unix
 
-    def inward(self, operation: op.Operation) -> op.Operation:
+    def to_internal(self, operation: op.Operation) -> op.Operation:
         """Return an operation with its coordinates converted to the equinox of date."""
         if isinstance(operation, op.Goto | op.Sync | op.ToJ2000 | op.Choose):
             ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
             return replace(operation, ra=ra, dec=dec)
         return operation
 
-    def outward(self, operation: op.Operation, value: object) -> object:
+    def to_client(self, operation: op.Operation, value: object) -> object:
         """Return the controller's answer with its coordinates converted to J2000."""
         if isinstance(value, op.Chosen) and value.place is not None:
             place = op.Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))

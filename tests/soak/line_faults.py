@@ -83,9 +83,9 @@ class Trial:
         line.transaction.exchange = exchanging  # type: ignore[method-assign]
         order = self.bridge.controller.verifier._order
 
-        async def ordering(ask: Send, rank: int) -> Any:
+        async def ordering(ask: Send, priority: int) -> Any:
             done = len(self.acknowledged)
-            answer = await order(ask, rank)
+            answer = await order(ask, priority)
             own = [another for other, another in self.acknowledged[done:] if other is ask]
             if own and all(own):
                 if self.ordered:

@@ -194,9 +194,9 @@ class Reader:
 
     async def _hear(self, operation: op.Operation) -> Any:
         """Ask the mount and return its answer. Raises Fault."""
-        rank = POSITION if isinstance(operation, op.Position) else READ
+        priority = POSITION if isinstance(operation, op.Position) else READ
         try:
-            value = await self._runner.perform(operation, rank)
+            value = await self._runner.perform(operation, priority)
         except Fault:
             if isinstance(operation, op.Position):
                 self.unseen.emit(None)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.commands.turn_runner import BEGUN
+from gateway.clients.commands.turn_runner import MAX_BACKGROUND
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
 from gateway.transport.intake import PAUSE, SHARE
@@ -146,8 +146,8 @@ def test_another_ones_goto_is_begun() -> None:
 
 def test_what_is_under_way_for_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
-        assert len(asyncio.all_tasks()) < 2 * BEGUN + 30
-        assert len(bridge.controller.line.queue) < BEGUN + 10
+        assert len(asyncio.all_tasks()) < 2 * MAX_BACKGROUND + 30
+        assert len(bridge.controller.line.queue) < MAX_BACKGROUND + 10
 
     flooded(COSTLY * 4, bounded)
 
