@@ -85,7 +85,7 @@ SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
-    """A goto under way since ``since`` (the driver's clock; infinite before it is acknowledged). ``then``: park at its end.
+    """A goto under way since ``since`` (driver clock; infinite before it is acknowledged). ``then``: park at its end.
 
     ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun.
     """
