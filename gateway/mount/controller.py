@@ -161,7 +161,7 @@ class MountController:
         return self.wanted.value.stops
 
     def peek(self, operation: op.Operation[_T]) -> _T:
-        """Return the answer to a client's read if it is cached; MISSING if it must be requested."""
+        """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
         return cast(_T, told)
 

@@ -15,8 +15,8 @@ from gateway.app.recording.entrance import Admitting, Entrance, Work
 from gateway.app.recording.format import escape
 from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop
-from gateway.core.wire_log import MOUNT
 from gateway.core.waiting import result_of
+from gateway.core.wire_log import MOUNT
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Arrive, HandOver, HangUp, Write
 from gateway.transport.wires import OnData, OnLost, Transport

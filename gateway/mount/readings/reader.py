@@ -18,7 +18,7 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import POSITION, READ
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.readings.cache import MISSING, Kind
+from gateway.mount.readings.cache import NOT_CACHED, Kind
 from gateway.mount.readings.told_position import PLACES, ToldPosition, at_hand
 
 _T = TypeVar("_T")
@@ -84,7 +84,7 @@ class Reader:
             self._told.answered(type(operation))
             return answer
         last = self._told.last(type(operation))
-        if last is MISSING:
+        if last is NOT_CACHED:
             raise fault
         return last
 
@@ -95,23 +95,23 @@ class Reader:
         """
         kind, told = type(operation), self._told
         value = told.tell(operation)
-        answer: Any = MISSING
+        answer: Any = NOT_CACHED
         for _ in range(TRIES):
-            if value is MISSING and (source := told.source(kind)) is not None:
+            if value is NOT_CACHED and (source := told.source(kind)) is not None:
                 await self.tell(source())
                 value = told.tell(operation)
-            if value is not MISSING:
+            if value is not NOT_CACHED:
                 return value
             answer = await self.asked(operation)
             if kind not in PLACES:
                 return answer
             value = told.tell(operation)
-        return answer if value is MISSING else value
+        return answer if value is NOT_CACHED else value
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """Return a reading from the cache, or by an exchange that all callers share. Raises Fault."""
         value = at_hand(self._context, type(operation))
-        return cast(_T, await self.asked(operation) if value is MISSING else value)
+        return cast(_T, await self.asked(operation) if value is NOT_CACHED else value)
 
     async def asked(self, operation: op.Operation) -> Any:
         """Return the answer of the exchange under way, or of a new one. Raises Fault; NoAnswer if a mount that is not
@@ -149,7 +149,7 @@ class Reader:
     async def _ask(self, operation: op.Operation) -> Any:
         if not self._there(operation).is_set():
             await self._there(operation).wait()
-            if (met := at_hand(self._context, type(operation))) is not MISSING:
+            if (met := at_hand(self._context, type(operation))) is not NOT_CACHED:
                 return met  # identification has read it meanwhile
         kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None
@@ -194,9 +194,9 @@ class Reader:
 
     async def _hear(self, operation: op.Operation) -> Any:
         """Ask the mount and return its answer. Raises Fault."""
-        rank = POSITION if isinstance(operation, op.Position) else READ
+        priority = POSITION if isinstance(operation, op.Position) else READ
         try:
-            value = await self._runner.perform(operation, rank)
+            value = await self._runner.perform(operation, priority)
         except Fault:
             if isinstance(operation, op.Position):
                 self.unseen.emit(None)

@@ -19,7 +19,7 @@ from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings import reckoning
-from gateway.mount.readings.cache import FRESH, LAST_POSITION, MISSING, Kind
+from gateway.mount.readings.cache import LAST_POSITION, MAX_AGE, NOT_CACHED, Kind
 from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
 
 #: The reads of a position.
@@ -41,15 +41,15 @@ class Taken(Struct, frozen=True):
 
 
 def at_hand(context: Context, kind: Kind) -> Any:
-    """Return the last reading if it is fresh enough, else MISSING. The cache notes that a client polls it."""
-    if kind not in FRESH:
+    """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
+    if kind not in MAX_AGE:
         known = context.site_clock.known(kind)
-        return MISSING if known is None else known
+        return NOT_CACHED if known is None else known
     if kind is op.Slewing and context.wanted.goto_waits:
         return True
     now, link = context.now(), context.link
     value = context.cache.asked(kind, now)
-    if value is not MISSING:
+    if value is not NOT_CACHED:
         return value
     return context.cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
 
@@ -121,7 +121,7 @@ class ToldPosition:
     # --- answers ----------------------------------------------------------------------------------------------------
 
     def tell(self, operation: op.Operation) -> Any:
-        """Return the answer to a client's read if it is cached; MISSING if it must be requested."""
+        """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         kind = type(operation)
         value = at_hand(self._context, kind)
         if kind not in PLACES:
@@ -129,16 +129,16 @@ class ToldPosition:
         source = self.source(kind)
         if source is not None:
             seen = self.tell(source())
-            return MISSING if seen is MISSING else self._worked_out(kind, seen)
-        if value is MISSING or kind not in self._taken:
-            return MISSING
+            return NOT_CACHED if seen is NOT_CACHED else self._worked_out(kind, seen)
+        if value is NOT_CACHED or kind not in self._taken:
+            return NOT_CACHED
         _, last = self._taken[kind]
         if last.asked < self._since:
-            return MISSING
+            return NOT_CACHED
         return type(last.value)(*place(self._course(kind), self._told_at())) if self._movement.anything else last.value
 
     def last(self, kind: Kind) -> Any:
-        """Return the last answer that a client may get although the mount has not replied; MISSING if none."""
+        """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
         if kind is op.Slewing:
             return self._movement.slewing or self._wanted.goto_waits
         if kind is op.GetStatus:
@@ -146,10 +146,10 @@ class ToldPosition:
         source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)
         if kind not in self._taken and source is not None:
             seen = self.last(source)
-            return MISSING if seen is MISSING else self._worked_out(kind, seen)
+            return NOT_CACHED if seen is NOT_CACHED else self._worked_out(kind, seen)
         _, last = self._taken.get(kind, (None, None))
         if last is None or last.asked < self._since or self._now() - last.reading.complete > LAST_POSITION:
-            return MISSING
+            return NOT_CACHED
         if not self.told_old:
             self.told_old = True
             self._context.note(
@@ -239,7 +239,7 @@ class ToldPosition:
         return self._sources.get(kind)
 
     def _worked_out(self, kind: Kind, seen: Any) -> Any:
-        """Calculate a position by the present site and clock; MISSING if the site is unknown."""
+        """Calculate a position by the present site and clock; NOT_CACHED if the site is unknown."""
         if isinstance(seen, op.Horizontal):
             return seen
         astrometry = self._astrometry
@@ -248,7 +248,7 @@ class ToldPosition:
                 return astrometry.horizon(seen)
             return astrometry.axes(seen, wedge=not self._driver.german)
         except Unsupported:
-            return MISSING
+            return NOT_CACHED
 
 
 def _pair(value: Any) -> Pair:

@@ -59,17 +59,17 @@ class AxisMotion:
 
     def _ordered(self, now: float) -> Pair:
         """Return both positions without the ramps: as if every change of speed had been completed at once."""
-        held = self._held
-        follows = held or any(motor.leg is not None and motor.goal is None for motor in self._axes.values())
+        first, second = self._axes[1], self._axes[2]
+        follows = self._held or (first.leg and first.goal is None) or (second.leg and second.goal is None)
         aimed = self._aimed(now) if follows else _NOWHERE
-        found = []
-        for motor, aim in zip(self._axes.values(), aimed, strict=True):
-            if motor.leg is not None:
-                found.append((aim if motor.goal is None else motor.goal) - motor.leg.remaining(now))
-            else:
-                rate = motor.added + motor.pulse + (0.0 if held else motor.rate)
-                found.append((aim if held else motor.position) + rate * (now - motor.since))
-        return found[0], found[1]
+        return self._ordered_one(first, aimed[0], now), self._ordered_one(second, aimed[1], now)
+
+    def _ordered_one(self, motor: Axis, aim: float, now: float) -> float:
+        if motor.leg is not None:
+            return (aim if motor.goal is None else motor.goal) - motor.leg.remaining(now)
+        if self._held:
+            return aim + (motor.added + motor.pulse) * (now - motor.since)
+        return motor.position + (motor.added + motor.pulse + motor.rate) * (now - motor.since)
 
     def _ordered_speeds(self, now: float) -> Pair:
         before, after = self._ordered(now), self._ordered(now + _STEP)

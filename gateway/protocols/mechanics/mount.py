@@ -62,8 +62,10 @@ class Mechanics(AxisMotion):
 
     def slewing(self, now: float, axis: int | None = None) -> bool:
         self.advance(now)
-        legs = [self._axes[number].leg for number in ((1, 2) if axis is None else (axis,))]
-        return any(leg is not None and (axis is None or now < leg.ends) for leg in legs)
+        if axis is None:
+            return self._axes[1].leg is not None or self._axes[2].leg is not None
+        leg = self._axes[axis].leg
+        return leg is not None and now < leg.ends
 
     def tracking(self, now: float) -> bool:
         """Whether the motors follow the sky at this moment."""
@@ -194,8 +196,10 @@ class Mechanics(AxisMotion):
 
     def advance(self, now: float) -> None:
         """Carry out, in order of time, the arrivals and the ends of pulses that are due by ``now``."""
-        self._begin_ramps()  # the ramps decide when a goto ends, whether or not a caller has read the axes meanwhile
-        while True:
+        if self._noted:
+            self._begin_ramps()  # they decide when a goto ends, whether or not a caller has read the axes meanwhile
+        first, second = self._axes[1], self._axes[2]
+        while first.leg or second.leg or first.pulse or second.pulse:
             ends = [(motor.pulse_ends, number) for number, motor in self._axes.items() if motor.pulse]
             legs = [motor.leg.ends for motor in self._axes.values() if motor.leg is not None]
             due = min([*ends, (max(legs), 0)] if legs else ends, default=(math.inf, 0))

@@ -101,7 +101,7 @@ def _german(session: NexStarSession) -> bool:
 def _readings(session: NexStarSession) -> Handling:
     """Return the axis readings of the presented model as Horizontal."""
     status: op.Status = yield op.GetStatus()
-    if not _turned(session, status):
+    if not _wedge_as_german(session, status):
         return (yield op.AxisPosition() if _by_axes(session, status) else op.HorizontalPosition())
     seen: op.Horizontal = yield op.AxisPosition()
     return op.Horizontal(wrap360(seen.az - (yield from _zero())), seen.alt)
@@ -110,7 +110,7 @@ def _readings(session: NexStarSession) -> Handling:
 def _to_mount(session: NexStarSession, first: float, second: float) -> Handling:
     """Return the operation that turns both axes to these readings of the presented model."""
     status: op.Status = yield op.GetStatus()
-    if not _turned(session, status):
+    if not _wedge_as_german(session, status):
         return op.GotoAxes(first, second) if _by_axes(session, status) else op.GotoHorizontal(first % 360.0, second)
     second = wrap180(second)
     if abs(second) > 90.0:  # a German mount on the other side of its pier; a fork does not turn over the pole
@@ -123,7 +123,7 @@ def _by_axes(session: NexStarSession, status: op.Status) -> bool:
     return status.equatorial if session.model.get("own") else _german(session) or status.wedge
 
 
-def _turned(session: NexStarSession, status: op.Status) -> bool:
+def _wedge_as_german(session: NexStarSession, status: op.Status) -> bool:
     """Whether a fork on its wedge is presented as a German mount."""
     return not session.model.get("own") and _german(session) and status.wedge
 

@@ -100,10 +100,10 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         transcript = WireLog(clock)
         gateway = Gateway(config, surfaces, transcript, clock=clock)
         wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).connection, 0.0731)
-        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
+        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.previous_run}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
-        gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
+        gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
         gateway.begin()
         random = Random(path.name)
         words = NEXSTAR if presented == "nexstar" else LX200
