@@ -54,11 +54,7 @@ class Side:
 
     def __init__(self, protocol: str) -> None:
         self._now = 0.0
-<<<<<<< HEAD
-        framing, self._dialogue = framer_and_replies(protocol)
-=======
-        framing, self._reply_rules = speech(protocol)
->>>>>>> main
+        framing, self._reply_rules = framer_and_replies(protocol)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
