@@ -146,7 +146,7 @@ class Poller:
             await self._settings.renew(kind)
             return
         try:
-            await self._reader.anew(kind())
+            await self._reader.read_now(kind())
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
                 self._context.note_once(f"{kind.__name__}: {fault}")
