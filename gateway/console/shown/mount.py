@@ -133,7 +133,7 @@ class ShownMount:
     def look_away(self) -> None:
         """Cost nothing any more."""
         for sink in (self.pulse.put, self._programs.put):
-            self.gateway.wire_log.leave(sink)
+            self.gateway.wire_log.remove(sink)
 
     async def state(self) -> dict[str, Any]:
         """Everything that a page is shown of it."""

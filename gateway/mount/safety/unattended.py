@@ -98,7 +98,7 @@ def missing(
     """
     found = []
     for motion in motions:
-        there = presence.stands_for(motion.by)
+        there = presence.connections_for(motion.by)
         for one in there:
             if one.heard:
                 one.heard, one.last = False, now
