@@ -14,7 +14,7 @@ from gateway.app.watchdog.client import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, LazyAcceptor
 from gateway.clients.access import Access, Networks, networks
-from gateway.clients.profiles import J2000, ClientProfile, SurfaceBinding
+from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
@@ -124,7 +124,7 @@ class Acceptors:
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
         self._shared, self._clock, self._warn, self._web = shared, clock, warn, web
-        self._j2000 = J2000(sky, controller.site_clock.unix)
+        self._j2000 = EquinoxConverter(sky, controller.site_clock.unix)
         #: The bindings of all surfaces with their protocols, and those that present the mount itself.
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         self.own: list[SurfaceBinding] = []
@@ -209,7 +209,7 @@ def exposure(where: str, surface: SurfaceConfig) -> str:
     )
 
 
-def profiles(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[ClientProfile]:
+def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> Iterator[ClientProfile]:
     """Yield a profile for each program that a surface recognises by its first bytes."""
     for first, program in recognisable(surface).items():
         needs = as_settings(wanted_by(surface, program))
@@ -237,7 +237,7 @@ def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
 def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:
     """Present the mount itself on a surface, as the mount has identified itself."""
     binding.model.update(controller.driver.presented())
-    binding.surface.as_written = controller.line.dialogue.as_written
+    binding.surface.as_written = controller.line.reply_rules.as_written
 
 
 def make_wire(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:

@@ -107,7 +107,7 @@ class Gateway:
             self.remember()
         self._watch()
         wire = self.entrance.wire(make_wire(self.mount, self.config, self.watched))
-        self.prepare(lambda dialogue, wire_log: MountLink(wire, dialogue, wire_log))
+        self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
                 arrive = self.entrance.arrive(reception)
@@ -133,7 +133,7 @@ class Gateway:
             wire = self.controller.line.wire.name
             return [
                 on_the_wire(wire, command)
-                for command in stop_commands(self.controller.driver, self.controller.line.dialogue)
+                for command in stop_commands(self.controller.driver, self.controller.line.reply_rules)
             ]
 
         lock = self.keeping.lock_path if self.keeping is not None else None
@@ -155,13 +155,13 @@ class Gateway:
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
-        driver, follow_ups, dialogue = make_driver(self.mount, config, loop.time)
+        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time)
         if self.mount.where == "sim":
             driver.speed_factor = config.speed
         shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
-        line = make_line(dialogue, self.wire_log)
+        line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
         self._controller = MountController(context, follow_ups)
         if self.keeping is None:

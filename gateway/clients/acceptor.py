@@ -17,7 +17,7 @@ from gateway.clients.access import Access, Admission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.connection import ClientConnection
 from gateway.clients.profiles import SurfaceBinding
-from gateway.clients.wrong_preset import Presets
+from gateway.clients.wrong_preset import PresetWatch
 from gateway.mount.controller import MountController
 from gateway.protocols.base.session import Kept, Shared
 from gateway.transport import ConnectionHandler
@@ -46,7 +46,7 @@ class ConnectionAcceptor:
         #: The number of the surface, counted from 1.
         self.number = number
         self.access, self._admission = access, Admission(access, number, controller.wire_log)
-        self.presets = Presets(
+        self.presets = PresetWatch(
             binding.surface.protocol.name, binding.framing, where, controller.now, controller.loop.call_later, warn
         )
         self._clients: set[CommandProcessor] = set()

@@ -11,7 +11,7 @@ import asyncio
 
 from gateway.clients.access import Rights
 from gateway.clients.commands.turn import REFUSE_AFTER, WAIT_FOR_MOUNT, ReplyCache, Turn
-from gateway.clients.profiles import J2000
+from gateway.clients.profiles import EquinoxConverter
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
@@ -19,7 +19,7 @@ from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.cache import FRESH, MISSING
+from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
@@ -68,7 +68,7 @@ class TurnRunner:
         self._controller, self._surface, self._session = controller, surface, session
         self._activity, self._log, self.cache = activity, log, ReplyCache()
         self.rights = Rights()
-        self.equinox: J2000 | None = None
+        self.equinox: EquinoxConverter | None = None
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
 
@@ -97,10 +97,10 @@ class TurnRunner:
                 if fault is not None:
                     turn.reusable = False
                     continue
-                value = self._controller.peek(wanted) if isinstance(wanted, Read) else MISSING
-                if value is MISSING:
+                value = self._controller.peek(wanted) if isinstance(wanted, Read) else NOT_CACHED
+                if value is NOT_CACHED:
                     return wanted
-                if type(wanted) in FRESH:
+                if type(wanted) in MAX_AGE:
                     turn.readings.append(type(wanted))
                 elif not (isinstance(wanted, Own) and wanted.keep == "fixed"):
                     turn.reusable = False
@@ -170,14 +170,14 @@ class TurnRunner:
     def _to_client(self, operation: Operation, value: object) -> object:
         if self.equinox is not None:
             value = self.equinox.to_client(operation, value)
-        if type(operation) in FRESH:
+        if type(operation) in MAX_AGE:
             self.cache.remember_reading(operation, value, self._controller.now(), self._controller.version)
         return value
 
     async def reading(self, operation: Operation) -> object:
         """Return a reading in this client's form, for a subscription. Raises Fault."""
         value = self._controller.peek(operation)
-        if value is MISSING:
+        if value is NOT_CACHED:
             value = await self._controller.perform(self._to_internal(operation), self._controller.stops, self._activity)
         return value if self.equinox is None else self.equinox.to_client(operation, value)
 

@@ -75,7 +75,7 @@ class Stage:
         self.remember()
         self.wire: list[bytes] = []
         wire = SimulatedTransport("sim", self._listening(self.sim.connection), latency)
-        self.gateway.prepare(lambda dialogue, wire_log: MountLink(wire, dialogue, wire_log))
+        self.gateway.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         self.controller = self.gateway.controller
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
         [made] = self.gateway.receptions

@@ -115,9 +115,9 @@ class RecordedWire:
 class RecordedQueue(RequestQueue):
     """Releases each recorded request at its recorded moment."""
 
-    def __init__(self, wire: RecordedWire, dialogue: ReplyRules) -> None:
+    def __init__(self, wire: RecordedWire, reply_rules: ReplyRules) -> None:
         super().__init__()
-        self._recorded, self._dialogue = wire, dialogue
+        self._recorded, self._reply_rules = wire, reply_rules
 
     def allow(self, requests: int) -> None:
         """Release the next requests."""
@@ -139,6 +139,6 @@ class RecordedQueue(RequestQueue):
 
     def _bytes(self, ask: Send) -> bytes:
         try:
-            return self._dialogue.encode(ask)
+            return self._reply_rules.encode(ask)
         except Fault:
             return b""

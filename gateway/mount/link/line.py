@@ -38,11 +38,11 @@ class MountLink:
     ``exchanged`` with the outcome of every exchange."""
 
     def __init__(
-        self, wire: Transport, dialogue: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
+        self, wire: Transport, reply_rules: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
     ) -> None:
-        self.dialogue, self.wire_log = dialogue, wire_log
+        self.reply_rules, self.wire_log = reply_rules, wire_log
         self.queue = RequestQueue() if queue is None else queue  # `or` would replace an empty queue
-        self.transaction = Transaction(wire, self.queue, dialogue, wire_log)
+        self.transaction = Transaction(wire, self.queue, reply_rules, wire_log)
         #: Emitted when the port is lost, perhaps in the middle of an exchange.
         self.lost = self.transaction.wire_lost
         self._state = "opening"
@@ -123,21 +123,21 @@ class MountLink:
         self._spoken_on = True
         self.queue.wake()
 
-    async def exchange(self, ask: Send, rank: int = READ) -> dict[str, Any]:
+    async def exchange(self, ask: Send, priority: int = READ) -> dict[str, Any]:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
-        return (await self.timed(ask, rank))[0]
+        return (await self.timed(ask, priority))[0]
 
-    async def timed(self, ask: Send, rank: int) -> tuple[dict[str, Any], float]:
+    async def timed(self, ask: Send, priority: int) -> tuple[dict[str, Any], float]:
         """Like `exchange`, and return the seconds that the reply took too. Raises Fault with ``took`` set."""
         if self.state == "down":
             unheard = NoAnswer()
             unheard.sent = False
             raise unheard
-        if self.state == "busy" and rank != STOP:
+        if self.state == "busy" and priority != STOP:
             raise Busy
-        outcome = self.queue.add(ask, rank)
-        if rank == STOP or self.transaction.long:
-            self.transaction.wake(rank == STOP)
+        outcome = self.queue.add(ask, priority)
+        if priority == STOP or self.transaction.long:
+            self.transaction.wake(priority == STOP)
         return await outcome
 
     # --- the worker -----------------------------------------------------------------------------------------------
@@ -171,15 +171,15 @@ class MountLink:
 
     async def _reopened(self) -> None:
         """Send an owed stop first, then check that the line is in step. Half a command may wait on the other side: it
-        is closed by ``dialogue.closing``, or the mount gets time to forget it.
+        is closed by ``reply_rules.closing``, or the mount gets time to forget it.
         """
         words: list[bytes] = []
         self.reopened.emit(words)
         half, self.transaction.half = self.transaction.half, False
-        if half and not (words and (self.dialogue.closing or len(self.transaction.request) == 1)):
+        if half and not (words and (self.reply_rules.closing or len(self.transaction.request) == 1)):
             await asyncio.sleep(max(0.0, self.transaction.wrote + HALF_COMMAND - self._now()))
         for number, word in enumerate(words):
-            if not self.transaction.send((self.dialogue.closing if half and not number else b"") + word):
+            if not self.transaction.send((self.reply_rules.closing if half and not number else b"") + word):
                 return
             await asyncio.sleep(BLIND)
         await self._recover()
@@ -196,7 +196,7 @@ class MountLink:
                 continue
             self._silent_since = self._silent_since or self._now()
             try:
-                outcome = await self.transaction.carry_out(request.ask, request.rank == STOP)
+                outcome = await self.transaction.carry_out(request.ask, request.priority == STOP)
             except BaseException:  # the worker is ending: let the caller not wait for ever
                 request.fail(NoAnswer())
                 raise
@@ -210,8 +210,8 @@ class MountLink:
                 else:
                     request.future.set_result((outcome, self.transaction.times.last_rtt))
                 answered = True
-            if isinstance(outcome, Silence) and self.dialogue.expected(request.ask).leaves_open:
-                self.transaction.send(self.dialogue.closing)
+            if isinstance(outcome, Silence) and self.reply_rules.expected(request.ask).leaves_open:
+                self.transaction.send(self.reply_rules.closing)
                 await self.transaction.drain(max(QUIET, 2.0 * self.transaction.times.typical_rtt))
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
@@ -245,12 +245,12 @@ class MountLink:
     async def in_step(self) -> bool:
         """Whether every check command is answered as it should be, and nothing follows the last reply."""
         self._proofs += 1
-        for ask in self.dialogue.resync_commands(self._proofs):
+        for ask in self.reply_rules.resync_commands(self._proofs):
             await asyncio.sleep(self.transaction.quiet_needed(ask))
             outcome = await self.transaction.exchange(ask, resync=True)
             if isinstance(outcome, Busy):
                 continue  # this is a reply as well
-            if isinstance(outcome, Fault) or not self.dialogue.is_resync_reply(ask, outcome):
+            if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(ask, outcome):
                 return False
         return not await self.transaction.drain(QUIET)
 

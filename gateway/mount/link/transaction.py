@@ -47,9 +47,9 @@ class Transaction:
     some mounts need after a command.
     """
 
-    def __init__(self, wire: Transport, queue: RequestQueue, dialogue: ReplyRules, wire_log: WireLog) -> None:
+    def __init__(self, wire: Transport, queue: RequestQueue, reply_rules: ReplyRules, wire_log: WireLog) -> None:
         self.wire, self._queue = wire, queue
-        self.dialogue, self.wire_log = dialogue, wire_log
+        self.reply_rules, self.wire_log = reply_rules, wire_log
         self.lost = False
         self.wire_lost: Signal[None] = Signal()
         #: The line was lost during an exchange: the mount may have received half a command.
@@ -61,7 +61,7 @@ class Transaction:
         #: Loop time of the last write; long ago if there was none.
         self.wrote = -1e9
         self.times = ReplyTimes()
-        self.late = LateReplies(dialogue.ambiguous_with)
+        self.late = LateReplies(reply_rules.ambiguous_with)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
         self.heard_ever = False
@@ -134,9 +134,9 @@ class Transaction:
         if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
         if not self._buffer:
-            if self._last is None or not self.dialogue.ambiguous_with(self._last, ask):
+            if self._last is None or not self.reply_rules.ambiguous_with(self._last, ask):
                 return 0.0
-            if now > self._stray + UNRULY and not self.dialogue.expected(ask).unterminated:
+            if now > self._stray + UNRULY and not self.reply_rules.expected(ask).unterminated:
                 return 0.0
         return left
 
@@ -147,7 +147,7 @@ class Transaction:
         hurried, self._cut_short = self._cut_short, False
         try:
             outcome = await self.exchange(ask, firm=hurried, stop=stop)
-            if hurried and stop and self.dialogue.expected(ask).delay_after:
+            if hurried and stop and self.reply_rules.expected(ask).delay_after:
                 outcome = await self.exchange(ask, stop=True)  # without the pause the mount may have missed the first
             return outcome
         finally:
@@ -158,10 +158,10 @@ class Transaction:
         is not cut short; a ``resync`` has the full timeout of the protocol. A ``stop`` does not wait for quiet.
         """
         try:
-            request = self.dialogue.encode(ask)
+            request = self.reply_rules.encode(ask)
         except Fault as fault:
             return fault
-        expected = self.dialogue.expected(ask)
+        expected = self.reply_rules.expected(ask)
         settle = (
             GAP if stop and self.quiet_needed(ask) else SETTLE
         )  # a request that skipped the quiet must wait after the reply
@@ -191,7 +191,7 @@ class Transaction:
 
     def _send_unanswered(self, ask: Send) -> bool | None:
         """Send a command if it needs no reply, and return whether it was sent; return None if it needs a reply."""
-        return self.send(self.dialogue.encode(ask)) if self.dialogue.expected(ask).silent else None
+        return self.send(self.reply_rules.encode(ask)) if self.reply_rules.expected(ask).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
         """Give the mount time after a command without a reply. Return False if a stop cut the pause short, which it
@@ -263,7 +263,7 @@ class Transaction:
     def _take(self, ask: Send) -> Taken | None:
         """Return the reply if it is complete. Bytes that the parser fails on are a garbled reply."""
         try:
-            return self.dialogue.take(ask, self._buffer)
+            return self.reply_rules.take(ask, self._buffer)
         except Exception:  # a parser's defect must not end the line
             return Garbled(), len(self._buffer)
 

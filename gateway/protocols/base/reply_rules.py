@@ -57,10 +57,7 @@ class PlainReplies:
         self._commands = commands.commands
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the reply at the start of the buffer and its length, or None while it is incomplete.
-
-        Raises ValueError for a field that is out of range.
-        """
+        """Return the first reply in the buffer and its length; None if incomplete. ValueError: a field out of range."""
         for reply, template in self._commands[ask.command].replies:
             if (found := template.matcher.match(buffer)) is not None:
                 if reply.fault is not None:

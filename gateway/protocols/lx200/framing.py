@@ -5,9 +5,8 @@ one (some programs omit a ``#``); a raw 0x06 is always a command of its own, and
 returns, line feeds and NULs are ignored. A command longer than 64 bytes is dropped up to the next ``:``.
 
 A command with an argument but no ``#`` is dangerous: a ``:MS#`` after half a ``:Sr`` would slew to the previous target.
-It is refused together with everything up to the next ``#``, and further commands are ``Suspect`` until the client
-pauses for a tenth of a second; a stop among them is passed on as always. If the pause came before the new command, only
-the incomplete one is refused.
+It is refused with everything up to the next ``#``, and further commands are ``Suspect`` until the client pauses for a
+tenth of a second; stops are passed on as always. After a pause only the incomplete command is refused.
 """
 
 from __future__ import annotations

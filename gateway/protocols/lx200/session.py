@@ -20,8 +20,7 @@ class Draft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``touched`` is when the last part was set.
-    ``stamped``: date and time were set by one command. ``carried`` names the parts (``time``, ``day``) that were taken
-    over from a clock sent before, and that the client may set again.
+    ``stamped``: one command has set date and time. ``carried``: parts (``time``, ``day``) kept from an earlier clock.
     """
 
     time: tuple[float, float] | None = None
@@ -85,8 +84,8 @@ class LxKept(Kept):
     land: bool = False
     #: The site that this client has selected, from 0.
     site: int | None = None
-    #: The UTC offset in hours (local minus UTC); the date that was set, and the host's time then (``dated``); the date,
-    #: time and offset sent last, and the host's time then (``local``).
+    #: ``offset``: hours, local minus UTC. ``dated``: the date that was set, and the host's time then.
+    #: ``local``: the date and time sent last, the host's time then, and the offset.
     offset: float | None = None
     draft: Draft | None = None
     dated: tuple[date, float] | None = None

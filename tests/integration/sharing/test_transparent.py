@@ -200,8 +200,8 @@ def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> No
         gateway = Gateway(MountConfig(at=f"{at.protocol}@sim"), [surface], clock=clock)
         simulator = make_simulator(at, clock=clock)
         gateway.prepare(
-            lambda dialogue, transcript: MountLink(
-                SimulatedTransport("sim", simulator.connection, 0.02), dialogue, transcript
+            lambda reply_rules, transcript: MountLink(
+                SimulatedTransport("sim", simulator.connection, 0.02), reply_rules, transcript
             )
         )
         gateway.begin()

@@ -110,15 +110,11 @@ class Programs:
         return program
 
     def beside(self, host: str, client: int) -> Program:
-        """Return another connection for a program, whose requests do not count as a sign of life of the program.
-
-        Raises ConnectionRefused.
-        """
+        """Return another connection for a program, which is no sign of life of it. Raises ConnectionRefused."""
         return Program(self._arrive, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
-        """Forget closed and long silent programs; if there are too many, also the longest silent one, if possible one
-        that only reads."""
+        """Forget closed and silent programs; if there are too many also an idle one, first those that only read."""
         now = asyncio.get_running_loop().time()
         for key, program in list(self._known.items()):
             if program.gone or (program.idle and now - program.last > FORGET):

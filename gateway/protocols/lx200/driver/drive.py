@@ -1,8 +1,7 @@
 """Tracking, drive rates, and accessories: smart drive (PEC), backlash, focuser.
 
-The commands for drive rates have no reply, so the displayed frequency is read back; a guide rate cannot be read back.
-Tracking is turned off only on telescopes that report their status (:GW#): on others that command begins a new
-alignment.
+Commands for drive rates have no reply, so the displayed frequency is read back; a guide rate cannot be read back.
+Tracking is only turned off on telescopes that report their status (:GW#): on others this begins a new alignment.
 """
 
 from __future__ import annotations
@@ -85,10 +84,7 @@ def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
 
 
 def _named(mount: Lx200Driver, name: str) -> Steps:
-    """Set a named rate, retry once if the telescope does not display it. Only lunar can be told from the others.
-
-    Raises Refused if it still displays another rate.
-    """
+    """Set a named rate, retry once, raise Refused if another one is displayed. Only lunar differs from the others."""
     for _ in range(2):
         yield from ask(mount, _DRIVES[name])
         shown = (yield from ask(mount, "GT"))["hertz"]

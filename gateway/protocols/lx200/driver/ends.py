@@ -1,9 +1,9 @@
 """How a motion ends on a Meade: the end command is sent twice, and changed rates are restored a moment later.
 
 A Meade acknowledges no end command, so the first may be lost. It is repeated when the line is free, but not if a newer
-motion has begun on the same axes, or if nothing was known to move. Therefore the repetition does not delay the first,
-cuts off no newer goto, and does not double the load from a program that keeps sending stops to a mount at rest. A
-telescope that is computing accepts only :Q#; the repetition of any other end command waits until it listens again.
+motion has begun on the same axes, or if nothing was known to move: it delays nothing, ends no newer goto, and does not
+double the load from a program that keeps sending stops to a mount at rest. A telescope that is computing accepts only
+:Q#; the repetition of any other end command waits until it listens again.
 
 No Meade reports its fastest rate, the rates of its axes or its guide rate. If they stayed changed, its own hand control
 and gotos would use them. Restored are the values at power-on, or those that a program has set since.

@@ -59,7 +59,7 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
 def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
     """Return two replies and whether they are of about the same instant: other requests may delay the second.
 
-    The delay is compared with the usual reply time, because on a slow line repeating both does not help.
+    On a slow line repeating both does not help, so the delay is compared with the usual reply time.
     """
     nearest = math.inf
     for _ in range(tries):

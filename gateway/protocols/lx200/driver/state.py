@@ -179,8 +179,7 @@ class Lx200Driver(Driver):
     def saved_state(self, moving: bool) -> SavedValues:
         """Return what no command can read: parked, a changed drive rate, and the mounting while tracking is off.
 
-        Some telescopes do not report their mounting then. The telescope stores its home itself, and to stop it takes a
-        command that all have.
+        (Some telescopes do not report it then.) The telescope stores its home, and all models stop by the same command.
         """
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         driven = {"driven": True} if self.drive_changed else {}

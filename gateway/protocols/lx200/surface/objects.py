@@ -222,10 +222,7 @@ def _wanted(session: LxSession) -> Wanted:
 
 
 def _sky(session: LxSession) -> Handling:
-    """Return whether a position is within the altitude limits now, as a function, and the right ascension in the south.
-
-    Without a site every position counts as visible.
-    """
+    """Return (a test whether a position is visible now, the right ascension in the south); without a site all are."""
     limits = session.limits
     try:
         zenith: op.Equatorial = yield op.Zenith()
