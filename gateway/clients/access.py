@@ -22,7 +22,7 @@ from gateway.transport.handler import ConnectionRefused
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
 #: Different hosts whose refusal is logged, once each.
-MOST_HOSTS = 1000
+MAX_HOSTS = 1000
 
 
 def networks(texts: Sequence[str]) -> Networks:
@@ -62,7 +62,7 @@ class Access(Struct, frozen=True):
     def admits(self, host: str) -> bool:
         return self.allow is None or _within(host, self.allow)
 
-    def only_looks(self, host: str) -> bool:
+    def is_read_only(self, host: str) -> bool:
         """Whether a client from this host is read-only."""
         return self.read_only if isinstance(self.read_only, bool) else _within(host, self.read_only)
 
@@ -94,20 +94,20 @@ class Admission:
 
     def __init__(self, access: Access, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log
-        self._turned: set[tuple[str, str]] = set()
+        self._refused: set[tuple[str, str]] = set()
 
-    def check(self, name: str, host: str, here: int, lasting: bool = False) -> None:
-        """Raises ConnectionRefused if no more clients than ``here`` are allowed; a ``lasting`` one needs no file."""
+    def check(self, name: str, host: str, connected: int, lasting: bool = False) -> None:
+        """Raises ConnectionRefused if ``connected`` clients are the most allowed; a ``lasting`` one needs no file."""
         if not self._access.admits(host):
             why = "it is not in allow"
-        elif here >= self._access.most:
+        elif connected >= self._access.most:
             why = f"there are {self._access.most} clients (max-clients) already"
         elif not lasting and (words := scarce()):
             why = words
         else:
             return
-        if (host, why) not in self._turned and len(self._turned) < MOST_HOSTS:
-            self._turned.add((host, why))
+        if (host, why) not in self._refused and len(self._refused) < MAX_HOSTS:
+            self._refused.add((host, why))
             self._log.note(name, f"connection from {host} refused on surface {self._number}: {why}")
         raise ConnectionRefused
 

@@ -21,20 +21,20 @@ from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.rows import Model
 
 
-class J2000:
+class EquinoxConverter:
     """Converts a client's J2000 coordinates to the equinox of date, and answers back to J2000."""
 
     def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
         self._sky, self._unix = sky, unix
 
-    def inward(self, operation: op.Operation) -> op.Operation:
+    def to_internal(self, operation: op.Operation) -> op.Operation:
         """Return an operation with its coordinates converted to the equinox of date."""
         if isinstance(operation, op.Goto | op.Sync | op.ToJ2000 | op.Choose):
             ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
             return replace(operation, ra=ra, dec=dec)
         return operation
 
-    def outward(self, operation: op.Operation, value: object) -> object:
+    def to_client(self, operation: op.Operation, value: object) -> object:
         """Return the controller's answer with its coordinates converted to J2000."""
         if isinstance(value, op.Chosen) and value.place is not None:
             place = op.Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
@@ -52,7 +52,7 @@ class ClientProfile(Struct, frozen=True):
     first: bytes
     program: str
     settings: Values
-    equinox: J2000 | None
+    equinox: EquinoxConverter | None
 
 
 class SurfaceBinding(Struct, frozen=True):
@@ -62,13 +62,13 @@ class SurfaceBinding(Struct, frozen=True):
     speaks: str
     surface: Surface
     framing: Callable[[], Framer]
-    #: The bytes with which a client may begin, for ``Beginning``.
+    #: The bytes with which a client may begin, for ``StrangerFilter``.
     beginning: re.Pattern[bytes]
     model: Model
     settings: ClientSettings
-    equinox: J2000 | None = None
+    equinox: EquinoxConverter | None = None
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     counts_in: str = "jnow"
     #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
-    manners: tuple[ClientProfile, ...] = ()
+    profiles: tuple[ClientProfile, ...] = ()

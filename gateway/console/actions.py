@@ -1,13 +1,13 @@
-"""What a page asks for becomes an order to a mount, by the way that a person's orders at the command line take.
+"""Turns requests of a page into orders to a mount, through the same functions as the commands of the command line.
 
-So it passes the same limits, is refused in the same words, and stands in a recording like everything that comes from
-outside.
+So the same limits apply, the refusals have the same words, and the orders appear in recordings like everything that
+comes from outside.
 """
 
 from __future__ import annotations
 
-from gateway.app.control import commands
-from gateway.app.control.exchange import draw
+from gateway.app.control import request_types
+from gateway.app.control.exchange import new_number
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway
@@ -19,43 +19,43 @@ _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released
 
 
 async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
-    """``stop``, ``hold`` or ``release``, as ``mount-gateway stop`` gives them -> whether it was done, and words."""
+    """Carry out ``stop``, ``hold`` or ``release`` like ``mount-gateway stop``. Return success and a message."""
     assert gateway.keeping is not None
     answer = await orders(gateway.controller, gateway.keeping, gateway.entrance)[word]()
     return (True, _WORD[answer]) if answer in _WORD else (False, answer.removeprefix("failed "))
 
 
-async def carry_out(gateway: Gateway, command: commands.Wish) -> tuple[bool, str]:
-    """-> whether it was done or begun, and words."""
-    answer = await gateway.entrance.wish(commands.written(command), gateway.desk.carry_out)
+async def carry_out(gateway: Gateway, command: request_types.Request) -> tuple[bool, str]:
+    """Carry out an order. Return whether it was done or begun, and a message."""
+    answer = await gateway.entrance.wish(request_types.encode(command), gateway.request_handler.carry_out)
     word, _, rest = answer.partition(" ")
     return word == DONE, rest
 
 
-async def command(request: requests.Command, who: str) -> commands.Wish:
-    """The order that a request stands for. Raises UserError for an object that nobody knows."""
-    number = draw()
+async def command(request: requests.Command, who: str) -> request_types.Request:
+    """Return the order for a request. Raises UserError for an unknown object."""
+    number = new_number()
     match request:
         case requests.Goto():
-            return commands.Goto(number, await where(request), who=who)
+            return request_types.Goto(number, await where(request), who=who)
         case requests.Sync():
-            return commands.Sync(number, await where(request), who=who)
+            return request_types.Sync(number, await where(request), who=who)
         case requests.Track():
-            return commands.Track(number, request.on, request.rate, who=who)
+            return request_types.Track(number, request.on, request.rate, who=who)
         case requests.Time():
-            return commands.TellTime(number, request.unix, request.offset, who=who)
+            return request_types.TellTime(number, request.unix, request.offset, who=who)
         case requests.Site():
-            return commands.TellSite(number, request.latitude, request.longitude, who=who)
+            return request_types.TellSite(number, request.latitude, request.longitude, who=who)
         case requests.Park():
-            return commands.Park(number, who=who)
+            return request_types.Park(number, who=who)
         case requests.Home():
-            return commands.Home(number, who=who)
+            return request_types.Home(number, who=who)
         case requests.Unpark() | requests.Wake():
-            return commands.Unpark(number, who=who)
+            return request_types.Unpark(number, who=who)
 
 
 class Jogging:
-    """The arrows that one page holds down on one mount."""
+    """The direction keys that one page holds down on one mount."""
 
     def __init__(self, gateway: Gateway, who: str) -> None:
         self._gateway, self._who = gateway, who
@@ -63,33 +63,33 @@ class Jogging:
 
     @property
     def any(self) -> bool:
-        """Whether one is held down."""
+        """Whether a key is held down."""
         return bool(self._held)
 
     async def press(self, direction: Direction, rate: int) -> tuple[bool, str]:
-        """Press one; the opposite one is let go."""
+        """Press a key and release the opposite one. Return success and a message."""
         for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
             await self.let_go(other)
-        known = draw()
+        known = new_number()
         self._held[direction] = known, rate
-        done, words = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
+        done, words = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))
         if not done and self._held.get(direction, ("", 0))[0] == known:
             del self._held[direction]
         return done, words
 
     async def hold_on(self) -> None:
-        """Somebody still holds what is held down."""
+        """Repeat the orders of all keys that are held down, so that their motion does not time out."""
         for direction, (known, rate) in list(self._held.items()):
-            done, _ = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
+            done, _ = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))
             if not done and self._held.get(direction, ("", 0))[0] == known:
-                del self._held[direction]  # it was ended otherwise: by a stop, a limit, the mount
+                del self._held[direction]  # something else has ended it: a stop, a limit, the mount
 
     async def let_go(self, direction: Direction | None = None) -> tuple[bool, str]:
-        """Let go of one, or of all."""
+        """Release one key, or all. Return success and a message."""
         done, words = True, "let go"
         for one in [direction] if direction is not None else list(self._held):
             if one in self._held:
                 known, _ = self._held.pop(one)
-                ended, said = await carry_out(self._gateway, commands.LetGo(known, who=self._who))
+                ended, said = await carry_out(self._gateway, request_types.LetGo(known, who=self._who))
                 done, words = done and ended, said if not ended else words
         return done, words

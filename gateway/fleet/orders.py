@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import EVERY
-from gateway.app.control import commands
-from gateway.app.control.exchange import draw
+from gateway.app.control import request_types
+from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
 from gateway.console import actions
 from gateway.console.places import find
@@ -22,10 +22,10 @@ WHO = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 LONGEST, BETWEEN = 100, 0.25
 #: The orders of one word, besides stop.
-PLAIN: dict[str, type[commands.Park | commands.Unpark | commands.Home]] = {
-    "park": commands.Park,
-    "wake": commands.Unpark,
-    "home": commands.Home,
+PLAIN: dict[str, type[request_types.Park | request_types.Unpark | request_types.Home]] = {
+    "park": request_types.Park,
+    "wake": request_types.Unpark,
+    "home": request_types.Home,
 }
 GOTO = "goto"
 
@@ -60,7 +60,7 @@ class Orders:
         elif len(text) > LONGEST:
             self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters")
         elif to == EVERY:
-            self._refuse(text, "all mounts together can be told stop, and nothing else")
+            self._refuse(text, "the only order for all mounts together is stop")
         elif word not in (*PLAIN, GOTO) or (bool(rest) is not (word == GOTO)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
         elif word not in self._allowed:
@@ -100,9 +100,11 @@ class Orders:
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
-            number = draw()
-            wish = commands.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
-            done, words = await actions.carry_out(self._gateway, wish)
+            number = new_number()
+            request = (
+                request_types.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
+            )
+            done, words = await actions.carry_out(self._gateway, request)
         except UserError as error:
             done, words = False, str(error)
         finally:

@@ -64,7 +64,7 @@ def state(gateway: Gateway) -> dict[str, Any]:
         "product": identity.product if identity else None,
         "model": identity.model if identity else None,
         "version": identity.version if identity else None,
-        "line": {"state": seen.state, "reason": seen.reason, "answer_seconds": round(controller.line.typical, 2)},
+        "line": {"state": seen.state, "reason": seen.reason, "answer_seconds": round(controller.line.typical_rtt, 2)},
         "programs": seen.programs,
     }
 

@@ -14,7 +14,7 @@ from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.policy import Hold, Policy
-from gateway.mount.readings.cache import RENEW, ReadingsCache
+from gateway.mount.readings.cache import POLL_PERIOD, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
@@ -48,7 +48,7 @@ class Context:
     @property
     def timing(self) -> StopTiming:
         """The stop timing for the present speed of the line."""
-        return StopTiming(self.link.typical, self.driver.position_reads, RENEW[op.Position])
+        return StopTiming(self.link.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position])
 
     @property
     def fastest(self) -> float:

@@ -65,7 +65,7 @@ class Identification:
             )
             self._reconciler.begin_stop()
         if self._reconciler.wanted.owed and self._context.known.is_set():
-            words += stop_commands(self._driver, self._link.dialogue, ends_only=True)
+            words += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 
     def _on_up(self, _: None) -> None:
         self._cache.clear()

@@ -21,7 +21,7 @@ from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, 
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.cache import FRESH
+from gateway.mount.readings.cache import MAX_AGE
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site.astrometry import PLACES
@@ -95,10 +95,10 @@ class Orders:
 
         ``stops`` is the count of stops when the client asked; the client stops waiting after ``patience`` seconds.
         """
-        if type(operation) in FRESH:
+        if type(operation) in MAX_AGE:
             if self._context.driver.asleep and (waking := self._reconciler.outcomes_of(op.Wake)):
                 await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
-            return cast(_T, await self._reader.tell(operation))
+            return cast(_T, await self._reader.answer(operation))
         if isinstance(operation, op.Own):
             return cast(_T, await self._own.read(operation))
         try:

@@ -39,7 +39,7 @@ async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -
     if moved and not reconciler.wanted.owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
             async with asyncio.timeout(LEFT):
-                await reader.anew(op.GetStatus())
+                await reader.read_now(op.GetStatus())
 
 
 async def _stop(context: Context, reconciler: Reconciler) -> None:
@@ -55,12 +55,12 @@ async def _stop(context: Context, reconciler: Reconciler) -> None:
 async def _stop_blindly(context: Context) -> None:
     """Write the bytes of a stop without waiting for replies."""
     with contextlib.suppress(Exception):  # nothing is left to try after this
-        for command in stop_commands(context.driver, context.link.dialogue):
-            context.link.talk.send(command)
+        for command in stop_commands(context.driver, context.link.reply_rules):
+            context.link.transaction.send(command)
             await asyncio.sleep(BLIND)
 
 
-def stop_commands(driver: Driver, dialogue: ReplyRules, ends_only: bool = False) -> list[bytes]:
+def stop_commands(driver: Driver, reply_rules: ReplyRules, ends_only: bool = False) -> list[bytes]:
     """Return the commands of a stop in the present state, for callers that cannot wait for replies. The driver's state
     does not change.
 
@@ -75,6 +75,6 @@ def stop_commands(driver: Driver, dialogue: ReplyRules, ends_only: bool = False)
         step = next(steps)
         while True:
             if isinstance(step, Send) and not (ends_only and step.command not in driver.ends):
-                commands.append(dialogue.encode(step))
+                commands.append(reply_rules.encode(step))
             step = steps.send({})
     return commands

@@ -14,7 +14,7 @@ from collections.abc import Callable
 #: A start bit, eight bits of data and a stop bit.
 BITS = 10
 #: Bytes that may wait in one direction; more are lost, as on a port that is not read in time.
-LONGEST = 65536
+MAX_BYTES = 65536
 #: Seconds within which a command must be understood at the new rate.
 TRIAL = 5.0
 
@@ -31,7 +31,7 @@ class SerialPace:
 
     def send(self, data: bytes) -> None:
         """Put bytes on the line, after those that are on it."""
-        self._waiting += data[: LONGEST - len(self._waiting)]
+        self._waiting += data[: MAX_BYTES - len(self._waiting)]
         if self._timer is None and self._waiting:
             loop = asyncio.get_running_loop()
             self._due = loop.time() + self._byte
@@ -68,25 +68,25 @@ class BaudTrial:
 
     def __init__(self, change: Callable[[int], int]) -> None:
         self._change = change
-        self._former: int | None = None
+        self._previous: int | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     def begin(self, baud: int) -> None:
         """Change the rate. If a trial is under way, the fallback remains the rate from before it."""
-        former = self._change(baud)
-        self._former = former if self._former is None else self._former
+        previous = self._change(baud)
+        self._previous = previous if self._previous is None else self._previous
         self.end()
-        self._timer = asyncio.get_running_loop().call_later(TRIAL, self._back)
+        self._timer = asyncio.get_running_loop().call_later(TRIAL, self._restore)
 
     def understood(self) -> None:
         """A command was understood: keep the rate."""
         self.end()
-        self._former = None
+        self._previous = None
 
-    def _back(self) -> None:
-        former, self._former, self._timer = self._former, None, None
-        if former is not None:
-            self._change(former)
+    def _restore(self) -> None:
+        previous, self._previous, self._timer = self._previous, None, None
+        if previous is not None:
+            self._change(previous)
 
     def end(self) -> None:
         """Cancel the fallback; also called when the connection ends."""

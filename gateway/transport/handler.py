@@ -32,7 +32,7 @@ class ConnectionHandler(Protocol):
 
     def close(self) -> None: ...
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         """The other end has closed: no more bytes will arrive, though it may still read."""
 
     def serial(self, change_rate: Callable[[int], int]) -> None:

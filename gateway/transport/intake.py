@@ -12,14 +12,14 @@ from bisect import bisect_left
 #: Bytes of one read: about a hundred commands, half a second of a serial line, two milliseconds of work.
 SHARE = 512
 #: Seconds that a connection is paused after a whole share, and seconds between the shares of two connections.
-BREATH, APART = 0.05, 0.005
+PAUSE, GAP = 0.05, 0.005
 #: Seconds after which a connection that is behind is late: it is unknown when its bytes were sent, and its client may
 #: have disconnected. They begin no motion, and it is read with the shorter pause.
 LATE = 1.0
 #: After a share, no other such connection is read for so many times the seconds that it took.
 OTHERS = 4.0
 #: Bytes that are searched for repetitions together.
-SKIM = 65536
+LARGE_READ = 65536
 #: Bytes at the end of a share that are searched for to find its period.
 TAIL = 16
 
@@ -35,7 +35,7 @@ class Pace:
 
         ``now`` is the event loop's time, ``late`` whether the connection has been behind for long.
         """
-        self._last = max(now + (APART if late else BREATH), self._last + max(APART, OTHERS * took))
+        self._last = max(now + (GAP if late else PAUSE), self._last + max(GAP, OTHERS * took))
         return self._last - now
 
 
@@ -52,7 +52,7 @@ def period(share: bytes) -> int:
     return 0
 
 
-def unrepeated(share: bytes, more: bytes) -> bytes:
+def skip_repetitions(share: bytes, more: bytes) -> bytes:
     """Remove from ``more`` the whole periods that repeat ``share``; one period is kept."""
     length = period(share)
     if not length:

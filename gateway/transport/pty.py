@@ -26,7 +26,7 @@ from gateway.transport.handler import Arrive, ConnectionHandler
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
 #: Bytes of one read, and reads before other connections get their turn.
-CHUNK, TURNS = 4096, 8
+CHUNK, READS = 4096, 8
 
 
 class PtyPort:
@@ -43,9 +43,9 @@ class PtyPort:
             raise UserError("pty: there are no pseudo-terminals on this system; use a serial port pair") from None
         self.baud = baud
         self._arrive = arrive
-        self._guest: ConnectionHandler | None = None
+        self._handler: ConnectionHandler | None = None
         #: Whether the sender of these bytes has closed its end already: the next program would read the replies.
-        self._gone = False
+        self._peer_closed = False
         self._link = DeviceLink(path)
         self.path = self._link.path
         self.where = f"pty:{self.path}"
@@ -70,73 +70,73 @@ class PtyPort:
     def _read(self) -> None:
         """Read everything that is available, and notice that the last program has closed its end."""
         pair = self._pair
-        for _ in range(TURNS):
+        for _ in range(READS):
             try:
                 data = os.read(pair.master, CHUNK)
             except BlockingIOError:
                 return
             except OSError:
-                self._leave()
+                self._disconnect()
                 return
-            gone = pair.hung_up()
-            if gone:
-                data += pair.last_words()
-                gone = pair.hung_up()  # else the next program may have sent some of it
+            closed = pair.hung_up()
+            if closed:
+                data += pair.read_rest()
+                closed = pair.hung_up()  # else the next program may have sent some of it
             if self.baud is not None:
                 data = misread(data, speed(pair.master), self.baud)
-            if self._guest is None:
-                self._guest = self._arrive(self.path, self.where, self._write)
-            self._gone = gone
+            if self._handler is None:
+                self._handler = self._arrive(self.path, self.where, self._write)
+            self._peer_closed = closed
             if data:
-                self._guest.feed(data)
-            if gone:
-                self._leave()
+                self._handler.feed(data)
+            if closed:
+                self._disconnect()
                 return
-        pair.look_again()
+        pair.read_again()
 
     def _write(self, data: bytes) -> None:
         """Write without blocking. If no program reads, what does not fit is lost, as on a wire."""
-        if self._guest is None or self._gone:
+        if self._handler is None or self._peer_closed:
             return
         if self.baud is not None:
             data = misread(data, self.baud, speed(self._pair.master))
         with contextlib.suppress(OSError):
             os.write(self._pair.master, data)
 
-    def _leave(self) -> None:
+    def _disconnect(self) -> None:
         """The last program has closed its end: end the connection, and reset the port for the next one."""
-        guest, self._guest, self._gone = self._guest, None, False
-        if guest is not None:
-            guest.close()
-        if not self._pair.freshen():
+        handler, self._handler, self._peer_closed = self._handler, None, False
+        if handler is not None:
+            handler.close()
+        if not self._pair.reset():
             self._pair.close()
             self._pair = self._new_pair()
 
     async def close(self) -> None:
-        guest, self._guest = self._guest, None
-        if guest is not None:
-            guest.close()
+        handler, self._handler = self._handler, None
+        if handler is not None:
+            handler.close()
         self._link.close()
         self._pair.close()
 
 
 class _Pair:
-    """The two ends of a pseudo-terminal: ``master``, which ``look`` is called to read, and ``device`` for programs."""
+    """The two ends of a pseudo-terminal: ``master``, read by ``on_readable``, and ``device`` for programs."""
 
-    def __init__(self, look: Callable[[], None]) -> None:
+    def __init__(self, on_readable: Callable[[], None]) -> None:
         import tty
 
         self._closed = False
         self.master, slave = os.openpty()
         self.device = os.ttyname(slave)
-        self._look = look
+        self._on_readable = on_readable
         tty.setraw(slave)
         like_a_serial_port(self.device)
         os.set_blocking(self.master, False)
-        self._held, self._epoll = slave, None
+        self._slave, self._epoll = slave, None
         if hasattr(select, "epoll"):
             os.close(slave)
-            self._held, self._epoll = -1, select.epoll()
+            self._slave, self._epoll = -1, select.epoll()
             self._epoll.register(self.master, select.EPOLLIN | select.EPOLLET)
             self._epoll.poll(0)  # discard the event that it is not open yet
             self._open = select.poll()
@@ -152,9 +152,9 @@ class _Pair:
             return
         if self._epoll is not None:
             self._epoll.poll(0)  # consume the event
-        self._look()
+        self._on_readable()
 
-    def look_again(self) -> None:
+    def read_again(self) -> None:
         """Schedule another read: epoll does not report remaining bytes again."""
         asyncio.get_running_loop().call_soon(self._wake)
 
@@ -162,15 +162,15 @@ class _Pair:
         """Whether no program has it open; always False on systems that do not report it."""
         return self._epoll is not None and any(event & select.POLLHUP for _, event in self._open.poll(0))
 
-    def last_words(self) -> bytes:
-        words = b""
+    def read_rest(self) -> bytes:
+        rest = b""
         while True:
             try:
-                words += os.read(self.master, CHUNK)
+                rest += os.read(self.master, CHUNK)
             except OSError:
-                return words
+                return rest
 
-    def freshen(self) -> bool:
+    def reset(self) -> bool:
         """Discard what the last program has left. Return False if it has left the device locked.
 
         Exclusive use (TIOCEXCL, which INDI requests) of a real port ends when the port is closed. A pseudo-terminal
@@ -189,7 +189,7 @@ class _Pair:
         termios.tcflush(slave, termios.TCIFLUSH)  # also bytes that had no room in the buffer
         os.close(slave)
         if self._epoll is not None and any(event & select.EPOLLIN for _, event in self._epoll.poll(0)):
-            self.look_again()  # the next program has written already
+            self.read_again()  # the next program has written already
         return True
 
     def close(self) -> None:
@@ -197,7 +197,7 @@ class _Pair:
         asyncio.get_running_loop().remove_reader(self._watched)
         if self._epoll is not None:
             self._epoll.close()
-        for number in (self.master, self._held):
+        for number in (self.master, self._slave):
             with contextlib.suppress(OSError):
                 os.close(number)
 
@@ -208,6 +208,6 @@ def speed(terminal: int) -> int:
     import termios
 
     with contextlib.suppress(OSError):
-        held = fcntl.ioctl(terminal, TCGETS2, bytes(TERMIOS2.size))
-        return int(TERMIOS2.unpack(held)[-1])
+        attributes = fcntl.ioctl(terminal, TCGETS2, bytes(TERMIOS2.size))
+        return int(TERMIOS2.unpack(attributes)[-1])
     return int(termios.tcgetattr(terminal)[5])

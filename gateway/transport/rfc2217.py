@@ -22,10 +22,10 @@ IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
 NEGOTIATION = frozenset(b"\xfb\xfc\xfd\xfe")
 #: The longest valid subnegotiation has 6 bytes, or a signature; a longer one is dropped.
-LONGEST = 256
+MAX_BYTES = 256
 
 
-class NoPort:
+class NullSerialPort:
     """Stands in for a serial port in pyserial's server; it reports a device that is ready to send and receive."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class NoPort:
 _server: Callable[[Any, Any], PortManager] = PortManager
 
 
-class _Doorman:
+class _TelnetFilter:
     """A handler in front of the real one that handles Telnet for clients that use it."""
 
     #: Always False: Telnet commands count, so none may be skipped.
@@ -54,14 +54,14 @@ class _Doorman:
         self.write = write
         self._held = b""
         self._telnet: PortManager | None = None
-        self._guest = arrive(name, host, self._answer)
+        self._handler = arrive(name, host, self._send)
 
     def feed(self, data: bytes) -> None:
         data = self._plain(data) if self._telnet is None else self._filtered(data)
         if data:
-            self._guest.feed(data)
+            self._handler.feed(data)
 
-    def _answer(self, data: bytes) -> int | None:
+    def _send(self, data: bytes) -> int | None:
         """Send what the real handler writes. Return how many bytes are pending, if known."""
         return self.write(self._escaped(data))
 
@@ -77,7 +77,7 @@ class _Doorman:
                 self._held = IAC
                 return data[:at]
             if data[at + 1] in NEGOTIATION:
-                self._telnet = _server(NoPort(), self)
+                self._telnet = _server(NullSerialPort(), self)
                 return data[:at] + self._filtered(data[at:])
             at = data.find(IAC, at + 1)
         return data
@@ -91,27 +91,27 @@ class _Doorman:
                 plain += b"".join(telnet.filter(bytes([number])))
             except (KeyError, TypeError, struct.error):  # invalid values, or too few bytes
                 telnet.suboption, telnet.mode = None, M_NORMAL
-            if telnet.suboption is not None and len(telnet.suboption) > LONGEST:
+            if telnet.suboption is not None and len(telnet.suboption) > MAX_BYTES:
                 telnet.suboption = None
         return plain
 
     @property
     def answered(self) -> bool:
-        return self._guest.answered
+        return self._handler.answered
 
-    def gone(self) -> None:
-        self._guest.gone()
+    def peer_closed(self) -> None:
+        self._handler.peer_closed()
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """Do nothing: there is no serial port."""
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        self._guest.network(lambda last: hang_up(self._escaped(last)))
+        self._handler.network(lambda last: hang_up(self._escaped(last)))
 
     def close(self) -> None:
-        self._guest.close()
+        self._handler.close()
 
 
 def over_telnet(arrive: Arrive) -> Arrive:
     """Wrap ``arrive`` so that clients may use RFC 2217."""
-    return lambda name, host, write: _Doorman(arrive, name, host, write)
+    return lambda name, host, write: _TelnetFilter(arrive, name, host, write)

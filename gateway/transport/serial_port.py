@@ -10,7 +10,7 @@ from gateway.transport.handler import Arrive, ConnectionHandler
 from gateway.transport.wires import SerialTransport
 
 #: Seconds between two attempts to open a lost port.
-AGAIN = 1.0
+RETRY_AFTER = 1.0
 
 
 class SerialPort:
@@ -19,7 +19,7 @@ class SerialPort:
     def __init__(self, url: str, baud: int) -> None:
         self.where, self._baud = url, baud
         self._wire = SerialTransport(url, baud)
-        self._guest: ConnectionHandler | None = None
+        self._handler: ConnectionHandler | None = None
         self._reopening: asyncio.Task[None] | None = None
         self._changing: asyncio.Task[None] | None = None
 
@@ -27,10 +27,10 @@ class SerialPort:
     async def open(cls, url: str, arrive: Arrive, baud: int = 9600) -> SerialPort:
         """Open the port. Raises UserError if that is not possible now; if it is lost later, it is opened again."""
         self = cls(url, baud)
-        self._guest = arrive(url, url, self._write)
-        self._guest.serial(self._change_rate)
+        self._handler = arrive(url, url, self._write)
+        self._handler.serial(self._change_rate)
         try:
-            await self._wire.open(self._guest.feed, self._lost)
+            await self._wire.open(self._handler.feed, self._lost)
         except OSError as error:
             raise UserError(f"cannot open {url}: {error.strerror or error}") from None
         return self
@@ -41,21 +41,21 @@ class SerialPort:
 
     def _change_rate(self, baud: int) -> int:
         """Change the baud rate after everything was sent. Return the previous rate."""
-        former, self._wire.baud = self._wire.baud, baud
+        previous, self._wire.baud = self._wire.baud, baud
         self._changing = asyncio.get_running_loop().create_task(self._wire.change_rate())
-        return former
+        return previous
 
     def _lost(self, reason: str) -> None:
         self._wire.baud = self._baud  # a device that comes back has been switched off meanwhile
         self._reopening = asyncio.get_running_loop().create_task(self._reopen())
 
     async def _reopen(self) -> None:
-        assert self._guest is not None
+        assert self._handler is not None
         while True:
             await self._wire.close()
-            await asyncio.sleep(AGAIN)
+            await asyncio.sleep(RETRY_AFTER)
             try:
-                await self._wire.open(self._guest.feed, self._lost)
+                await self._wire.open(self._handler.feed, self._lost)
             except OSError:
                 continue
             return
@@ -64,6 +64,6 @@ class SerialPort:
         for task in (self._reopening, self._changing):
             if task is not None:
                 task.cancel()
-        if self._guest is not None:
-            self._guest.close()
+        if self._handler is not None:
+            self._handler.close()
         await self._wire.close()

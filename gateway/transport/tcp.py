@@ -15,34 +15,34 @@ import time
 from typing import cast
 
 from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused, Taker
-from gateway.transport.intake import LATE, SHARE, SKIM, Pace, unrepeated
+from gateway.transport.intake import LARGE_READ, LATE, SHARE, Pace, skip_repetitions
 from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
 
 #: Bytes of unread replies after which a connection is closed.
 SLOW_READER = 65536
 #: Seconds that a client gets to read the last bytes before the connection is closed.
-PARTING = 2.0
+LINGER = 2.0
 #: Seconds between two checks whether all commands of a client that sends no more were answered.
-LOOK = 0.02
+CHECK_EVERY = 0.02
 #: Seconds without data before a keep-alive probe, seconds between probes, and their number; and milliseconds after
 #: which replies without acknowledgement end the connection. Each system has some of these
 #: names.
-ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
+KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 
 class _Connection(asyncio.BufferedProtocol):
     def __init__(self, port: TcpPort) -> None:
         self._port = port
-        self._guest: ConnectionHandler | None = None
+        self._handler: ConnectionHandler | None = None
         self._transport: asyncio.Transport | None = None
         self._buffer = bytearray(SHARE)
         self._view = memoryview(self._buffer)
         #: The last share, if it only ended motions; repetitions of it are skipped.
-        self._share = b""
+        self._last_share = b""
         #: Loop time since which there is more to read than one share.
         self._behind_since: float | None = None
         #: Bytes that were read in one piece and are processed share by share.
-        self._rest = b""
+        self._unprocessed = b""
         #: While bytes are processed: the replies to them, which are sent together.
         self._replies: list[bytes] | None = None
 
@@ -50,88 +50,88 @@ class _Connection(asyncio.BufferedProtocol):
         stream = cast(asyncio.Transport, transport)  # uvloop's own class does not derive from it
         self._transport = stream
         stream.set_write_buffer_limits(high=SLOW_READER)
-        _watch(stream.get_extra_info("socket"))
+        _enable_keepalive(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         try:
-            self._guest = self._port.arrive(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
+            self._handler = self._port.arrive(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
         except ConnectionRefused:
             stream.abort()
             return
         self._port.connections.add(self)
-        self._guest.network(self._hang_up, self._hand_over)
+        self._handler.network(self._hang_up, self._hand_over)
 
     def get_buffer(self, sizehint: int) -> bytearray:
-        return self._port.skimmed if self._share else self._buffer
+        return self._port.large_buffer if self._last_share else self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        if not self._share:
+        if not self._last_share:
             data = bytes(self._view[:nbytes])
             if nbytes < SHARE:
                 self._behind_since = None  # though more may follow after a gap
-                self._answer(data)
+                self._process(data)
             else:
-                self._answer_share(data)
+                self._process_share(data)
             return
-        self._rest = unrepeated(self._share, bytes(memoryview(self._port.skimmed)[:nbytes]))
-        self._take_share(nbytes >= SHARE)
+        self._unprocessed = skip_repetitions(self._last_share, bytes(memoryview(self._port.large_buffer)[:nbytes]))
+        self._process_next_share(nbytes >= SHARE)
 
-    def _answer(self, data: bytes) -> None:
+    def _process(self, data: bytes) -> None:
         """Process bytes, and send the replies to them together."""
         replies: list[bytes] = []
         self._replies = replies
-        if self._guest is not None:
-            self._guest.feed(data)
+        if self._handler is not None:
+            self._handler.feed(data)
         self._replies = None
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
 
-    def _answer_share(self, data: bytes) -> None:
-        """Like ``_answer``, if more bytes may follow at once: other connections are read first."""
+    def _process_share(self, data: bytes) -> None:
+        """Like ``_process``, if more bytes may follow at once: other connections are read first."""
         began = time.perf_counter()
-        self._answer(data)
+        self._process(data)
         took = time.perf_counter() - began
         if self._transport is None or self._transport.is_closing():
             return
-        ended = self._guest is not None and self._guest.ended
-        self._share = (self._share + data)[-SHARE:] if ended else b""
+        ended = self._handler is not None and self._handler.ended
+        self._last_share = (self._last_share + data)[-SHARE:] if ended else b""
         self._transport.pause_reading()
         loop = asyncio.get_running_loop()
         now = loop.time()
         self._behind_since = self._behind_since or now
         late = now - self._behind_since > LATE
-        loop.call_later(self._port.pace.pause(now, took, late), self._go_on)
+        loop.call_later(self._port.pace.pause(now, took, late), self._continue)
 
-    def _take_share(self, more: bool) -> None:
+    def _process_next_share(self, more: bool) -> None:
         """Process the next share of the bytes that were read in one piece."""
-        data, self._rest = self._rest[:SHARE], self._rest[SHARE:]
-        if more or self._rest:
-            self._answer_share(data)
+        data, self._unprocessed = self._unprocessed[:SHARE], self._unprocessed[SHARE:]
+        if more or self._unprocessed:
+            self._process_share(data)
         else:
-            self._answer(data)
-            self._share = b""
+            self._process(data)
+            self._last_share = b""
 
-    def _go_on(self) -> None:
+    def _continue(self) -> None:
         if self._transport is None or self._transport.is_closing():
             return
-        if self._rest:
-            self._take_share(False)
-        if not self._rest:
+        if self._unprocessed:
+            self._process_next_share(False)
+        if not self._unprocessed:
             self._transport.resume_reading()
 
     def eof_received(self) -> bool:
         """The client sends no more but may still read: it gets all its replies before the connection is closed."""
-        if self._guest is not None:
-            self._guest.gone()
+        if self._handler is not None:
+            self._handler.peer_closed()
         self._close_when_answered()
         return True
 
     def _close_when_answered(self) -> None:
         if self._transport is None or self._transport.is_closing():
             return
-        if self._guest is None or self._guest.answered:
+        if self._handler is None or self._handler.answered:
             self._transport.close()
         else:
-            asyncio.get_running_loop().call_later(LOOK, self._close_when_answered)
+            asyncio.get_running_loop().call_later(CHECK_EVERY, self._close_when_answered)
 
     def _write(self, data: bytes) -> int:
         """Send bytes, which may be none. Return how many bytes of this connection the system has not taken yet."""
@@ -156,9 +156,9 @@ class _Connection(asyncio.BufferedProtocol):
         loop = asyncio.get_running_loop()
         if last:
             self._write(last)
-        self._dismiss()
-        loop.call_soon(self._say_no_more)  # after the replies to the bytes being processed
-        loop.call_later(PARTING, self.abort)
+        self._close_handler()
+        loop.call_soon(self._send_eof)  # after the replies to the bytes being processed
+        loop.call_later(LINGER, self.abort)
 
     def _hand_over(self, take: Taker) -> None:
         """Give the connection to a new owner, who sets another asyncio protocol."""
@@ -169,7 +169,7 @@ class _Connection(asyncio.BufferedProtocol):
                 transport.resume_reading()
             take(transport)
 
-    def _say_no_more(self) -> None:
+    def _send_eof(self) -> None:
         if self._transport is not None and not self._transport.is_closing():
             self._transport.write_eof()
 
@@ -181,21 +181,21 @@ class _Connection(asyncio.BufferedProtocol):
     def _leave(self) -> None:
         """Close the handler and forget the connection."""
         self._port.connections.discard(self)
-        self._dismiss()
+        self._close_handler()
 
-    def _dismiss(self) -> None:
-        guest, self._guest = self._guest, None
-        if guest is not None:
-            guest.close()
+    def _close_handler(self) -> None:
+        handler, self._handler = self._handler, None
+        if handler is not None:
+            handler.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._leave()
 
 
-def _watch(connection: socket.socket) -> None:
+def _enable_keepalive(connection: socket.socket) -> None:
     """Let the system detect that the other end has vanished."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for name, value in ALIVE.items():
+    for name, value in KEEPALIVE.items():
         with contextlib.suppress(OSError, AttributeError):
             connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
@@ -208,7 +208,7 @@ class TcpPort:
         self.connections: set[_Connection] = set()
         self.pace = Pace()
         #: Buffer for reads in large pieces; processed before another connection reads.
-        self.skimmed = bytearray(SKIM)
+        self.large_buffer = bytearray(LARGE_READ)
         self.where = ""
         self._server: asyncio.Server | None = None
 

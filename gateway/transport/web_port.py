@@ -17,7 +17,7 @@ from gateway.transport.handler import Arrive, Listener
 from gateway.transport.listening import SERVED, listen
 
 #: Bytes of one connection that are kept until the server is loaded; no legitimate request is longer.
-MOST = 16384
+MAX_BYTES = 16384
 
 
 class WebServer(Protocol):
@@ -63,7 +63,7 @@ class WebPort:
                 await (await self._loading).close()
 
 
-class Elsewhere:
+class SharedWebPort:
     """Stands in for a port if another web server serves the requests."""
 
     where = SERVED
@@ -77,31 +77,31 @@ class _Waiting(asyncio.Protocol):
 
     def __init__(self, port: WebPort) -> None:
         self._port = port
-        self._heard = b""
+        self._received = b""
         self._handing_over: asyncio.Task[None] | None = None
-        self._gone = False
+        self._disconnected = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
         self._handing_over = asyncio.ensure_future(self._hand_over())
 
     def data_received(self, data: bytes) -> None:
-        self._heard += data
-        if len(self._heard) > MOST:
+        self._received += data
+        if len(self._received) > MAX_BYTES:
             self._transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._gone = True
+        self._disconnected = True
 
     async def _hand_over(self) -> None:
         server = await self._port.server()
-        if self._gone or self._transport.is_closing():
+        if self._disconnected or self._transport.is_closing():
             return
-        talker = server()
-        self._transport.set_protocol(talker)
-        talker.connection_made(self._transport)
-        if self._heard:
-            talker.data_received(self._heard)
+        protocol = server()
+        self._transport.set_protocol(protocol)
+        protocol.connection_made(self._transport)
+        if self._received:
+            protocol.data_received(self._received)
 
 
 # --- for protocols whose clients use HTTP ------------------------------------------------------------------------

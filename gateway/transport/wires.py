@@ -60,7 +60,7 @@ class Transport(Protocol):
     async def close(self) -> None: ...
 
 
-class Watched(Protocol):
+class DescriptorWatcher(Protocol):
     """Is informed of the file descriptor of a line while it is open."""
 
     def opened(self, descriptor: int) -> None: ...
@@ -70,8 +70,8 @@ class Watched(Protocol):
 class SerialTransport:
     """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
 
-    def __init__(self, url: str, baud: int = BAUD, watched: Watched | None = None) -> None:
-        self.name, self.baud, self._watched = url, baud, watched
+    def __init__(self, url: str, baud: int = BAUD, watcher: DescriptorWatcher | None = None) -> None:
+        self.name, self.baud, self._watcher = url, baud, watcher
         self._port: Serial | None = None
         self._thread: threading.Thread | None = None
 
@@ -81,8 +81,8 @@ class SerialTransport:
         port = await loop.run_in_executor(None, open_port, self.name, self.baud)
         self._port = port
         number = descriptor(port)
-        if self._watched is not None and number is not None:
-            self._watched.opened(number)
+        if self._watcher is not None and number is not None:
+            self._watcher.opened(number)
         self._thread = threading.Thread(
             target=self._read, args=(port, loop, on_data, on_lost), name=f"read {self.name}", daemon=True
         )
@@ -139,11 +139,11 @@ class SerialTransport:
     async def close(self) -> None:
         port, self._port = self._port, None
         if port is not None:
-            if self._watched is not None:
-                self._watched.closed()
-            await asyncio.get_running_loop().run_in_executor(None, self._shut, port)
+            if self._watcher is not None:
+                self._watcher.closed()
+            await asyncio.get_running_loop().run_in_executor(None, self._close_port, port)
 
-    def _shut(self, port: Serial) -> None:
+    def _close_port(self, port: Serial) -> None:
         cancel = getattr(port, "cancel_read", None)
         if cancel is not None:
             cancel()
@@ -180,14 +180,14 @@ def open_port(url: str, baud: int) -> Serial:
     """Open a serial URL for exclusive use. Raises OSError with the reason in words."""
     import serial
 
-    patience: float | None = 2.0
+    timeout: float | None = 2.0
     opened = url
     if url.startswith("rfc2217://"):
-        patience = None  # pyserial's RFC 2217 client supports none
+        timeout = None  # pyserial's RFC 2217 client supports none
         # ser2net does not confirm DTR and RTS if the port has no such lines; no mount needs them
         opened += "" if "ign_set_control" in url else "&ign_set_control" if "?" in url else "?ign_set_control"
     try:
-        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=patience, exclusive=True)
+        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=timeout, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)

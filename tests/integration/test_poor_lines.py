@@ -47,7 +47,7 @@ def test_an_old_position_is_marked_in_the_log_once() -> None:
     async def program() -> None:
         async with Bridge("cpc", config={"sun": 0.0}) as bridge:
             wire = over(bridge, Poor())
-            bridge.controller.line.talk.lose("unplugged")
+            bridge.controller.line.transaction.connection_lost("unplugged")
             await asyncio.sleep(5.0)
             wire._poor = Poor(lost=2.0)
             polls = await poll(bridge, 8.0)

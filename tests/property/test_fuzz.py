@@ -163,7 +163,7 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
             def broken(*_: object) -> None:
                 raise ArithmeticError("as if")
 
-            surface = bridge.reception.face.surface
+            surface = bridge.reception.binding.surface
             surface.handlers = {**surface.handlers, "commit_quiet": lambda *_: (broken() for _ in "x")}
             client = bridge.client()
             await client.ask(b":SL20:15:30#")

@@ -34,41 +34,42 @@ def add_which(command: argparse.ArgumentParser, which: str = "which one, where s
     )
 
 
-def found(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
+def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """Return the running gateways that the flags choose, or ``all_of_them`` whatever ``--mount`` says."""
-    from gateway.app.control.exchange import listened
+    from gateway.app.control.exchange import is_listening
     from gateway.app.reach import look, scope_of
 
     only = None if all_of_them else arguments.mount
     return [
-        door
-        for _, door in look(scope_of(arguments.state)).gateways
-        if listened(door) and (only is None or only in (door.name, door.mount, door.mount.partition("@")[2]))
+        endpoint
+        for _, endpoint in look(scope_of(arguments.state)).gateways
+        if is_listening(endpoint)
+        and (only is None or only in (endpoint.name, endpoint.mount, endpoint.mount.partition("@")[2]))
     ]
 
 
-def the_one(arguments: argparse.Namespace) -> ControlEndpoint | None:
+def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
     """Return the chosen gateway; None, with a message, if none runs. Raises UserError if it could be several."""
-    doors = found(arguments)
-    if len(doors) > 1:
-        raise UserError(f"{len(doors)} mounts run here; say which one is meant: {_flags(doors)}")
-    if not doors:
-        nobody(arguments)
+    endpoints = chosen_gateways(arguments)
+    if len(endpoints) > 1:
+        raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {_flags(endpoints)}")
+    if not endpoints:
+        report_no_gateway(arguments)
         return None
-    return doors[0]
+    return endpoints[0]
 
 
-def _flags(doors: Iterable[ControlEndpoint]) -> str:
+def _flags(endpoints: Iterable[ControlEndpoint]) -> str:
     """Return the flags that choose each of these gateways."""
-    return " or ".join(sorted(f"--mount {door.name or door.mount}" for door in doors))
+    return " or ".join(sorted(f"--mount {endpoint.name or endpoint.mount}" for endpoint in endpoints))
 
 
-def nobody(arguments: argparse.Namespace) -> None:
+def report_no_gateway(arguments: argparse.Namespace) -> None:
     """Report that no gateway runs, or none with the mount that was named."""
     from gateway.app.reach import scope_of, unseen
     from gateway.system.runtime_folders import user_name
 
-    others = found(arguments, all_of_them=True) if arguments.mount else []
+    others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
     if others:
         streams.warn(f"no gateway runs here for {arguments.mount}; write {_flags(others)}", streams.ERROR)
         return
@@ -83,11 +84,11 @@ def nobody(arguments: argparse.Namespace) -> None:
         )
 
 
-async def wished(door: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
+async def send_request(endpoint: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
     """Send a request and return the gateway's answer, or ``failed REASON`` if there is none."""
     from gateway.app.reach import ask
 
-    answer = await ask(door, f"wish {line}", seconds)
+    answer = await ask(endpoint, f"wish {line}", seconds)
     if answer is None:
         return "failed the gateway has ended"
     if answer.startswith("failed this gateway knows no order"):
@@ -95,7 +96,7 @@ async def wished(door: ControlEndpoint, line: str, seconds: float = ANSWERED) ->
     return answer
 
 
-def told(answer: str) -> int:
+def report(answer: str) -> int:
     """Print the result of a request and return the exit code."""
     how, _, words = answer.partition(" ")
     plain = "".join(letter if letter.isprintable() else "?" for letter in words)
@@ -107,21 +108,21 @@ def told(answer: str) -> int:
     return 0
 
 
-def carried_out(
+def run_with_gateway(
     arguments: argparse.Namespace, work: Callable[[ControlEndpoint, asyncio.Event], Coroutine[object, object, int]]
 ) -> int:
     """Run ``work`` with the chosen gateway and an event that Ctrl-C sets; return the exit code."""
-    door = the_one(arguments)
-    if door is None:
+    endpoint = chosen_gateway(arguments)
+    if endpoint is None:
         return 1
 
     async def run() -> int:
-        return await work(door, until_signal())
+        return await work(endpoint, until_signal())
 
     return asyncio.run(run())
 
 
-async def over(done: asyncio.Event) -> bool:
+async def cancelled_while_waiting(done: asyncio.Event) -> bool:
     """Wait until the next request for the progress; return whether the user pressed Ctrl-C meanwhile."""
     with contextlib.suppress(TimeoutError):
         await asyncio.wait_for(done.wait(), EVERY)

@@ -55,7 +55,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
     while now() < began + FIND_MOUNT:
         if await gateway.found(0.1):
             return True
-        hope = FIRST_SENSE if line.talk.heard_ever else FIRST_WORD
+        hope = FIRST_SENSE if line.transaction.heard_ever else FIRST_WORD
         if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):
             break
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
@@ -113,20 +113,20 @@ def waiting(gateway: Gateway) -> str:
     takes = spec.takes[gateway.mount.model is None]
     if gateway.controller.context.met.is_set():
         return (
-            f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
-            f"it {takes} s to say"
+            f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "
+            "model"
         )
     return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest} may take {takes} s"
 
 
 def not_found(gateway: Gateway) -> str:
     """Return why no mount was found, and what to do; suspect the cable only if no byte was received."""
-    talk, where = gateway.controller.line.talk, gateway.mount.where
+    transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     rest = f"{look}, --wait keeps trying"
-    if not talk.heard_ever:
+    if not transaction.heard_ever:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"
-    asked, came = talk.trouble
+    asked, came = transaction.trouble
     answer = f"it answered {show(came)}" if came else "it did not answer that"
     kind = PROTOCOLS[gateway.mount.protocol].mounts
     return (

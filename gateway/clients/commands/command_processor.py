@@ -35,27 +35,27 @@ class CommandProcessor:
         self,
         name: str,
         controller: MountController,
-        face: SurfaceBinding,
+        binding: SurfaceBinding,
         session: Session,
         write: Write,
-        life: HostActivity,
+        activity: HostActivity,
     ) -> None:
-        self.life = life
-        self.controller, self.surface, self.session = controller, face.surface, session
+        self.activity = activity
+        self.controller, self.surface, self.session = controller, binding.surface, session
         self._wanted = controller.wanted
-        self.framer, self.write = face.framing(), write
+        self.framer, self.write = binding.framing(), write
         self.log = ClientLog(name, controller.wire_log)
         self._inbox = Inbox(self.log)
-        self.runner = TurnRunner(controller, face.surface, session, life, self.log)
+        self.runner = TurnRunner(controller, binding.surface, session, activity, self.log)
         self._cache = self.runner.cache
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
-        self._late: set[asyncio.Task[None]] = set()
+        self._detached: set[asyncio.Task[None]] = set()
         #: The command that waits for the mount; and whether its reply may take until the next command.
         self._turn: Turn | None = None
         self._lasting = False
         #: Returns when the bytes being processed arrived, loop time.
-        self.came: Callable[[], float] = controller.now
+        self.arrival: Callable[[], float] = controller.now
         self.open = True
         #: Whether the last bytes only ended motions and need no reply.
         self.ended = False
@@ -68,7 +68,7 @@ class CommandProcessor:
     @property
     def busy(self) -> bool:
         """Whether an operation of this client is still under way."""
-        return self._task is not None or bool(self._late) or bool(self.runner.begun)
+        return self._task is not None or bool(self._detached) or bool(self.runner.background)
 
     @property
     def answered(self) -> bool:
@@ -82,14 +82,14 @@ class CommandProcessor:
 
         If they arrived earlier, ``stops`` is the controller's count of stops at that time.
         """
-        self.life.heard |= stops != LONG_AGO
+        self.activity.heard |= stops != LONG_AGO
         if self.log.sinks:
             self.log.put("raw", data)
-        if self._idle and self._task is None and self._repeated(data):
+        if self._idle and self._task is None and self._answer_from_cache(data):
             return
-        frames = self.framer.feed(data, self.came())
+        frames = self.framer.feed(data, self.arrival())
         if self.log.sinks:
-            self._tell_dropped()
+            self._log_dropped()
         self._idle = self.framer.idle  # else the next bytes may belong to these
         ended: set[bytes] = set()  # by these frames, with no other command since: a repetition does nothing
         self.ended = bool(frames)
@@ -107,16 +107,16 @@ class CommandProcessor:
                 self.ended = False
             else:
                 ended.add(frame)
-                self._end(frame, ending)
+                self._end_motion(frame, ending)
             steps = self.surface.handle(self.session, frame)
             before = self._wanted.value.stops if stops is None else stops
-            self._inbox.add(Turn(frame, steps, before, ending, self.came()))
+            self._inbox.add(Turn(frame, steps, before, ending, self.arrival()))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
             self._pump()
 
-    def _repeated(self, data: bytes) -> bool:
+    def _answer_from_cache(self, data: bytes) -> bool:
         """Send a cached reply to the same command again if it is still valid. Return whether it was."""
         controller = self.controller
         now = controller.now()
@@ -132,15 +132,15 @@ class CommandProcessor:
         self.write(reply)
         return True
 
-    def _end(self, frame: bytes, ending: Ending) -> None:
+    def _end_motion(self, frame: bytes, ending: Ending) -> None:
         """End a motion before all waiting commands, and remove those that would begin it."""
         self._inbox.take_back(ending.takes_back, frame)
         if isinstance(ending.operation, AbortMotion):
             self.controller.begin_stop()
         else:
-            self.runner.begun.begin(ending.operation, self._wanted.value.stops)
+            self.runner.background.start(ending.operation, self._wanted.value.stops)
 
-    def _tell_dropped(self) -> None:
+    def _log_dropped(self) -> None:
         for why, data in self.framer.dropped.items():
             self.log.put("x", bytes(data), why)
 
@@ -153,40 +153,40 @@ class CommandProcessor:
             try:
                 wanted = self.runner.advance(turn, None)
             except StopIteration as end:
-                again = self._inbox.take_repeated(turn.frame) if turn.halting else 0
+                again = self._inbox.take_repeated(turn.frame) if turn.ended_motion else 0
                 self._answer(turn, end.value * (1 + again) if end.value else None)
                 continue
             except Exception as error:  # a defect must cost one command, never the client's connection
                 self.runner.defect(turn.frame, error)
                 continue
             self._task, self._turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn
-            until = turn.came + WAIT_FOR_MOUNT
+            until = turn.arrived + WAIT_FOR_MOUNT
             if self.controller.now() < until:
                 turn.timer = self.controller.loop.call_at(until, self._give_up, turn)
                 return
-            self._forget(turn)
+            self._detach(turn)
 
     def _give_up(self, turn: Turn) -> None:
         """The mount has not answered in time: leave this command without a reply and continue with the next."""
         self._lasting = turn.lasting and not self._inbox
         if turn is self._turn and not self._lasting:
-            self._forget(turn)
+            self._detach(turn)
             self._pump()
 
-    def _forget(self, turn: Turn) -> None:
+    def _detach(self, turn: Turn) -> None:
         """Detach the task under way from this command, and answer as if the mount does not respond."""
         assert self._task is not None
-        self._late.add(self._task)
-        self._task.add_done_callback(self._late.discard)
+        self._detached.add(self._task)
+        self._task.add_done_callback(self._detached.discard)
         self._task, self._turn, turn.late = None, None, True
         reply = self.surface.unanswered(turn.frame, NoAnswer())
         if not reply:
-            self._too_late(turn.frame)
+            self._log_no_reply(turn.frame)
         self._answer(turn, reply)
 
     async def _wait(self, turn: Turn, wanted: Operation) -> None:
         """Finish a command that needs the mount, then continue with the commands that arrived meanwhile."""
-        turn.plain = False
+        turn.reusable = False
         reply = None
         try:
             reply = await self.runner.finish(turn, wanted)
@@ -199,7 +199,7 @@ class CommandProcessor:
                 if turn.timer is not None:
                     turn.timer.cancel()
         if turn.late:
-            self._say_refused(turn.frame)
+            self._log_refused(turn.frame)
             return
         self._answer(turn, reply)
         self._pump()
@@ -209,24 +209,24 @@ class CommandProcessor:
     def _answer(self, turn: Turn, reply: bytes | None) -> None:
         frame, now = turn.frame, self.controller.now()
         self.session.last = frame
-        self._say_refused(frame)
-        if not (turn.plain and turn.spent):
+        self._log_refused(frame)
+        if not (turn.reusable and turn.readings):
             self._cache.clear()
         elif reply:
-            until = self.controller.fresh_until(turn.spent)
-            self._cache.remember(frame, reply, turn.spent, self.controller.version, now, until)
-        if reply and now - turn.came > ANSWER_WITHIN and not turn.lasting:
+            until = self.controller.fresh_until(turn.readings)
+            self._cache.remember(frame, reply, turn.readings, self.controller.version, now, until)
+        if reply and now - turn.arrived > ANSWER_WITHIN and not turn.lasting:
             reply = None
-            self._too_late(frame)
+            self._log_no_reply(frame)
         if reply:
             self.log.put("<", reply)
             self.write(reply)
         elif self.log.sinks:
-            self._explain(frame)
+            self._log_silence(frame)
         if turn.baud is not None and self.rate is not None:
             self.rate.begin(turn.baud)
 
-    def _too_late(self, frame: bytes) -> None:
+    def _log_no_reply(self, frame: bytes) -> None:
         found = self.surface.protocol.find(frame)
         if found is not None and not found[0].replies:
             return
@@ -235,13 +235,13 @@ class CommandProcessor:
             f"{ANSWER_WITHIN} s, and a later answer would be taken for the reply to another command"
         )
 
-    def _say_refused(self, frame: bytes) -> None:
+    def _log_refused(self, frame: bytes) -> None:
         if self.session.refused:
             why, self.session.refused = self.session.refused, ""
             sent = show(frame.removesuffix(b"\n"))
             self.log.refused_once(f"`{sent}` refused: {why}")
 
-    def _explain(self, frame: bytes) -> None:
+    def _log_silence(self, frame: bytes) -> None:
         """Log why there is no reply, once for every command of every host."""
         if why := self.surface.silence(self.session, frame):
             self.log.note_once(f"no reply to {frame!r}: {why}")
@@ -266,6 +266,6 @@ class CommandProcessor:
         for frame in self.framer.end():  # the next connection must not continue an incomplete command
             self.log.note(frame.words)
             deque(self.surface.handle(self.session, frame), 0)
-        self._tell_dropped()
+        self._log_dropped()
         if self.rate is not None:
             self.rate.end()

@@ -25,28 +25,27 @@ LONG_AGO = -1
 #: commands which arrived together with one that it does not answer are still answered.
 ANSWER_WITHIN, WAIT_FOR_MOUNT = 3.5, 3.4
 #: Seconds after which a motion that has not begun is refused, while a reply is still possible.
-NO_IN_TIME = 3.0
+REFUSE_AFTER = 3.0
 #: Commands that may wait in one connection; beyond that the oldest are dropped.
 INBOX = 256
 
 
 class Turn(Struct, eq=False):
-    """A command and the ``steps`` that carry it out; it ``came`` at this loop time, after ``stops`` stops.
+    """A command and the ``steps`` that carry it out; it ``arrived`` at this loop time, after ``stops`` stops.
 
-    ``ending`` is the motion that it ended on arrival. ``plain`` and ``spent`` tell whether its reply may be reused:
-    only cached readings were used, and which. ``halting``: the last thing it did was to end a motion. ``lasting``: its
-    reply may take until the next command. ``late``: its reply is no longer sent. ``baud``: the rate to use after its
-    reply.
+    ``ending`` is the motion that it ended on arrival. ``reusable``: its reply depends only on the cached
+    ``readings``. ``ended_motion``: the last thing it did was to end a motion. ``lasting``: its reply may take until the
+    next command. ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply.
     """
 
     frame: bytes
     steps: Handling
     stops: int
     ending: Ending | None
-    came: float
-    spent: list[type[Operation]] = []
-    plain: bool = True
-    halting: bool = False
+    arrived: float
+    readings: list[type[Operation]] = []
+    reusable: bool = True
+    ended_motion: bool = False
     lasting: bool = False
     late: bool = False
     baud: int | None = None
@@ -90,12 +89,12 @@ class Inbox(deque[Turn]):
 Kinds = list[type[Operation]]
 
 #: Different commands whose replies are cached.
-MEMO = 32
+MAX_REPLIES = 32
 #: Seconds within which two coordinates that are requested one by one are taken from the same reading.
-PAIR = 1.0
+SAME_INSTANT = 1.0
 
 
-class _Told(NamedTuple):
+class _SentReading(NamedTuple):
     """A reading as it was sent, its time, and the version at that time."""
 
     value: object
@@ -109,7 +108,7 @@ class ReplyCache:
     def __init__(self) -> None:
         self._replies: dict[bytes, tuple[bytes, Kinds]] = {}
         self._version, self._until = -1, 0.0
-        self._told: dict[type[Operation], _Told] = {}
+        self._readings: dict[type[Operation], _SentReading] = {}
 
     def reply(self, command: bytes, version: int, now: float) -> tuple[bytes, Kinds] | None:
         """Return the cached reply to this command and the kinds of readings it was made of; None if it is not valid."""
@@ -117,7 +116,7 @@ class ReplyCache:
 
     def remember(self, command: bytes, reply: bytes, kinds: Kinds, version: int, now: float, until: float) -> None:
         """Cache a reply that is valid until this time."""
-        if self._version != version or now >= self._until or len(self._replies) >= MEMO:
+        if self._version != version or now >= self._until or len(self._replies) >= MAX_REPLIES:
             self._replies.clear()
             self._version, self._until = version, float("inf")
         self._replies[command] = reply, kinds
@@ -127,10 +126,10 @@ class ReplyCache:
         """Forget all replies, because something was changed or may have been."""
         self._replies.clear()
 
-    def told(self, operation: Operation, value: object, now: float, version: int) -> None:
-        self._told[type(operation)] = _Told(value, now, version)
+    def remember_reading(self, operation: Operation, value: object, now: float, version: int) -> None:
+        self._readings[type(operation)] = _SentReading(value, now, version)
 
-    def again(self, operation: Operation, now: float) -> tuple[object, int] | None:
+    def recent_reading(self, operation: Operation, now: float) -> tuple[object, int] | None:
         """Return the reading that was sent a moment ago, and the version at that time; None if that is too long ago."""
-        told = self._told.get(type(operation))
-        return None if told is None or now - told.at >= PAIR else (told.value, told.version)
+        sent = self._readings.get(type(operation))
+        return None if sent is None or now - sent.at >= SAME_INSTANT else (sent.value, sent.version)

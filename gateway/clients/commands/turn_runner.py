@@ -10,8 +10,8 @@ from __future__ import annotations
 import asyncio
 
 from gateway.clients.access import Rights
-from gateway.clients.commands.turn import NO_IN_TIME, WAIT_FOR_MOUNT, ReplyCache, Turn
-from gateway.clients.profiles import J2000
+from gateway.clients.commands.turn import REFUSE_AFTER, WAIT_FOR_MOUNT, ReplyCache, Turn
+from gateway.clients.profiles import EquinoxConverter
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
@@ -19,26 +19,26 @@ from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.cache import FRESH, MISSING
+from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
 
 #: Operations of one connection that may run without a reply; beyond that only those that end a motion are started.
-BEGUN = 16
+MAX_BACKGROUND = 16
 
 
-class Begun:
+class BackgroundOperations:
     """The operations of one client that run without a reply. True while there are any."""
 
-    def __init__(self, controller: MountController, log: ClientLog, life: HostActivity) -> None:
-        self._controller, self._log, self._life = controller, log, life
+    def __init__(self, controller: MountController, log: ClientLog, activity: HostActivity) -> None:
+        self._controller, self._log, self._activity = controller, log, activity
         self._operations: dict[asyncio.Future[None], Operation] = {}
 
     def __bool__(self) -> bool:
         return bool(self._operations)
 
-    def begin(self, operation: Operation, stops: int) -> None:
+    def start(self, operation: Operation, stops: int) -> None:
         """Start an operation without a reply; a failure goes to the wire log."""
         controller, name = self._controller, type(operation).__name__
         if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or the client is gone
@@ -47,10 +47,10 @@ class Begun:
         if halts and controller.orders.again(operation):
             return
         ends = halts or ends_focus(operation)
-        if len(self._operations) >= BEGUN and (not ends or operation in self._operations.values()):
+        if len(self._operations) >= MAX_BACKGROUND and (not ends or operation in self._operations.values()):
             self._log.note_once(f"commands arrive faster than the mount accepts them: {name} is not carried out")
             return
-        task = controller.begin(operation, stops, lambda fault: self._log.refused(f"{name}: {fault}"), self._life)
+        task = controller.begin(operation, stops, lambda fault: self._log.refused(f"{name}: {fault}"), self._activity)
         self._operations[task] = operation
         task.add_done_callback(lambda done: self._operations.pop(done, None))
 
@@ -63,13 +63,13 @@ class TurnRunner:
     """Runs the commands of one client. ``rights`` are its rights, ``equinox`` converts its coordinates."""
 
     def __init__(
-        self, controller: MountController, surface: Surface, session: Session, life: HostActivity, log: ClientLog
+        self, controller: MountController, surface: Surface, session: Session, activity: HostActivity, log: ClientLog
     ) -> None:
         self._controller, self._surface, self._session = controller, surface, session
-        self._life, self._log, self.cache = life, log, ReplyCache()
+        self._activity, self._log, self.cache = activity, log, ReplyCache()
         self.rights = Rights()
-        self.equinox: J2000 | None = None
-        self.begun = Begun(controller, log, life)
+        self.equinox: EquinoxConverter | None = None
+        self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
 
     def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> Operation:
@@ -78,42 +78,42 @@ class TurnRunner:
             wanted = turn.steps.send(answer) if fault is None else turn.steps.throw(fault)
             answer, fault, turn.lasting = None, None, isinstance(wanted, LASTING)
             if isinstance(wanted, FireAndForget):
-                self._begin(turn, wanted.operation)
+                self._start(turn, wanted.operation)
             elif isinstance(wanted, Possible):
-                turn.plain = False
-                fault = self._refused(wanted.operation, turn.came) or self._impossible(wanted.operation)
+                turn.reusable = False
+                fault = self._refused(wanted.operation, turn.arrived) or self._impossible(wanted.operation)
             elif isinstance(wanted, Defer):
-                turn.plain = False
+                turn.reusable = False
                 self._defer(wanted)
             elif isinstance(wanted, Speed):
-                turn.plain, turn.baud = False, wanted.baud
+                turn.reusable, turn.baud = False, wanted.baud
             else:
                 if isinstance(wanted, ReuseLastReading):
                     wanted = wanted.operation
-                    answer = self._again(wanted, turn)
+                    answer = self._recent_reading(wanted, turn)
                     if answer is not None:
                         continue
-                fault = self._refused(wanted, turn.came)
+                fault = self._refused(wanted, turn.arrived)
                 if fault is not None:
-                    turn.plain = False
+                    turn.reusable = False
                     continue
-                value = self._controller.peek(wanted) if isinstance(wanted, Read) else MISSING
-                if value is MISSING:
+                value = self._controller.peek(wanted) if isinstance(wanted, Read) else NOT_CACHED
+                if value is NOT_CACHED:
                     return wanted
-                if type(wanted) in FRESH:
-                    turn.spent.append(type(wanted))
+                if type(wanted) in MAX_AGE:
+                    turn.readings.append(type(wanted))
                 elif not (isinstance(wanted, Own) and wanted.keep == "fixed"):
-                    turn.plain = False
-                answer = self._tell(wanted, value)
+                    turn.reusable = False
+                answer = self._to_client(wanted, value)
 
     async def finish(self, turn: Turn, wanted: Operation) -> bytes | None:
         """Wait for one operation after the other until the command is done. Return its reply."""
         while True:
             answer, fault = None, None
             try:
-                patience = turn.came + NO_IN_TIME - self._controller.now()
-                told = await self._controller.perform(self._inward(wanted), turn.stops, self._life, patience)
-                answer = self._tell(wanted, told)
+                patience = turn.arrived + REFUSE_AFTER - self._controller.now()
+                told = await self._controller.perform(self._to_internal(wanted), turn.stops, self._activity, patience)
+                answer = self._to_client(wanted, told)
             except Fault as error:
                 words = f"{type(wanted).__name__}: {error}"
                 (self._log.note if isinstance(wanted, Read) else self._log.refused)(words)
@@ -126,18 +126,18 @@ class TurnRunner:
 
     # --- requested operations ----------------------------------------------------------------------------------------
 
-    def _begin(self, turn: Turn, operation: Operation) -> None:
+    def _start(self, turn: Turn, operation: Operation) -> None:
         """Start an operation without waiting. One that was started when the bytes arrived is not started again."""
-        turn.plain = False
-        if self._refused(operation, turn.came):
+        turn.reusable = False
+        if self._refused(operation, turn.arrived):
             return
-        turn.halting = isinstance(operation, StopAxis | AbortSlew)
+        turn.ended_motion = isinstance(operation, StopAxis | AbortSlew)
         if turn.ending is None or operation != turn.ending.operation:
-            self.begun.begin(self._inward(operation), turn.stops)
+            self.background.start(self._to_internal(operation), turn.stops)
 
-    def _refused(self, operation: Operation, came: float) -> Fault | None:
+    def _refused(self, operation: Operation, arrived: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
-        late = self._controller.now() - came
+        late = self._controller.now() - arrived
         if late > AT_ONCE and (isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))):
             self._log.refused(f"{type(operation).__name__}: {LATE}")
             return Busy(LATE)
@@ -155,34 +155,34 @@ class TurnRunner:
 
     # --- answers -----------------------------------------------------------------------------------------------------
 
-    def _again(self, operation: Operation, turn: Turn) -> object:
+    def _recent_reading(self, operation: Operation, turn: Turn) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
-        told = self.cache.again(operation, self._controller.now())
+        told = self.cache.recent_reading(operation, self._controller.now())
         if told is None:
             return None
         value, version = told
         if version == self._controller.version:
-            turn.spent.append(type(operation))
+            turn.readings.append(type(operation))
         else:
-            turn.plain = False
+            turn.reusable = False
         return value
 
-    def _tell(self, operation: Operation, value: object) -> object:
+    def _to_client(self, operation: Operation, value: object) -> object:
         if self.equinox is not None:
-            value = self.equinox.outward(operation, value)
-        if type(operation) in FRESH:
-            self.cache.told(operation, value, self._controller.now(), self._controller.version)
+            value = self.equinox.to_client(operation, value)
+        if type(operation) in MAX_AGE:
+            self.cache.remember_reading(operation, value, self._controller.now(), self._controller.version)
         return value
 
     async def reading(self, operation: Operation) -> object:
         """Return a reading in this client's form, for a subscription. Raises Fault."""
         value = self._controller.peek(operation)
-        if value is MISSING:
-            value = await self._controller.perform(self._inward(operation), self._controller.stops, self._life)
-        return value if self.equinox is None else self.equinox.outward(operation, value)
+        if value is NOT_CACHED:
+            value = await self._controller.perform(self._to_internal(operation), self._controller.stops, self._activity)
+        return value if self.equinox is None else self.equinox.to_client(operation, value)
 
-    def _inward(self, operation: Operation) -> Operation:
-        return operation if self.equinox is None else self.equinox.inward(operation)
+    def _to_internal(self, operation: Operation) -> Operation:
+        return operation if self.equinox is None else self.equinox.to_internal(operation)
 
     # --- deferred commands -------------------------------------------------------------------------------------------
 

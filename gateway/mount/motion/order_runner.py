@@ -20,7 +20,7 @@ from gateway.mount.link.queue import MOTION, SETTING, STOP
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done
 from gateway.mount.motion.wanted import IN_ORDER, Order
-from gateway.mount.readings.told_position import ToldPosition
+from gateway.mount.readings.client_readings import ClientReadings
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.watch import LimitWatch
 from gateway.protocols.base.driver import FollowUps
@@ -60,8 +60,8 @@ class OrderRunner:
             await self.announce()
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
-        rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
-        return operation, await self._runner.drive(self._driver.perform(operation), rank, since)
+        priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
+        return operation, await self._runner.drive(self._driver.perform(operation), priority, since)
 
     async def go_on_alone(self, stop: Callable[[], object]) -> None:
         """After the end of one axis, check that the other may move on alone; if not, call ``stop``."""
@@ -84,7 +84,7 @@ class Consequences:
     """Updates the cache and the watches once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
-        self, context: Context, gate: HibernationGate, told: ToldPosition, watch: LimitWatch, ends: EndWatch
+        self, context: Context, gate: HibernationGate, told: ClientReadings, watch: LimitWatch, ends: EndWatch
     ) -> None:
         self._context, self._now, self._cache = context, context.now, context.cache
         self._gate, self._told, self._watch, self._ends = gate, told, watch, ends

@@ -17,7 +17,7 @@ from gateway.core.waiting import FairScheduler, heed
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
-from gateway.mount.readings.cache import MISSING
+from gateway.mount.readings.cache import NOT_CACHED
 
 #: Seconds for which a reply is shared; others are not cached.
 LASTS = {"fixed": math.inf, "state": 1.0, "site": 1.0}
@@ -33,7 +33,7 @@ class _Heard(Struct, frozen=True):
 
 
 class OwnAnswers:
-    """``tell`` returns a cached reply, ``read`` requests one if there is none, ``forget`` empties the cache."""
+    """``peek`` returns a cached reply, ``read`` requests one if there is none, ``forget`` empties the cache."""
 
     def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
         self._context, self._runner, self._fair = context, runner, fair
@@ -50,10 +50,10 @@ class OwnAnswers:
             {} if everything else {key: heard for key, heard in self._heard.items() if math.isinf(heard.until)}
         )
 
-    def tell(self, operation: op.Own) -> bytes:
-        """Return the cached reply of the mount; MISSING if it must be requested."""
+    def peek(self, operation: op.Own) -> bytes:
+        """Return the cached reply of the mount; NOT_CACHED if it must be requested."""
         heard = self._fresh(operation)
-        told: bytes = MISSING
+        told: bytes = NOT_CACHED
         if heard is not None and isinstance(heard.answer, bytes) and not self._stands_against(operation):
             told = heard.answer
         return told

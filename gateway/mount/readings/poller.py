@@ -14,7 +14,7 @@ from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import HibernationGate
 from gateway.mount.motion.ends import EndWatch
-from gateway.mount.readings.cache import RENEW, Kind
+from gateway.mount.readings.cache import POLL_PERIOD, Kind
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.settings import SiteAndClock
@@ -53,7 +53,7 @@ class Poller:
         self._context, self._link, self._cache = context, context.link, context.cache
         self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
         self._axes_refused = -1e9
-        self._news = {kind: TimedEvent() for kind in RENEW}
+        self._news = {kind: TimedEvent() for kind in POLL_PERIOD}
         self._cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
@@ -61,7 +61,7 @@ class Poller:
         self._asked_own = context.now()
 
     def start(self) -> None:
-        for kind in RENEW:
+        for kind in POLL_PERIOD:
             self._context.tasks.spawn(self._for_ever(kind))
 
     def _changed(self, kind: Kind) -> None:
@@ -133,8 +133,8 @@ class Poller:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if not self._wanted(kind, now):
             return IDLE
-        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical
-        every = RENEW[kind]
+        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical_rtt
+        every = POLL_PERIOD[kind]
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
             every = self._watch.axes_every or every
         return max(every - ahead, BREATH) - self._cache.age(kind, now)
@@ -146,11 +146,11 @@ class Poller:
             await self._settings.renew(kind)
             return
         try:
-            await self._reader.anew(kind())
+            await self._reader.read_now(kind())
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
                 self._context.note_once(f"{kind.__name__}: {fault}")
             if kind is op.AxisPosition:
                 self._axes_refused = self._context.now()
-            if self._cache.age(kind, self._context.now()) > RENEW[kind]:
-                await asyncio.sleep(RENEW[kind])
+            if self._cache.age(kind, self._context.now()) > POLL_PERIOD[kind]:
+                await asyncio.sleep(POLL_PERIOD[kind])

@@ -82,9 +82,9 @@ class AltitudeAxis:
     async def asked(self, ask: Reader) -> float:
         """Return the tilt in degrees. After a sync, read the mount first to measure it again. Raises Fault."""
         if self.synced and not self._mount.movement.anything:
-            await ask.anew(op.GetStatus())
+            await ask.read_now(op.GetStatus())
             await ask.read(op.Position())
-            await ask.anew(op.AxisPosition())
+            await ask.read_now(op.AxisPosition())
         return self.tilt or 0.0
 
     def read(self, axes: op.Horizontal, seen: Seen, now: float, moves: bool) -> float | None:

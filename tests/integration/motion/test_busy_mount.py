@@ -56,7 +56,7 @@ def test_a_goto_that_waits_ends_with_a_stop_and_with_its_client(how: str) -> Non
             if how == "a stop":
                 other.tell(b":Q#")
             elif how == "half closed":
-                client._guest.gone()
+                client._guest.peer_closed()
             else:
                 client.close()
             await asyncio.sleep(4.0)
@@ -102,7 +102,7 @@ def silence(bridge: Any, seconds: float) -> None:
 async def look(bridge: Bridge) -> None:
     """Keep the line with a question that is not answered."""
     with contextlib.suppress(NoAnswer):
-        await bridge.controller.anew(op.Position())
+        await bridge.controller.read_now(op.Position())
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("cgx", "nexstar"), ("autostar", "lx200")])

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.commands.turn_runner import BEGUN
+from gateway.clients.commands.turn_runner import MAX_BACKGROUND
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
-from gateway.transport.intake import BREATH, SHARE
+from gateway.transport.intake import PAUSE, SHARE
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import precise, up
 from tests.support.sampling import as_a_rule
@@ -146,8 +146,8 @@ def test_another_ones_goto_is_begun() -> None:
 
 def test_what_is_under_way_for_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
-        assert len(asyncio.all_tasks()) < 2 * BEGUN + 30
-        assert len(bridge.controller.line.queue) < BEGUN + 10
+        assert len(asyncio.all_tasks()) < 2 * MAX_BACKGROUND + 30
+        assert len(bridge.controller.line.queue) < MAX_BACKGROUND + 10
 
     flooded(COSTLY * 4, bounded)
 
@@ -257,7 +257,7 @@ def test_a_burst_is_answered_to_the_last() -> None:
         link[1].write(b":GR#" * 1000)
         async with asyncio.timeout(5):
             assert len(await link[0].readexactly(9000)) == 9000
-        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * BREATH * 0.8, "others had their turn"
+        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * PAUSE * 0.8, "others had their turn"
         link[1].close()
 
     serve(program, "lx200@tcp://127.0.0.1:0")
@@ -267,7 +267,7 @@ def test_who_does_not_read_is_let_go_without_a_word(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
-    monkeypatch.setattr(pace, "BREATH", 0.001)  # else it takes two seconds to say enough
+    monkeypatch.setattr(pace, "PAUSE", 0.001)  # else it takes two seconds to say enough
 
     async def program(gateway: Gateway) -> None:
         deaf = socket.create_connection(address(gateway))

@@ -103,7 +103,7 @@ def test_a_large_request_is_answered_to_the_end() -> None:
 
 
 def test_whoever_stays_is_put_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tcp, "PARTING", 0.2)
+    monkeypatch.setattr(tcp, "LINGER", 0.2)
 
     async def program(ports: list[int], said: list[str]) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", ports[1])

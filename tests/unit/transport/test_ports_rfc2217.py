@@ -47,7 +47,7 @@ class Echo:
     def network(self, hang_up: Callable[[bytes], None]) -> None:
         pass
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         pass
 
     def close(self) -> None:

@@ -172,7 +172,7 @@ class HandAdmission:
         if seen is None or age > OLD_POSITION:
             seen = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.rests_since and not mount.wanted.by_hand:  # it was still moving then
-            seen = await self._ask.anew(op.Position())
+            seen = await self._ask.read_now(op.Position())
         watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
         axis = self._watch.altitude_axis

@@ -92,8 +92,8 @@ class Admission:
         if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.policy.unaligned):
             return
         if not (await self._status()).aligned:
-            anew: op.Status = await self._ask.anew(op.GetStatus())  # it may have been aligned just now
-            if not anew.aligned:
+            fresh: op.Status = await self._ask.read_now(op.GetStatus())  # it may have been aligned just now
+            if not fresh.aligned:
                 raise NotAligned
 
     # --- syncs ------------------------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ class Admission:
             moving = mount.movement.now()
             if not moving.slewing or moving.by_hand or mount.now() >= until:
                 return
-            if not await self._ask.anew(op.Slewing()):
+            if not await self._ask.read_now(op.Slewing()):
                 return
             await asyncio.sleep(PAUSE)
 
@@ -235,7 +235,7 @@ class Admission:
         if not mount.driver.german or site is None:
             return {False, not mount.driver.german and await over(self._mount, self._ask, self._watch)}
         # during a goto the mount reports the pier side of the target
-        under_way = mount.movement.slewing and await self._ask.anew(op.Slewing())
+        under_way = mount.movement.slewing and await self._ask.read_now(op.Slewing())
         side = None if under_way else await self._ask.tube_side()
         return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
 

@@ -76,7 +76,7 @@ def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol
 
 def test_when_it_is_decided_nothing_is_left_in_between() -> None:
     async def program(bridge: AnyBridge) -> None:
-        connection = bridge.any.come("10.0.0.1:5", "10.0.0.1", lambda data: None)
+        connection = bridge.any.create("10.0.0.1:5", "10.0.0.1", lambda data: None)
         connection.feed(b":GR#")
         assert connection.feed == bridge.any.connections()[0].feed
 
@@ -92,7 +92,7 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         await asyncio.sleep(10.0)
         one.tell(idle * 1000)
         assert len(one._guest.sent) <= 64, "however many come, few are kept"
-        assert one.heard == b"" and bridge.spoken() == [] and len(bridge.any.here()) == 0
+        assert one.heard == b"" and bridge.spoken() == [] and len(bridge.any.present_hosts()) == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
         assert bridge.spoken() == ["lx200", "nexstar"]
@@ -164,7 +164,7 @@ def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
         await asyncio.sleep(1.0)
         assert at_once.heard.startswith(b"a#") and len(at_once.heard) == 11
         assert bridge.spoken() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
-        assert sorted(bridge.any.here()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
+        assert sorted(bridge.any.present_hosts()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
 
     play(program)
 
@@ -220,7 +220,7 @@ def test_a_scanner_is_turned_away() -> None:
             assert caller.gone, sent
         notes = [entry.note for entry in bridge.entries if entry.arrow == "!" and "sends" in entry.note]
         assert len(notes) == 5 and all("programs that speak LX200, NexStar, Stellarium:" in note for note in notes)
-        assert len(bridge.any.here()) == 0
+        assert len(bridge.any.present_hosts()) == 0
 
     play(program)
 
@@ -284,7 +284,7 @@ def test_closing_while_nothing_is_known() -> None:
             caller = bridge.call()
             if sent:
                 caller.tell(sent)
-            caller._guest.gone()
+            caller._guest.peer_closed()
             assert caller._guest.answered and not caller._guest.ended
             caller._guest.close()
         await asyncio.sleep(10.0)

@@ -103,7 +103,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
-        gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
+        gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
         gateway.begin()
         random = Random(path.name)
         words = NEXSTAR if presented == "nexstar" else LX200

@@ -80,7 +80,7 @@ async def _program(recorded: Recorded, number: int, words: tuple[bytes, ...], un
             guest.feed(random.choice(words))
             await asyncio.sleep(random.choice((0.0, 0.01, 0.04, 0.1)))
         if number % 2:
-            guest.gone()  # it sends no more, and is still told what is due to it
+            guest.peer_closed()  # it sends no more, and is still told what is due to it
             await asyncio.sleep(0.05)
         guest.close()
 
