@@ -191,7 +191,7 @@ def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_to
             guard.seen = Seen(last=PositionSample(bridge.controller.now() - 1.0, seen))
             guard._coasts_until = 0.0
             assert bridge.controller.suns.distances(seen)
-            guard.look(seen)
+            guard.check_position(seen)
             assert guard.seen.farthest
 
     run(program())

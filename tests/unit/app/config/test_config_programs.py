@@ -150,7 +150,7 @@ def test_an_explicit_key_beats_recognition() -> None:
     run(story())
 
 
-@pytest.mark.parametrize("path", files("lx200-*.txt"), ids=lambda path: path.stem)
+@each("path", files("lx200-*.txt"))
 def test_only_the_right_program_is_recognised(path: Path) -> None:
     """Every conversation that is known, from its first byte on."""
 

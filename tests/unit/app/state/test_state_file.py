@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,9 @@ from gateway.app.state.file import FORMAT, SavedState, from_shared, read_state, 
 from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
 from gateway.system.files import write_whole
+from tests.support.forked import POSSIBLE
 from tests.support.in_process_gateway import Bridge
+from tests.support.process import Running
 from tests.support.virtual import run
 
 PRINTABLE = "".join(chr(code) for code in range(32, 127) if chr(code) != "#")
@@ -231,14 +232,8 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the proof forks")
 def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
     """A taste of ``tests/soak/kill_saving.py``, which kills hundreds."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.soak.kill_saving", "--kills", "5", "--seed", "11"],
-        cwd=Path(__file__).parents[4],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    proof = str(Path(__file__).parents[3] / "soak" / "kill_saving.py")
+    done = Running(proof, "--kills", "5", "--seed", "11", by=None if POSSIBLE else [sys.executable]).told()
     assert done.returncode == 0, done.stdout + done.stderr
 
 
