@@ -9,7 +9,7 @@ from math import inf
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.config import parse_device, parse_site
-from gateway.app.config.endpoints import right
+from gateway.app.config.endpoints import suggest_address
 from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
@@ -110,7 +110,7 @@ def _sim(arguments: argparse.Namespace) -> int:
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
     places = arguments.at or ["tcp://127.0.0.1:0"]
     for place in places:
-        if meant := right(place, True):
+        if meant := suggest_address(place, True):
             raise UserError(f"sim: --at {place}: write --at {meant}")
     if arguments.baud is not None and arguments.baud <= 0:
         raise UserError("sim: --baud is a rate like 9600")
