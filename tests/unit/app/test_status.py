@@ -27,7 +27,7 @@ def seen(**others: Any) -> StatusLine:
 
 
 @each(
-    ("look", "text"),
+    ("status_line", "text"),
     [
         (seen(), "cpc  05:34:32 +22°00'52\"  tracking  2 programs  4.1/s"),
         (seen(position=Equatorial(359.9999, -0.5), programs=1),
