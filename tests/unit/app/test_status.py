@@ -27,7 +27,7 @@ def seen(**others: Any) -> StatusLine:
 
 
 @each(
-    ("status_line", "text"),
+    ("line", "text"),
     [
         (seen(), "cpc  05:34:32 +22°00'52\"  tracking  2 programs  4.1/s"),
         (seen(position=Equatorial(359.9999, -0.5), programs=1),
@@ -50,8 +50,8 @@ def seen(**others: Any) -> StatusLine:
          "cpc  down: the mount does not answer  2 programs  0.0/s"),
     ],
 )  # fmt: skip
-def test_everything_is_on_it(status_line: StatusLine, text: str) -> None:
-    assert status([status_line]) == text
+def test_everything_is_on_it(line: StatusLine, text: str) -> None:
+    assert status([line]) == text
 
 
 @each(
