@@ -47,7 +47,7 @@ class Still:
     def changed(self) -> None:
         self.version += 1
 
-    def again(self, operation: op.Operation) -> None:
+    def halt_is_pending(self, operation: op.Operation) -> None:
         """No halt is ever under way: each is done at once."""
 
     def peek(self, operation: op.Operation) -> Any:
@@ -65,7 +65,11 @@ class Still:
         return self.now() + 0.5
 
     async def perform(
-        self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None, patience: float = 3.5
+        self,
+        operation: op.Operation,
+        stops: int | None = None,
+        activity: HostActivity | None = None,
+        patience: float = 3.5,
     ) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
@@ -79,7 +83,7 @@ class Still:
         self.spawn(self.perform(op.AbortMotion()))
 
     def begin(
-        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
+        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], activity: HostActivity
     ) -> asyncio.Task[None]:
         async def finish() -> None:
             try:
