@@ -17,7 +17,7 @@ from gateway.clients.access import Access, Admission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.connection import ClientConnection
 from gateway.clients.profiles import SurfaceBinding
-from gateway.clients.wrong_preset import Presets
+from gateway.clients.wrong_preset import PresetWatch
 from gateway.mount.controller import MountController
 from gateway.protocols.base.session import Kept, Shared
 from gateway.transport import ConnectionHandler
@@ -46,7 +46,7 @@ class ConnectionAcceptor:
         #: The number of the surface, counted from 1.
         self.number = number
         self.access, self._admission = access, Admission(access, number, controller.wire_log)
-        self.presets = Presets(
+        self.presets = PresetWatch(
             binding.surface.protocol.name, binding.framing, where, controller.now, controller.loop.call_later, warn
         )
         self._clients: set[CommandProcessor] = set()
@@ -82,7 +82,7 @@ class ConnectionAcceptor:
         at, kept = self._left.get(host, (-1e9, session.kept))
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
-        activity = self.controller.presence.arrive(host)
+        activity = self.controller.presence.connected(host)
         client = CommandProcessor(name, self.controller, binding, session, write, activity)
         client.runner.equinox = binding.equinox
         self._clients.add(client)
@@ -142,14 +142,14 @@ class ConnectionAcceptor:
         self._connections.discard(connection)
         closed()
         if connection.stranger:
-            self.controller.presence.was_nobody(client.activity)
+            self.controller.presence.forget(client.activity)
             return
         self._save_state(host, client)
 
     def _save_state(self, host: str, client: CommandProcessor) -> None:
         """The client has disconnected: save its state for the next connection from this host."""
         if client.activity.closed is None:
-            self.controller.presence.leave(client.activity)
+            self.controller.presence.disconnected(client.activity)
         self._left[host] = (self.controller.now(), copy(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._left[old]

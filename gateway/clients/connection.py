@@ -19,8 +19,8 @@ from gateway.clients.access import Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.turn import LONG_AGO
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
-from gateway.clients.strangers import Beginning, Greeting, Piece, page
-from gateway.clients.wrong_preset import FirstWords
+from gateway.clients.strangers import Greeting, Piece, StrangerFilter, page
+from gateway.clients.wrong_preset import FirstCommands
 from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.intake import LATE, SHARE
@@ -71,7 +71,7 @@ class ClientConnection:
         self,
         client: CommandProcessor,
         binding: SurfaceBinding,
-        first: FirstWords,
+        first: FirstCommands,
         left: Callable[[], None],
         save_state: Callable[[], None],
         lasting: bool,
@@ -79,8 +79,8 @@ class ClientConnection:
     ) -> None:
         self.client, self._profiles, self._left, self.lasting = client, binding.profiles, left, lasting
         self._save_state = save_state
-        self._first: FirstWords | None = first
-        self._filter: Beginning | None = None
+        self._first: FirstCommands | None = first
+        self._filter: StrangerFilter | None = None
         self._binding, self._rights = binding, rights
         self._controller, self._wanted = client.controller, client.controller.wanted
         #: The client program that was recognised.
@@ -118,8 +118,8 @@ class ClientConnection:
 
     def feed(self, data: bytes) -> None:
         if self._first is not None:
-            self._first.hear(data)
-            self._first = None if self._first.over else self._first
+            self._first.feed(data)
+            self._first = None if self._first.done else self._first
         now, was_late = self._controller.now(), self._backlog.late
         sent = self._backlog.stops_before(now)
         if self._backlog.late:
@@ -132,7 +132,7 @@ class ClientConnection:
     def _note_late(self) -> None:
         """The sender may have disconnected, so the motions it started are no longer held by it."""
         if self.client.activity.closed is None:
-            self._controller.presence.leave(self.client.activity)
+            self._controller.presence.disconnected(self.client.activity)
         if not self._said_late:
             self._said_late = True
             self.client.log.note(
@@ -150,13 +150,17 @@ class ClientConnection:
         """Process bytes now or in their turn; ``behind`` is the number of stops when they may have been sent."""
         urgent = self._binding.surface.protocol.may_end_motion(data)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > MAX_WAITING
-        if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.fair_scheduler.open()):
+        if (
+            urgent
+            or (self._waiting and piled_up)
+            or (not self._waiting and self._controller.fair_scheduler.try_acquire())
+        ):
             self._process_waiting()
             self._deliver(data, behind)
             return
         self._waiting.append((data, self._wanted.value.stops if behind is None else behind))
         if len(self._waiting) == 1:
-            self._controller.fair_scheduler.enter(self._process_waiting)
+            self._controller.fair_scheduler.run(self._process_waiting)
 
     def _process_waiting(self) -> None:
         """Process all waiting bytes in the order of arrival."""
@@ -195,7 +199,7 @@ class ClientConnection:
         """Mark the connection as one from the network: the first bytes are checked before any is processed."""
         client, now = self.client, self._controller.now
         self._hang_up, self._deliver_after_filter = hang_up, self._deliver
-        self._filter = Beginning(self._binding.beginning, self._binding.surface.protocol.name)
+        self._filter = StrangerFilter(self._binding.beginning, self._binding.surface.protocol.name)
         client.runner.rights = self._rights
         client.arrival = lambda: now() if self._arrived is None else self._arrived
         self._deliver = self._deliver_screened
@@ -204,11 +208,11 @@ class ClientConnection:
         """Feed the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._filter is not None
-        pieces = self._filter.hear(Piece(data, now, self._controller.stops if stops is None else stops))
+        pieces = self._filter.feed(Piece(data, now, self._controller.stops if stops is None else stops))
         if self._filter.stranger is not None:
             self._reject(self._filter.stranger)
             return
-        if self._filter.over:
+        if self._filter.done:
             self._deliver = self._deliver_after_filter
         for piece in pieces:
             late = piece.at != now
@@ -220,7 +224,7 @@ class ClientConnection:
         """Log what the stranger sent, and close the connection."""
         self.stranger, self._deliver = True, lambda data, stops: None
         if self._first is not None:
-            self._first.over = True
+            self._first.done = True
         speaks, client = self._binding.speaks, self.client
         client.log.note(
             f"sends {greeting.words}; this is a port for programs that speak {speaks}: "

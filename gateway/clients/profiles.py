@@ -21,7 +21,7 @@ from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.rows import Model
 
 
-class J2000:
+class EquinoxConverter:
     """Converts a client's J2000 coordinates to the equinox of date, and answers back to J2000."""
 
     def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
@@ -52,7 +52,7 @@ class ClientProfile(Struct, frozen=True):
     first: bytes
     program: str
     settings: Values
-    equinox: J2000 | None
+    equinox: EquinoxConverter | None
 
 
 class SurfaceBinding(Struct, frozen=True):
@@ -62,11 +62,11 @@ class SurfaceBinding(Struct, frozen=True):
     speaks: str
     surface: Surface
     framing: Callable[[], Framer]
-    #: The bytes with which a client may begin, for ``Beginning``.
+    #: The bytes with which a client may begin, for ``StrangerFilter``.
     beginning: re.Pattern[bytes]
     model: Model
     settings: ClientSettings
-    equinox: J2000 | None = None
+    equinox: EquinoxConverter | None = None
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     counts_in: str = "jnow"
     #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.

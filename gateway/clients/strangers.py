@@ -23,10 +23,10 @@ from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
 
 #: Characters of a method (RFC 9110), those that follow it (two of the address), and the longest method examined.
-_WORD = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
+_METHOD = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
 _PRINTABLE = frozenset(range(0x20, 0x7F))
-_BEHIND = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
-LONGEST = 65536
+_AFTER_METHOD = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
+MAX_METHOD = 65536
 #: Bytes that clients send before their first command: they end nothing, read nothing, and the protocols ignore them.
 IDLE = b"#\r\n\0 ?"
 
@@ -105,26 +105,26 @@ class OwnMethod:
     """
 
     def __init__(self) -> None:
-        self._letters, self._behind = 0, 0
+        self._letters, self._after_method = 0, 0
         #: Whether such a request may still arrive.
         self.possible = True
 
     @property
-    def begun(self) -> bool:
+    def partial(self) -> bool:
         """Whether the blank has arrived: the following bytes are held back until they are identified."""
-        return self.possible and self._behind > 0
+        return self.possible and self._after_method > 0
 
-    def hear(self, data: bytes) -> bool:
+    def feed(self, data: bytes) -> bool:
         """Examine more bytes. Return whether they complete the beginning of such a request."""
         for byte in data if self.possible else b"":
             if not self._letters and byte in IDLE:
                 continue
-            if self._letters and byte in _BEHIND[self._behind]:
-                self._behind += 1
-                if self._behind == len(_BEHIND):
+            if self._letters and byte in _AFTER_METHOD[self._after_method]:
+                self._after_method += 1
+                if self._after_method == len(_AFTER_METHOD):
                     self.possible = False
                     return True
-            elif self._behind or byte not in _WORD or self._letters == LONGEST:
+            elif self._after_method or byte not in _METHOD or self._letters == MAX_METHOD:
                 self.possible = False
                 break
             else:
@@ -144,36 +144,36 @@ class Recogniser:
         #: Whether a greeting of the table may still be recognised.
         self._known = True
         self._own_method = OwnMethod()
-        self._begun: list[tuple[Greeting, int]] = []
+        self._partial: list[tuple[Greeting, int]] = []
         self._leading = True
 
     @property
     def open(self) -> bool:
         """Whether the bytes so far may be the beginning of a greeting."""
-        return self._known or self._own_method.begun
+        return self._known or self._own_method.partial
 
     @property
-    def over(self) -> bool:
+    def done(self) -> bool:
         """Whether no stranger can be recognised any more."""
         return not (self._known or self._own_method.possible)
 
-    def hear(self, data: bytes) -> Greeting | None:
+    def feed(self, data: bytes) -> Greeting | None:
         """Examine more bytes. Return the greeting that they complete, if any."""
-        known = self._hear_known(data) if self._known else None
-        return OWN_METHOD if self._own_method.hear(data) and known is None else known
+        known = self._match_known(data) if self._known else None
+        return OWN_METHOD if self._own_method.feed(data) and known is None else known
 
-    def _hear_known(self, data: bytes) -> Greeting | None:
+    def _match_known(self, data: bytes) -> Greeting | None:
         for byte in data:
-            begun = [(greeting, count + 1) for greeting, count in self._begun if byte in greeting.first[count]]
+            partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.first[count]]
             if self._leading:
-                begun += [(greeting, 1) for greeting in _beginning_with(byte, self._own)]
+                partial += [(greeting, 1) for greeting in _beginning_with(byte, self._own)]
                 self._leading = byte in IDLE
-            for greeting, count in begun:
+            for greeting, count in partial:
                 if count == len(greeting.first):
                     self._known = False
                     return greeting
-            self._begun = begun
-            if not begun and not self._leading:
+            self._partial = partial
+            if not partial and not self._leading:
                 self._known = False
                 break
         return None
@@ -203,7 +203,7 @@ class Piece(NamedTuple):
     stops: int
 
 
-class Beginning:
+class StrangerFilter:
     """Holds back the first bytes of a connection until they cannot be a stranger's.
 
     ``commands`` matches the well-formed commands and idle bytes of the protocol ``own`` with which the bytes begin.
@@ -222,29 +222,29 @@ class Beginning:
         return b"".join(piece.data for piece in self._waiting)
 
     @property
-    def over(self) -> bool:
-        return self._recogniser.over
+    def done(self) -> bool:
+        return self._recogniser.done
 
-    def hear(self, piece: Piece) -> list[Piece]:
+    def feed(self, piece: Piece) -> list[Piece]:
         """Take more bytes. Return those that may be processed now; none if it is a stranger."""
-        self.stranger = self._recogniser.hear(piece.data)
+        self.stranger = self._recogniser.feed(piece.data)
         if self.stranger is not None:
             self._waiting.clear()
             return []
         self._waiting.append(piece)
         if self._recogniser.open:
             found = self._commands.match(self.waiting)
-            return self._first(found.end() if found else 0)
-        return self._first(sum(len(piece.data) for piece in self._waiting))
+            return self._release(found.end() if found else 0)
+        return self._release(sum(len(piece.data) for piece in self._waiting))
 
-    def _first(self, count: int) -> list[Piece]:
+    def _release(self, count: int) -> list[Piece]:
         """Take ``count`` bytes out of those that are held back."""
-        going: list[Piece] = []
+        released: list[Piece] = []
         while count > 0:
             piece = self._waiting.pop(0)
             if len(piece.data) > count:
                 self._waiting.insert(0, piece._replace(data=piece.data[count:]))
                 piece = piece._replace(data=piece.data[:count])
-            going.append(piece)
+            released.append(piece)
             count -= len(piece.data)
-        return going
+        return released

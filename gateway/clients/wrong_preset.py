@@ -15,11 +15,11 @@ from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: Seconds within which a command of the surface's own protocol must follow.
-PATIENCE = 3.0
+WITHIN = 3.0
 #: Seconds after which a host may be warned of again, if it has used the right protocol meanwhile.
-AGAIN = 60.0
+WARN_AGAIN = 60.0
 #: Bytes of a connection that are examined, and hosts that are remembered.
-ENOUGH, MOST = 64, 1000
+MAX_BYTES, MAX_HOSTS = 64, 1000
 
 
 def foreign(own: str, sent: bytes) -> tuple[str, bytes] | None:
@@ -69,7 +69,7 @@ def _beside(where: str) -> str:
     return f"{where}-2"
 
 
-class Presets:
+class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
     ``framing`` splits the bytes into commands of the surface's own protocol; ``later`` calls a function after some
@@ -88,14 +88,14 @@ class Presets:
         self.own, self.where, self.now, self.later, self.warn = own, where, now, later, warn
         self._framing = framing
         self._spoke: dict[str, float] = {}
-        self._told: dict[str, float] = {}
+        self._warned: dict[str, float] = {}
 
-    def listen(self, name: str, host: str) -> FirstWords:
-        return FirstWords(self, name, host, self._framing())
+    def listen(self, name: str, host: str) -> FirstCommands:
+        return FirstCommands(self, name, host, self._framing())
 
     def spoke(self, host: str) -> None:
         """A client has used the surface's own protocol."""
-        if len(self._spoke) >= MOST:
+        if len(self._spoke) >= MAX_HOSTS:
             self._spoke.clear()
         self._spoke[host] = self.now()
 
@@ -103,36 +103,36 @@ class Presets:
         """Whether a client on this host has used it since ``began``."""
         return self._spoke.get(host, -1e9) >= began
 
-    def tell(self, name: str, host: str, sent: bytes) -> None:
+    def warn_of(self, name: str, host: str, sent: bytes) -> None:
         """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""
-        words, told = advice(name, self.own, sent, self.where), self._told.get(host, -1e9)
-        again = host in self._told and (self.now() - told < AGAIN or not self.spoke_since(host, told))
-        if words and not again and len(self._told) < MOST:
-            self._told[host] = self.now()
+        words, warned = advice(name, self.own, sent, self.where), self._warned.get(host, -1e9)
+        again = host in self._warned and (self.now() - warned < WARN_AGAIN or not self.spoke_since(host, warned))
+        if words and not again and len(self._warned) < MAX_HOSTS:
+            self._warned[host] = self.now()
             self.warn(words)
 
 
-class FirstWords:
+class FirstCommands:
     """Examines the first bytes of a connection until they contain a command of the surface's own protocol."""
 
-    def __init__(self, presets: Presets, name: str, host: str, framer: Framer) -> None:
+    def __init__(self, presets: PresetWatch, name: str, host: str, framer: Framer) -> None:
         self._presets, self._name, self._host, self._framer = presets, name, host, framer
         self._sent = b""
         #: Whether no more bytes are needed.
-        self.over = False
+        self.done = False
 
-    def hear(self, data: bytes) -> None:
+    def feed(self, data: bytes) -> None:
         presets = self._presets
         if not self._sent:
             began = presets.now()
-            presets.later(PATIENCE, lambda: self._decide(began))
-        self._sent = (self._sent + data)[:ENOUGH]
+            presets.later(WITHIN, lambda: self._decide(began))
+        self._sent = (self._sent + data)[:MAX_BYTES]
         if any(load(presets.own).find(frame) is not None for frame in self._framer.feed(data, presets.now())):
             presets.spoke(self._host)
-            self.over = True
+            self.done = True
 
     def _decide(self, began: float) -> None:
         """The time is up. The client may have disconnected and used the right protocol on another connection."""
-        if not self.over and not self._presets.spoke_since(self._host, began):
-            self._presets.tell(self._name, self._host, self._sent)
-        self.over = True
+        if not self.done and not self._presets.spoke_since(self._host, began):
+            self._presets.warn_of(self._name, self._host, self._sent)
+        self.done = True

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Admission
-from gateway.clients.any_protocol.deciding import HTTP, decide, undecided, waiting
+from gateway.clients.any_protocol.deciding import HTTP, decide, protocol_that_waits, shared_prefix
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE
@@ -20,16 +20,16 @@ from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.handler import ConnectionHandler, HandOver, HangUp, Taker, Write
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
-SILENCE, QUIET = 3.0, 1.0
+GREET_AFTER, INCOMPLETE_FOR = 3.0, 1.0
 #: Idle bytes that are kept before the first command.
-MOST_IDLE = 64
+MAX_IDLE = 64
 
 
 class AnyConnection:
     """A connection to such a port. ``left`` is called at its end; the other arguments are those of an acceptor."""
 
     def __init__(self, port: AnyAcceptor, name: str, host: str, write: Write, left: Callable[[], None]) -> None:
-        self._speaking, self._web, self._controller, self._left = port.speaking, port.web, port.controller, left
+        self._acceptors, self._web, self._controller, self._left = port.acceptors, port.web, port.controller, left
         self._name, self._host, self._write = name, host, write
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
@@ -39,12 +39,12 @@ class AnyConnection:
         #: Received bytes that no connection has got yet.
         self.sent = b""
         #: Bytes that were answered before the decision.
-        self._said = b""
-        self._heard = -1e9
+        self._answered_bytes = b""
+        self._last_received = -1e9
         #: Whether it waits for the web server.
-        self._browses = False
-        self.feed: Callable[[bytes], None] = self._hear
-        self._silence = port.controller.loop.call_later(SILENCE, self._speak_first)
+        self._waits_for_web = False
+        self.feed: Callable[[bytes], None] = self._recognise
+        self._silence = port.controller.loop.call_later(GREET_AFTER, self._greet)
 
     @property
     def decided(self) -> bool:
@@ -57,7 +57,7 @@ class AnyConnection:
 
     @property
     def answered(self) -> bool:
-        return not self._browses if self._handler is None else self._handler.answered
+        return not self._waits_for_web if self._handler is None else self._handler.answered
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """Do nothing: there is no serial port."""
@@ -80,19 +80,19 @@ class AnyConnection:
 
     # --- recognising the protocol -----------------------------------------------------------------------------------
 
-    def _speak_first(self) -> None:
+    def _greet(self) -> None:
         """Answer a silent client in the protocol whose clients wait for a greeting."""
-        protocol = waiting()
+        protocol = protocol_that_waits()
         if protocol is not None:
-            self._speak(protocol, f"because the program has said nothing for {SILENCE:g} s")
+            self._answer_in(protocol, f"because the program has said nothing for {GREET_AFTER:g} s")
 
-    def _hear(self, data: bytes) -> None:
+    def _recognise(self, data: bytes) -> None:
         self._silence.cancel()
         now = self._controller.now()
-        if now - self._heard >= QUIET and (half := self.sent.lstrip(IDLE)):
+        if now - self._last_received >= INCOMPLETE_FOR and (half := self.sent.lstrip(IDLE)):
             self._controller.wire_log.put(self._name, "x", half, "half a command, whose rest did not come in a second")
             self.sent = b""
-        self._heard = now
+        self._last_received = now
         self.sent += data
         waits = self._handler is not None and PROTOCOLS[self._protocol].waits
         while rest := self.sent.lstrip(IDLE):
@@ -101,40 +101,42 @@ class AnyConnection:
                 break
             waits = False
             if verdict.protocol == HTTP:
-                self._speak_http(rest)
+                self._pass_to_web(rest)
                 return
-            self._speak(verdict.protocol, verdict.why)
+            self._answer_in(verdict.protocol, verdict.why)
             assert self._handler is not None
-            count = undecided(verdict.protocol, rest)
+            count = shared_prefix(verdict.protocol, rest)
             if not count:
-                self._settle()
+                self._decide()
                 return
             common, self.sent = rest[:count], rest[count:]
-            self._said += common
+            self._answered_bytes += common
             self._handler.feed(common)
         if waits:
-            self._part()  # the first byte does not decide for that protocol
+            self._close_handler()  # the first byte does not decide for that protocol
         if not rest:
-            self.sent = self.sent[-MOST_IDLE:]
+            self.sent = self.sent[-MAX_IDLE:]
 
-    def _speak(self, protocol: str, why: str = "") -> None:
+    def _answer_in(self, protocol: str, why: str = "") -> None:
         """Let the acceptor of this protocol answer from now on."""
         if protocol == self._protocol:
             return
-        self._part()
+        self._close_handler()
         self._protocol = protocol
         self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
-        self._handler = self._speaking[protocol].create_silently(self._name, self._host, self._write, said=self._said)
+        self._handler = self._acceptors[protocol].create_silently(
+            self._name, self._host, self._write, said=self._answered_bytes
+        )
         if self._hang_up is not None:
             self._handler.network(self._hang_up)
 
-    def _part(self) -> None:
+    def _close_handler(self) -> None:
         """Close the connection that has answered until now."""
         handler, self._handler, self._protocol = self._handler, None, ""
         if handler is not None:
             handler.close()
 
-    def _settle(self) -> None:
+    def _decide(self) -> None:
         assert self._handler is not None
         self.feed = self._handler.feed
         sent, self.sent = self.sent, b""
@@ -142,16 +144,16 @@ class AnyConnection:
 
     # --- the web ----------------------------------------------------------------------------------------------------
 
-    def _speak_http(self, sent: bytes) -> None:
-        self._part()
-        self.sent, self.feed, self._browses = sent, self._wait_for_web, True
+    def _pass_to_web(self, sent: bytes) -> None:
+        self._close_handler()
+        self.sent, self.feed, self._waits_for_web = sent, self._wait_for_web, True
         words = "speaks HTTP: for the console, the mount hears nothing of it"
         self._controller.wire_log.note_once(self._name, words, of=self._host)
         self._web.enter(self)
 
     def _wait_for_web(self, data: bytes) -> None:
         self.sent += data
-        self._web.more(self)
+        self._web.received_more(self)
 
     def hand_over(self, take: Taker) -> None:
         """Give the connection to another owner. In a replay there is none to give."""
@@ -165,14 +167,14 @@ class AnyConnection:
 
 
 class AnyAcceptor:
-    """Accepts the connections of one port. ``speaking``: the acceptors by protocol; ``web`` takes HTTP connections."""
+    """Accepts the connections of one port. ``acceptors``: the acceptors by protocol; ``web`` takes HTTP connections."""
 
     #: None, because each protocol presents a model of its own.
     model: str | None = None
 
-    def __init__(self, speaking: Mapping[str, ConnectionAcceptor], web: Web) -> None:
-        self.speaking, self.web = speaking, web
-        first = next(iter(speaking.values()))
+    def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: Web) -> None:
+        self.acceptors, self.web = acceptors, web
+        first = next(iter(acceptors.values()))
         self.controller, self.number, self.access = first.controller, first.number, first.access
         self._admission = Admission(self.access, self.number, self.controller.wire_log)
         self._connections: set[AnyConnection] = set()
@@ -185,7 +187,7 @@ class AnyAcceptor:
     def admit(self, name: str, host: str) -> None:
         """Check whether a connection is allowed. Raises ConnectionRefused."""
         unknown = sum(not connection.decided for connection in self._connections)
-        self._admission.check(name, host, unknown + sum(one.clients() for one in self.speaking.values()))
+        self._admission.check(name, host, unknown + sum(one.clients() for one in self.acceptors.values()))
 
     def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
         wire_log = self.controller.wire_log
@@ -200,13 +202,13 @@ class AnyAcceptor:
         return connection
 
     def present_hosts(self) -> list[str]:
-        connected = [host for one in self.speaking.values() for host in one.connected_hosts()]
-        between = {host for one in self.speaking.values() for host in one.reconnecting_hosts()}
+        connected = [host for one in self.acceptors.values() for host in one.connected_hosts()]
+        between = {host for one in self.acceptors.values() for host in one.reconnecting_hosts()}
         return connected + sorted(between.difference(connected))
 
     def connections(self) -> list[ClientConnection]:
-        return [connection for one in self.speaking.values() for connection in one.connections()]
+        return [connection for one in self.acceptors.values() for connection in one.connections()]
 
     def set_address(self, where: str) -> None:
-        for one in self.speaking.values():
+        for one in self.acceptors.values():
             one.set_address(where)

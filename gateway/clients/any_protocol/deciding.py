@@ -43,7 +43,7 @@ def decide(sent: bytes) -> Verdict | None:
     return Verdict(begun[0]) if begun else Verdict(spoken[0], "because no protocol's commands begin so")
 
 
-def undecided(protocol: str, sent: bytes) -> int:
+def shared_prefix(protocol: str, sent: bytes) -> int:
     """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
     pattern = PROTOCOLS[protocol].also_others
     found = pattern.match(sent) if pattern is not None else None
@@ -53,10 +53,10 @@ def undecided(protocol: str, sent: bytes) -> int:
 def may_change(protocol: str, sent: bytes) -> bool:
     """Whether a client that was taken for this protocol by these bytes may still turn out to speak another one."""
     rest = sent.lstrip(IDLE)
-    return PROTOCOLS[protocol].waits or (bool(rest) and undecided(protocol, rest) == len(rest))
+    return PROTOCOLS[protocol].waits or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 
 
-def waiting() -> str | None:
+def protocol_that_waits() -> str | None:
     """Return the protocol whose clients wait for a greeting."""
     return next((name for name in streams() if PROTOCOLS[name].waits), None)
 

@@ -15,7 +15,7 @@ from gateway.transport.handler import Taker
 #: Gives a connection to the web server, together with the bytes that were received already.
 Serve = Callable[[asyncio.Transport, bytes], None]
 #: Connections that may wait, bytes of each, and seconds that each may wait.
-MOST, LONGEST, PATIENCE = 64, 8192, 5.0
+MAX_WAITING, MAX_BYTES, TIMEOUT = 64, 8192, 5.0
 
 NONE = (
     "404 Not Found",
@@ -51,14 +51,14 @@ class Web:
             self._hand_over(browser, self._serve)
         elif self._later is None:
             browser.hang_up(answer(*NONE))
-        elif len(self._waiting) >= MOST:
+        elif len(self._waiting) >= MAX_WAITING:
             browser.hang_up(answer(*LATE))
         else:
             self._waiting.append(browser)
-            self._later(PATIENCE, lambda: self._give_up(browser))
+            self._later(TIMEOUT, lambda: self._give_up(browser))
 
-    def more(self, browser: Browser) -> None:
-        if len(browser.sent) > LONGEST:
+    def received_more(self, browser: Browser) -> None:
+        if len(browser.sent) > MAX_BYTES:
             self._give_up(browser)
 
     def leave(self, browser: Browser) -> None:

@@ -11,7 +11,7 @@ import asyncio
 
 from gateway.clients.access import Rights
 from gateway.clients.commands.turn import REFUSE_AFTER, WAIT_FOR_MOUNT, ReplyCache, Turn
-from gateway.clients.profiles import J2000
+from gateway.clients.profiles import EquinoxConverter
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
@@ -44,7 +44,7 @@ class BackgroundOperations:
         if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or the client is gone
             return
         halts = isinstance(operation, StopAxis | AbortSlew)
-        if halts and controller.orders.again(operation):
+        if halts and controller.orders.halt_is_pending(operation):
             return
         ends = halts or ends_focus(operation)
         if len(self._operations) >= MAX_BACKGROUND and (not ends or operation in self._operations.values()):
@@ -68,7 +68,7 @@ class TurnRunner:
         self._controller, self._surface, self._session = controller, surface, session
         self._activity, self._log, self.cache = activity, log, ReplyCache()
         self.rights = Rights()
-        self.equinox: J2000 | None = None
+        self.equinox: EquinoxConverter | None = None
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
 

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Silence, Unsupported
-from gateway.core.waiting import FairScheduler, heed
+from gateway.core.waiting import FairScheduler, mark_retrieved
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
@@ -33,7 +33,7 @@ class _Heard(Struct, frozen=True):
 
 
 class OwnAnswers:
-    """``tell`` returns a cached reply, ``read`` requests one if there is none, ``forget`` empties the cache."""
+    """``peek`` returns a cached reply, ``read`` requests one if there is none, ``forget`` empties the cache."""
 
     def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
         self._context, self._runner, self._fair = context, runner, fair
@@ -50,7 +50,7 @@ class OwnAnswers:
             {} if everything else {key: heard for key, heard in self._heard.items() if math.isinf(heard.until)}
         )
 
-    def tell(self, operation: op.Own) -> bytes:
+    def peek(self, operation: op.Own) -> bytes:
         """Return the cached reply of the mount; NOT_CACHED if it must be requested."""
         heard = self._fresh(operation)
         told: bytes = NOT_CACHED
@@ -68,7 +68,7 @@ class OwnAnswers:
             if task is None:
                 task = self._asking[operation] = self._context.tasks.spawn(self._ask(operation))
                 task.add_done_callback(lambda done: self._asked(operation, done))
-            answer: bytes = await self._fair.outcome(task)
+            answer: bytes = await self._fair.shared_result(task)
             return answer
         if isinstance(heard.answer, Fault):
             raise type(heard.answer)(str(heard.answer))
@@ -77,7 +77,7 @@ class OwnAnswers:
     def _asked(self, operation: op.Own, task: asyncio.Task[bytes]) -> None:
         if self._asking.get(operation) is task:
             del self._asking[operation]
-        heed(task)
+        mark_retrieved(task)
 
     async def _ask(self, operation: op.Own) -> bytes:
         await self._context.known.wait()

@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.clients.strangers import IDLE, Beginning, Greeting, Piece, Recogniser, greetings
+from gateway.clients.strangers import IDLE, Greeting, Piece, Recogniser, StrangerFilter, greetings
 from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
 from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
 from tests.support.callers import Caller
@@ -100,7 +100,7 @@ def test_no_greeting_is_the_beginning_of_what_a_program_can_say(grammar: list[li
 def test_the_table_has_a_row_for_every_greeting_and_no_row_that_another_one_swallows() -> None:
     for name, data in [*GREETINGS.items(), ("Telnet", TELNET)]:
         for before in (b"", b"#", b"\r\n", b"\0 ?#"):
-            assert isinstance(Recogniser().hear(before + data), Greeting), name
+            assert isinstance(Recogniser().feed(before + data), Greeting), name
     texts = [bytes(min(octet) for octet in greeting.first) for greeting in greetings()]
     assert len(set(texts)) == len(texts)
 
@@ -137,7 +137,7 @@ LX200_COMMANDS = st.one_of(
 CUTS = st.lists(st.integers(1, 7), max_size=12)
 
 
-def goes_on(beginning: Beginning, opening: list[bytes], cuts: list[int]) -> None:
+def goes_on(beginning: StrangerFilter, opening: list[bytes], cuts: list[int]) -> None:
     """Feed an opening, cut somewhere: no byte of a whole command may wait for what comes after it."""
     whole, ends, sent, heard = b"".join(opening), [], 0, b""
     for command in opening:
@@ -146,7 +146,7 @@ def goes_on(beginning: Beginning, opening: list[bytes], cuts: list[int]) -> None
     for cut in cuts:
         piece = whole[sent : sent + cut]
         sent += len(piece)
-        heard += b"".join(piece.data for piece in beginning.hear(Piece(piece, 0.0, 0))) if not beginning.over else piece
+        heard += b"".join(piece.data for piece in beginning.feed(Piece(piece, 0.0, 0))) if not beginning.done else piece
         assert beginning.stranger is None
         assert len(heard) >= max((end for end in ends if end <= sent), default=0), (opening, cuts)
     assert heard == whole
@@ -155,13 +155,13 @@ def goes_on(beginning: Beginning, opening: list[bytes], cuts: list[int]) -> None
 @settings(max_examples=as_a_rule(60, whole=200))
 @given(st.lists(NEXSTAR_COMMANDS, min_size=1, max_size=5), CUTS)
 def test_no_whole_command_to_a_hand_control_waits(opening: list[bytes], cuts: list[int]) -> None:
-    goes_on(Beginning(NEXSTAR_BEGINNING), opening, cuts)
+    goes_on(StrangerFilter(NEXSTAR_BEGINNING), opening, cuts)
 
 
 @settings(max_examples=as_a_rule(30, whole=80))
 @given(st.lists(LX200_COMMANDS, min_size=1, max_size=5), CUTS)
 def test_no_whole_command_to_a_meade_waits(opening: list[bytes], cuts: list[int]) -> None:
-    goes_on(Beginning(LX200_BEGINNING), opening, cuts)
+    goes_on(StrangerFilter(LX200_BEGINNING), opening, cuts)
 
 
 def manuals() -> Iterator[tuple[str, bytes]]:
@@ -193,11 +193,11 @@ def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() ->
     for protocol, form in found:
         for before, size in product((b"", b"\0", b"#", b"\r\n"), (1, len(form) + 2)):
             request = before + form
-            beginning = Beginning(NEXSTAR_BEGINNING if protocol == "nexstar" else LX200_BEGINNING)
+            beginning = StrangerFilter(NEXSTAR_BEGINNING if protocol == "nexstar" else LX200_BEGINNING)
             heard = b""
             for at in range(0, len(request), size):
                 chunk = request[at : at + size]
-                pieces = [Piece(chunk, 0.0, 0)] if beginning.over else beginning.hear(Piece(chunk, 0.0, 0))
+                pieces = [Piece(chunk, 0.0, 0)] if beginning.done else beginning.feed(Piece(chunk, 0.0, 0))
                 heard += b"".join(piece.data for piece in pieces)
             assert beginning.stranger is None and heard == request, request
 
@@ -220,11 +220,11 @@ def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(
         answers: list[tuple[float, bytes]] = []
         async with Bridge(presented=protocol, surface=None) as bridge:
             loop = asyncio.get_running_loop()
-            caller = Caller(bridge.reception, transport, trusted=trusted)
+            caller = Caller(bridge.acceptor, transport, trusted=trusted)
             for line in lines:
                 if apart:
                     caller.close()
-                    caller = Caller(bridge.reception, transport, trusted=trusted)
+                    caller = Caller(bridge.acceptor, transport, trusted=trusted)
                 began, answer = loop.time(), await caller.ask(line.data, 2.0)
                 answers.append((round(loop.time() - began, 2), answer))
                 assert not caller.gone
@@ -242,12 +242,12 @@ def test_what_waits_is_bounded() -> None:
     chance = random.Random(5)
     for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
         for _ in range(60):
-            beginning = Beginning(commands)
+            beginning = StrangerFilter(commands)
             short = chance.choice(greetings()).first[:-1]
             data = bytes(chance.choice(IDLE) for _ in range(100)) + bytes(chance.choice(sorted(set_)) for set_ in short)
             for byte in data:
-                if not beginning.over:
-                    beginning.hear(Piece(bytes((byte,)), 0.0, 0))
+                if not beginning.done:
+                    beginning.feed(Piece(bytes((byte,)), 0.0, 0))
                 assert len(beginning._waiting) <= longest
 
 
@@ -256,7 +256,7 @@ def test_bytes_that_waited_are_framed_as_of_when_they_came() -> None:
 
     async def program() -> None:
         async with Bridge(presented="nexstar", surface="6-8se") as bridge:
-            caller = Caller(bridge.reception)
+            caller = Caller(bridge.acceptor)
             caller.tell(b"HE")
             await asyncio.sleep(3.0)
             assert await caller.ask(b"Kx") == b"x#"
@@ -268,7 +268,7 @@ def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line()
 
     async def program() -> None:
         async with Bridge() as bridge:
-            Caller(bridge.reception).tell(b"#:RS#:Q#:Me#")
+            Caller(bridge.acceptor).tell(b"#:RS#:Q#:Me#")
             await asyncio.sleep(1.0)
             assert bridge.controller.wanted.axes == {1}
 
