@@ -12,9 +12,9 @@ from gateway.app.config.programs import as_settings, programs, recognisable, set
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.acceptor import ConnectionAcceptor, LateAcceptor
+from gateway.clients.acceptor import ConnectionAcceptor, LazyAcceptor
 from gateway.clients.access import Access, Networks, networks
-from gateway.clients.profiles import J2000, ClientProfile, SurfaceBinding
+from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
@@ -27,7 +27,7 @@ from gateway.transport import Listener, open_port
 from gateway.transport.handler import Arrive
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
-from gateway.transport.web_port import Elsewhere, WebDevice
+from gateway.transport.web_port import SharedWebPort, WebDevice
 from gateway.transport.wires import SerialTransport, Transport
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, tit
     """Open the port of a surface; HTTP clients see the mount under its ``title``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
-        return Elsewhere()
+        return SharedWebPort()
     if spec is None or spec.web is None:
         return await open_port(endpoint.where, arrive, baud)
     return await spec.web().open_port(endpoint.where, WebDevice(arrive, title))
@@ -102,7 +102,7 @@ def _nobody(words: str) -> None:
 
 
 #: Accepts the connections of one surface.
-Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor | LateAcceptor"
+Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor | LazyAcceptor"
 
 
 class Acceptors:
@@ -124,16 +124,16 @@ class Acceptors:
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
         self._shared, self._clock, self._warn, self._web = shared, clock, warn, web
-        self._j2000 = J2000(sky, controller.site_clock.unix)
+        self._j2000 = EquinoxConverter(sky, controller.site_clock.unix)
         #: The bindings of all surfaces with their protocols, and those that present the mount itself.
-        self.faces: list[tuple[str, SurfaceBinding]] = []
+        self.bindings: list[tuple[str, SurfaceBinding]] = []
         self.own: list[SurfaceBinding] = []
 
     def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
         """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
         if endpoint.where == SERVED:
             entry = access(surface, self._config)
-            return LateAcceptor(number, entry, lambda: self._one(number, endpoint, surface, self._warn))
+            return LazyAcceptor(number, entry, lambda: self._one(number, endpoint, surface, self._warn))
         if endpoint.protocol != ANY:
             return self._one(number, endpoint, surface, self._warn)
         from gateway.clients.any_protocol.acceptor import AnyAcceptor
@@ -142,26 +142,26 @@ class Acceptors:
         for protocol in spoken(ANY):
             part = settled(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
             speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _nobody)
-            one.face = msgspec.structs.replace(one.face, speaks=titles)
+            one.binding = msgspec.structs.replace(one.binding, speaks=titles)
         return AnyAcceptor(speaking, self._web)
 
     def _one(
         self, number: int, endpoint: Endpoint, surface: SurfaceConfig, warn: Callable[[str], None]
     ) -> ConnectionAcceptor:
-        face = make_surface(endpoint, surface, self._config.limits)
-        face.surface.verbatim = endpoint.protocol == self._mount.protocol
+        binding = make_surface(endpoint, surface, self._config.limits)
+        binding.surface.verbatim = endpoint.protocol == self._mount.protocol
         if shows_itself(self._mount, endpoint):
-            face = msgspec.structs.replace(face, fit=None)
-            self.own.append(face)
-        face = msgspec.structs.replace(
-            face,
-            equinox=self._j2000 if (surface.equinox or face.counts_in) == "j2000" else None,
-            manners=tuple(manners(endpoint.protocol, surface, self._j2000)),
+            binding = msgspec.structs.replace(binding, fit=None)
+            self.own.append(binding)
+        binding = msgspec.structs.replace(
+            binding,
+            equinox=self._j2000 if (surface.equinox or binding.counts_in) == "j2000" else None,
+            profiles=tuple(profiles(endpoint.protocol, surface, self._j2000)),
         )
-        self.faces.append((endpoint.protocol, face))
+        self.bindings.append((endpoint.protocol, binding))
         entry = access(surface, self._config)
         return ConnectionAcceptor(
-            self._controller, face, self._shared, self._clock, number, entry, endpoint.where, warn
+            self._controller, binding, self._shared, self._clock, number, entry, endpoint.where, warn
         )
 
 
@@ -185,7 +185,7 @@ def policy(config: MountConfig) -> Policy:
 
 
 def access(surface: SurfaceConfig, config: MountConfig) -> Access:
-    """Return who may connect to a surface, who may only read, and what is allowed to nobody. Raises UserError."""
+    """Return the access rules of a surface: networks, read-only, connection limit, hibernation. Raises UserError."""
     return Access(*admission(surface), surface.max_clients, config.hibernate)
 
 
@@ -209,7 +209,7 @@ def exposure(where: str, surface: SurfaceConfig) -> str:
     )
 
 
-def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[ClientProfile]:
+def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> Iterator[ClientProfile]:
     """Yield a profile for each program that a surface recognises by its first bytes."""
     for first, program in recognisable(surface).items():
         needs = as_settings(wanted_by(surface, program))
@@ -234,10 +234,10 @@ def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
     return mount.protocol == surface.protocol and surface.model is None and surface.version is None
 
 
-def own_face(controller: MountController, face: SurfaceBinding) -> None:
+def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:
     """Present the mount itself on a surface, as the mount has identified itself."""
-    face.model.update(controller.driver.presented())
-    face.surface.as_written = controller.line.dialogue.as_written
+    binding.model.update(controller.driver.presented())
+    binding.surface.as_written = controller.line.reply_rules.as_written
 
 
 def make_wire(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:

@@ -12,11 +12,11 @@ from gateway.app.bindings import (
     Acceptor,
     Acceptors,
     check_pair,
+    configure_binding,
     exposure,
     make_driver,
     make_wire,
     open_surface,
-    own_face,
     policy,
     tell_of_motions,
 )
@@ -51,7 +51,7 @@ from gateway.transport.web_port import WebDevice
 from gateway.transport.wires import on_the_wire
 
 if TYPE_CHECKING:
-    from gateway.app.control.requests import Desk
+    from gateway.app.control.requests import RequestHandler
 
 
 class Gateway:
@@ -81,7 +81,7 @@ class Gateway:
         check_pair(self.mount, self.endpoints)
         self.receptions: list[Acceptor] = []
         self.ports: list[Listener] = []
-        self.faces: list[tuple[str, SurfaceBinding]] = []
+        self.bindings: list[tuple[str, SurfaceBinding]] = []
         #: Serves the HTTP protocols on a surface for every protocol.
         self.web = Web()
         self.fitted = asyncio.Event()
@@ -107,7 +107,7 @@ class Gateway:
             self.remember()
         self._watch()
         wire = self.entrance.wire(make_wire(self.mount, self.config, self.watched))
-        self.prepare(lambda dialogue, wire_log: MountLink(wire, dialogue, wire_log))
+        self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
                 arrive = self.entrance.arrive(reception)
@@ -116,7 +116,7 @@ class Gateway:
                 await self.close()
                 raise
         for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
-            reception.located(port.where)  # with the number of the port that was really opened
+            reception.set_address(port.where)  # with the number of the port that was really opened
             if words := exposure(port.where, surface):
                 self.warn(words)
         if self.controller.hold.on:
@@ -133,7 +133,7 @@ class Gateway:
             wire = self.controller.line.wire.name
             return [
                 on_the_wire(wire, command)
-                for command in stop_commands(self.controller.driver, self.controller.line.dialogue)
+                for command in stop_commands(self.controller.driver, self.controller.line.reply_rules)
             ]
 
         lock = self.keeping.lock_path if self.keeping is not None else None
@@ -155,13 +155,13 @@ class Gateway:
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
-        driver, follow_ups, dialogue = make_driver(self.mount, config, loop.time)
+        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time)
         if self.mount.where == "sim":
             driver.speed_factor = config.speed
         shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
-        line = make_line(dialogue, self.wire_log)
+        line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
         self._controller = MountController(context, follow_ups)
         if self.keeping is None:
@@ -172,15 +172,15 @@ class Gateway:
             tell_of_motions(self.controller, self.watched)
         self.controller.order_runner.announce = self.entrance.waiting(self.controller.order_runner.announce)
         made = Acceptors(self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web)
-        self.faces = made.faces
+        self.bindings = made.bindings
         self.controller.identification.told.connect(lambda _: self._show_itself(made.own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             self.receptions.append(made.make(number, endpoint, surface))
 
-    def _show_itself(self, faces: list[SurfaceBinding]) -> None:
+    def _show_itself(self, bindings: list[SurfaceBinding]) -> None:
         """Present the mount itself after it has identified itself, for the first time or again."""
-        for face in faces:
-            own_face(self.controller, face)
+        for binding in bindings:
+            configure_binding(self.controller, binding)
 
     def begin(self, refresh: bool = True) -> None:
         """Open the line and identify the mount; ``refresh``: keep polling the readings that clients ask for."""
@@ -196,7 +196,7 @@ class Gateway:
             self.keeping.name,
             str(self.mount),
             orders(self.controller, self.keeping, self.entrance),
-            lambda line: self.entrance.wish(line, self.desk.carry_out),
+            lambda line: self.entrance.wish(line, self.request_handler.carry_out),
             self.config.name or "",
         )
         try:
@@ -216,21 +216,21 @@ class Gateway:
                 break
             except Fault:
                 await asyncio.sleep(1.0)
-        for _, face in self.faces:
-            if face.fit is not None:
-                face.model.update(face.fit(equatorial, self.controller.driver.german, self.controller.driver.gps))
+        for _, binding in self.bindings:
+            if binding.fit is not None:
+                binding.model.update(binding.fit(equatorial, self.controller.driver.german, self.controller.driver.gps))
         self.fitted.set()
 
     @cached_property
-    def desk(self) -> Desk:
+    def request_handler(self) -> RequestHandler:
         """Carries out requests from the command line; made at the first request, so that the start is faster."""
-        from gateway.app.control.requests import Desk
+        from gateway.app.control.requests import RequestHandler
 
-        return Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
+        return RequestHandler(self.controller, self.config.name or "", str(self.mount), self.programs)
 
     def programs(self) -> list[str]:
         """Return the hosts of the connected programs."""
-        return [host for reception in self.receptions for host in reception.here()]
+        return [host for reception in self.receptions for host in reception.present_hosts()]
 
     def names(self) -> list[str]:
         """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""

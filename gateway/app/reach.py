@@ -14,7 +14,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.control.exchange import ControlEndpoint, Parts, doors, draw, seal, unseal
+from gateway.app.control.exchange import ControlEndpoint, Parts, new_number, read_endpoints, seal, unseal
 from gateway.app.state.file import MarkerContent, read_mark
 from gateway.system import processes
 from gateway.system.files import directory
@@ -50,7 +50,7 @@ def unseen(scope: Scope) -> list[processes.Process]:
     """Return the gateway processes that belong to the scope, or may belong to it, and cannot be asked."""
     if scope.alone and _sure_of(scope.folder):
         return []
-    known = {door.pid for _, door in _all_doors(scope.folder)[0]}
+    known = {endpoint.pid for _, endpoint in _all_endpoints(scope.folder)[0]}
     return [process for process in processes.gateways() if process.pid not in known]
 
 
@@ -61,22 +61,22 @@ def reachable(process: processes.Process) -> bool:
 
 def look(scope: Scope) -> Found:
     """Search the folders of the scope; this sends nothing to any gateway."""
-    seen, doubts = _all_doors(scope.folder)
+    seen, doubts = _all_endpoints(scope.folder)
     here = os.path.realpath(scope.folder)
     gateways: dict[tuple[int, int], tuple[Path, ControlEndpoint]] = {}
-    for path, door in seen:
-        if not scope.alone or path.parent == scope.folder or os.path.realpath(door.state) == here:
-            gateways.setdefault((door.pid, door.port), (path, door))
+    for path, endpoint in seen:
+        if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == here:
+            gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
     marks = [mark for mark in map(read_mark, sorted(scope.folder.glob("*.moving"))) if mark is not None]
     return Found(list(gateways.values()), marks, doubts)
 
 
-def _all_doors(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:
+def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:
     """Return the control endpoints of every gateway that this user may ask, and what could not be searched."""
     found: list[tuple[Path, ControlEndpoint]] = []
     doubts = []
     try:
-        found += doors(folder)
+        found += read_endpoints(folder)
     except FileNotFoundError:
         pass
     except OSError as error:
@@ -93,7 +93,7 @@ def _all_doors(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[s
 
 def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEndpoint]]:
     try:
-        return doors(folder, owner)
+        return read_endpoints(folder, owner)
     except OSError:
         return []
 
@@ -150,32 +150,32 @@ class _Asking(asyncio.DatagramProtocol):
 def silent(pid: int) -> str:
     """Return a sentence about a gateway that does not answer: what the reason may be, and what to do."""
     ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
-    goes_on = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} lets it go on; or " if processes.suspended(pid) else ""
-    return f"the gateway (process {pid}) does not answer: {goes_on}{ended}"
+    resume = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} resumes it; or " if processes.suspended(pid) else ""
+    return f"the gateway (process {pid}) does not answer: {resume}{ended}"
 
 
-async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
+async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | None:
     """Send a request and return the answer, or ``failed REASON``; None if no gateway has this endpoint any more."""
-    number = draw()
+    number = new_number()
     loop = asyncio.get_running_loop()
     try:
         transport, asking = await loop.create_datagram_endpoint(
-            lambda: _Asking(door.secret, number), remote_addr=("127.0.0.1", door.port)
+            lambda: _Asking(endpoint.secret, number), remote_addr=("127.0.0.1", endpoint.port)
         )
     except (OSError, OverflowError) as error:
-        return f"failed the gateway (process {door.pid}) cannot be reached: {error}"
+        return f"failed the gateway (process {endpoint.pid}) cannot be reached: {error}"
     try:
         async with asyncio.timeout(seconds):
             silence = loop.time() + HEARD
             while not asking.done.done():
                 if not asking.heard and loop.time() > silence:
                     raise TimeoutError
-                transport.sendto(seal(door.secret, number, f"ask {word}"))
+                transport.sendto(seal(endpoint.secret, number, f"ask {word}"))
                 await asyncio.wait({asking.done}, timeout=AGAIN)
         return asking.done.result()
     except ConnectionError:
-        return f"failed {silent(door.pid)}" if processes.is_gateway(door.pid) else None
+        return f"failed {silent(endpoint.pid)}" if processes.is_gateway(endpoint.pid) else None
     except (OSError, TimeoutError):
-        return f"failed {silent(door.pid)}" if processes.exists(door.pid) else None
+        return f"failed {silent(endpoint.pid)}" if processes.exists(endpoint.pid) else None
     finally:
         transport.close()

@@ -105,7 +105,7 @@ class _Caller:
         """Whether every reply has been sent."""
         return not self._owed
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         """Do nothing: a mount does not notice who is connected."""
 
     def serial(self, change_rate: Callable[[int], int]) -> None:

@@ -43,15 +43,15 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
     for attempt in range(LOOKS):
         found = look(scope)
         new = [
-            (path, door)
-            for path, door in found.gateways
-            if (_meant(door.mount, only) or only == door.name) and (door.pid, door.port) not in asked
+            (path, endpoint)
+            for path, endpoint in found.gateways
+            if (_meant(endpoint.mount, only) or only == endpoint.name) and (endpoint.pid, endpoint.port) not in asked
         ]
-        asked |= {(door.pid, door.port) for _, door in new}
+        asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
         marks = {mark.mount: mark for mark in found.marks if _meant(mark.mount, only)}
         if word == "release" or attempt > 0:
             marks.clear()
-        mounts = list(dict.fromkeys([*(door.mount for _, door in new), *marks]))
+        mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *marks]))
         told = await asyncio.gather(
             *(
                 _of_mount([one for one in new if one[1].mount == mount], word, marks.get(mount), scope.folder)
@@ -71,7 +71,7 @@ async def _of_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], word: str, left: MarkerContent | None, folder: Path
 ) -> list[str]:
     """Return the answers of a mount's gateways; if none exists any more, stop the mount from here and return that."""
-    asked = await asyncio.gather(*(ask(door, word, LONGEST) for _, door in gateways))
+    asked = await asyncio.gather(*(ask(endpoint, word, LONGEST) for _, endpoint in gateways))
     for (path, _), answer in zip(gateways, asked, strict=True):
         if answer is None:
             _take_away(path)

@@ -1,1 +1,1 @@
-"""The sky: spherical geometry, where Sun, Moon and planets stand, and catalogues of objects."""
+"""The sky: spherical geometry, positions of Sun, Moon and planets, and catalogues of objects."""

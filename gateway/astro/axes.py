@@ -1,4 +1,4 @@
-"""What the numbers of two mount axes mean: axes <-> hour angle and declination, for a place and a moment.
+"""Conversion between the positions of two mount axes and hour angle and declination, for a site and a time.
 
 Three builds: an alt-az fork, a fork on a wedge, a German mount. Angles are degrees, longitude is positive
 east, hour angles are positive west. No function raises for finite arguments.
@@ -27,24 +27,24 @@ class Build(Enum):
 
 
 class Sky(NamedTuple):
-    """The site in degrees (longitude east positive), and by how many seconds the mount's UTC is ahead."""
+    """The site in degrees (longitude east positive), and how many seconds the mount's UTC is ahead of true UTC."""
 
     latitude: float
     longitude: float
     ahead: float = 0.0
 
     def sidereal(self, now: float) -> float:
-        """Local apparent sidereal time in degrees."""
+        """Return the local apparent sidereal time in degrees."""
         return sidereal_time(now + self.ahead, self.longitude)
 
 
 class Geometry(NamedTuple):
-    """Axes <-> hour angle and declination.
+    """Axis positions <-> hour angle and declination.
 
-    A wedge is an alt-az mount whose zenith is the elevated pole. A German mount reads 90/90 with its
+    A fork on a wedge is an alt-az mount whose zenith is the elevated pole. A German mount reads 90/90 with its
     counterweight down and its tube at that pole. The motors turn the same way everywhere: positive on axis 1
     is west in the northern hemisphere and east in the southern one; positive on axis 2 is up, on a polar
-    mount towards the elevated pole. ``flipped`` is the other way of pointing at the same place: the tube has
+    mount towards the elevated pole. ``flipped`` is the second way to point in the same direction: the tube has
     been driven through the pole, or through the zenith.
     """
 
@@ -53,7 +53,7 @@ class Geometry(NamedTuple):
 
     @property
     def pole(self) -> int:
-        """+1 when the north pole is up, -1 when the south pole is."""
+        """+1 if the north pole is above the horizon, -1 if the south pole is."""
         return 1 if self.latitude >= 0 else -1
 
     @property
@@ -61,14 +61,14 @@ class Geometry(NamedTuple):
         return 180.0 if self.build is Build.WEDGE and self.pole > 0 else 0.0
 
     def sky(self, first: float, second: float) -> Pair:
-        """(hour angle, declination within the poles) that these axes point at."""
+        """Return the hour angle and declination (within the poles) that these axes point at."""
         if self.build is Build.ALTAZ:
             return horizon_to_hour_angle(first, second, self.latitude)
         hour_angle, dec = fold_declination(self.pole * (first - self._zero), self.pole * second)
         return wrap180(hour_angle), dec
 
     def unfolded(self, first: float, second: float, flipped: bool) -> Pair:
-        """The same, but a polar mount driven past the pole shows a declination beyond 90 degrees."""
+        """Like ``sky``, but a polar mount driven past the pole has a declination beyond 90 degrees."""
         if self.build is Build.ALTAZ:
             return self.sky(first, second)
         if flipped:
@@ -76,7 +76,7 @@ class Geometry(NamedTuple):
         return wrap180(self.pole * (first - self._zero)), wrap180(self.pole * second)
 
     def axes(self, hour_angle: float, dec: float, flipped: bool) -> Pair:
-        """The axes that point there, one of the two ways."""
+        """Return the axis positions that point there, in one of the two ways."""
         if self.build is Build.ALTAZ:
             first, second = hour_angle_to_horizon(hour_angle, dec, self.latitude)
         else:
@@ -84,11 +84,11 @@ class Geometry(NamedTuple):
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
     def other_side(self, hour_angle: float) -> bool:
-        """Whether a goto there is flipped: German mounts point away from the side their tube is on."""
+        """Whether a goto to this hour angle is flipped: the tube of a German mount is on the opposite side."""
         return self.build is Build.GERMAN and wrap180(self.pole * hour_angle) < 0.0
 
     def travel(self, axis: int, here: float, there: float) -> float:
-        """How far an axis turns to get there: the short way; a German mount keeps its counterweight low."""
+        """Return the degrees an axis turns: the shorter way; a German mount keeps its counterweight low."""
         if self.build is Build.GERMAN:
             return wrap180(there - 90.0) - wrap180(here - 90.0)
         return wrap180(there - here) if axis == 1 else wrap180(there) - wrap180(here)

@@ -1,8 +1,8 @@
-"""astropy without the network and without a home: `go_offline` comes before anything else of astropy is imported.
+"""Keep astropy off the network and out of the user's home: call `go_offline` before importing anything of astropy.
 
-Left to itself astropy looks for new leap seconds and a new table of the Earth's rotation on the Internet when those
-installed have grown old, and for settings in the user's home. Observatories are offline, a service may have no home,
-and nothing here may wait: what is installed is used, however old, and the same on every computer.
+By default astropy looks for new leap seconds and new Earth rotation tables on the Internet when the installed ones are
+old, and for settings in the user's home. Observatories are offline, a service may have no home folder, and nothing
+here may wait. So the gateway uses the installed data, however old, and gets the same results on every computer.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from pathlib import Path
 
 
 def go_offline() -> None:
-    """From now on astropy fetches nothing, reads and writes no settings, and warns of nothing that has grown old."""
+    """Configure astropy to download nothing, to read and write no settings, and not to warn of old data."""
     os.environ["ASTROPY_CONFIG_DIR"] = str(Path(__file__).parent)  # a folder that exists and holds no settings
-    from astropy.utils.iers import conf  # two tenths of a second: only who needs astropy waits for it
+    from astropy.utils.iers import conf  # takes 0.2 s, so it is imported only when needed
 
     conf.auto_download = False
     conf.auto_max_age = None

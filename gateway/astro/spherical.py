@@ -1,9 +1,9 @@
-"""Spherical astronomy with nothing but `math`: angles, horizon, sidereal time.
+"""Spherical astronomy with the standard module `math` alone: angles, horizon, sidereal time.
 
 Every angle is in degrees. Azimuth counts from north through east, hour angle is positive west of the
 meridian, longitude is positive EAST. Right ascension is in degrees too, never in hours.
-No function raises for finite arguments: latitudes and declinations beyond a pole fold over it, and where an
-angle has no meaning (the azimuth of the zenith, the right ascension of the pole) the answer is some finite
+No function raises for finite arguments: latitudes and declinations beyond a pole are folded back, and if an
+angle is undefined (the azimuth of the zenith, the right ascension of the pole) the result is some finite
 number in range.
 """
 
@@ -17,7 +17,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 UNIX_AT_J2000 = 946728000.0  # 2000-01-01 12:00, as a Unix time
 SIDEREAL_RATE = 360.0 * 1.002737909350795 / 86400.0  # degrees of mean sidereal time in a second of UT1
-SIDEREAL_ARCSECONDS = 15.041067  # the same in arcseconds, with the digits that makers and programs reckon with
+SIDEREAL_ARCSECONDS = 15.041067  # the same in arcseconds, as precisely as makers and programs use it
 _TT_MINUS_UTC = 69.184  # since 2017; ten seconds of error here cost less than a milliarcsecond below
 _CENTURY = 36525.0 * 86400.0
 
@@ -26,21 +26,21 @@ _CENTURY = 36525.0 * 86400.0
 
 
 def wrap360(angle: float) -> float:
-    """The same direction in [0, 360)."""
+    """Return the same direction in [0, 360)."""
     wrapped = angle % 360.0
     return 0.0 if wrapped == 360.0 else wrapped  # the remainder of -1e-20 rounds up to 360.0
 
 
 def wrap180(angle: float) -> float:
-    """The same direction in [-180, 180)."""
+    """Return the same direction in [-180, 180)."""
     wrapped = math.remainder(angle, 360.0)
     return -180.0 if wrapped == 180.0 else wrapped + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
 def fold_declination(ra: float, dec: float) -> tuple[float, float]:
-    """(ra, dec) with dec in [-90, 90] and ra in [0, 360).
+    """Return (ra, dec) with dec in [-90, 90] and ra in [0, 360).
 
-    Past a pole the declination turns back, and the right ascension is that of the opposite hour circle.
+    Past a pole the declination decreases again, and the right ascension is that of the opposite hour circle.
     """
     dec = wrap180(dec)
     if dec > 90.0:
@@ -54,47 +54,47 @@ def fold_declination(ra: float, dec: float) -> tuple[float, float]:
 
 
 def to_vector(longitude: float, latitude: float) -> Vector:
-    """Unit vector of a direction: x to (0, 0), y to (90, 0), z to the north pole."""
+    """Return the unit vector of a direction: x to (0, 0), y to (90, 0), z to the north pole."""
     lon, lat = math.radians(wrap180(longitude)), math.radians(wrap180(latitude))
     return math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)
 
 
 def from_vector(vector: Vector) -> tuple[float, float]:
-    """(longitude in [0, 360), latitude in [-90, 90]) of a vector of any length but 0.
+    """Return (longitude in [0, 360), latitude in [-90, 90]) of a vector of any length but 0.
 
-    Arc tangents, because an arc sine loses half its digits near the poles and fails just beyond 1.
+    It uses arc tangents, because an arc sine loses half its digits near the poles and fails just beyond 1.
     """
     x, y, z = vector
     return wrap360(math.degrees(math.atan2(y, x))), math.degrees(math.atan2(z, math.hypot(x, y)))
 
 
 def rotate(matrix: Matrix, vector: Vector) -> Vector:
-    """The vector seen from the rotated frame: matrix times column."""
+    """Return the rotated vector: matrix times column."""
     x, y, z = vector
     a, b, c = matrix
     return (a[0] * x + a[1] * y + a[2] * z, b[0] * x + b[1] * y + b[2] * z, c[0] * x + c[1] * y + c[2] * z)
 
 
 def transpose(matrix: Matrix) -> Matrix:
-    """The opposite rotation."""
+    """Return the inverse rotation."""
     a, b, c = matrix
     return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
 
 
 def about_x(angle: float) -> Matrix:
-    """Turns a vector by an angle about x, from y towards z."""
+    """Return the rotation by an angle about x, from y towards z."""
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     return (1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)
 
 
 def about_z(angle: float) -> Matrix:
-    """Turns a vector by an angle about z, from x towards y."""
+    """Return the rotation by an angle about z, from x towards y."""
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     return (c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)
 
 
 def product(*matrices: Matrix) -> Matrix:
-    """One rotation in the place of several, the last of which comes first."""
+    """Return the matrix product: the combined rotation, of which the last one is applied first."""
     *others, total = matrices
     for matrix in reversed(others):
         x, y, z = (rotate(matrix, column) for column in transpose(total))
@@ -103,7 +103,7 @@ def product(*matrices: Matrix) -> Matrix:
 
 
 def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
-    """Angle in [0, 180] between two directions, exact for the smallest and the largest (Vincenty)."""
+    """Return the angle in [0, 180] between two directions, exact for the smallest and the largest (Vincenty)."""
     difference = math.radians(wrap180(wrap180(lon2) - wrap180(lon1)))
     a, b = math.radians(wrap180(lat1)), math.radians(wrap180(lat2))
     across = math.cos(b) * math.sin(difference)
@@ -112,7 +112,7 @@ def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
     return math.degrees(math.atan2(math.hypot(across, up), along))
 
 
-#: The cosine of 89.4 degrees: nearer to where an angle means nothing its rate grows no more.
+#: The cosine of 89.4 degrees: closer to the zenith or a pole, the rate of an angle is limited to its value there.
 _NEAR_ZENITH = 0.01
 
 
@@ -120,7 +120,7 @@ _NEAR_ZENITH = 0.01
 
 
 def hour_angle_to_horizon(hour_angle: float, dec: float, lat: float) -> tuple[float, float]:
-    """(azimuth in [0, 360), altitude in [-90, 90]), geometric: no refraction."""
+    """Return (azimuth in [0, 360), altitude in [-90, 90]), geometric: no refraction."""
     x, y, z = to_vector(hour_angle, dec)  # x to the meridian's equator, y west, z to the pole
     phi = math.radians(wrap180(lat))
     north = math.cos(phi) * z - math.sin(phi) * x
@@ -129,22 +129,22 @@ def hour_angle_to_horizon(hour_angle: float, dec: float, lat: float) -> tuple[fl
 
 
 def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, float]:
-    """(hour angle in [-180, 180), declination in [-90, 90]) of a geometric direction."""
+    """Return (hour angle in [-180, 180), declination in [-90, 90]) of a geometric direction."""
     hour_angle, dec = hour_angle_to_horizon(az, alt, lat)  # the formula is its own inverse
     return wrap180(hour_angle), dec
 
 
 def following(az: float, alt: float, lat: float) -> tuple[float, float]:
-    """How (azimuth, altitude) of a star change as its hour angle grows, degrees a degree. Held finite in the zenith."""
+    """Return how (azimuth, altitude) change per degree of hour angle, degrees. Limited near the zenith."""
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     up = max(math.cos(h), _NEAR_ZENITH)
     return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
 
 
 def northwards(az: float, alt: float, lat: float) -> tuple[float, float]:
-    """How (azimuth, altitude) change as the declination grows, degrees a degree: the parallactic angle, in effect.
+    """Return how (azimuth, altitude) change per degree of declination, degrees; this is the parallactic angle.
 
-    Held finite in the zenith and at the poles.
+    Limited near the zenith and the poles.
     """
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     across = -math.cos(phi) * math.sin(a)
@@ -157,22 +157,22 @@ def northwards(az: float, alt: float, lat: float) -> tuple[float, float]:
 
 
 def centuries(unix: float) -> float:
-    """Julian centuries of Terrestrial Time since J2000, for a Unix time (UTC).
+    """Return the Julian centuries of Terrestrial Time since J2000, for a Unix time (UTC).
 
-    Held within 50 centuries: the polynomials in it mean nothing beyond, and must not overflow.
+    Limited to 50 centuries: beyond, the polynomials that use it mean nothing, and they must not overflow.
     """
     return max(-50.0, min(50.0, (unix + _TT_MINUS_UTC - UNIX_AT_J2000) / _CENTURY))
 
 
 def obliquity(t: float) -> float:
-    """Mean obliquity of the ecliptic, IAU 2006; t in centuries of TT since J2000."""
+    """Return the mean obliquity of the ecliptic, degrees, IAU 2006; t in centuries of TT since J2000."""
     return (84381.406 + t * (-46.836769 + t * (-0.0001831 + t * 0.0020034))) / 3600.0
 
 
 def nutation(t: float) -> tuple[float, float]:
-    """Nutation in longitude and in obliquity, in degrees: the four great terms of the IAU series.
+    """Return nutation in longitude and in obliquity, in degrees: the four largest terms of the IAU series.
 
-    Within 0.5" and 0.15" (Meeus, Astronomical Algorithms, chapter 22). t in centuries of TT since J2000.
+    Accurate to 0.5" and 0.15" (Meeus, Astronomical Algorithms, chapter 22). t in centuries of TT since J2000.
     """
     node = math.radians(125.04452 - 1934.136261 * t)
     twice_sun = 2.0 * math.radians(280.4665 + 36000.7698 * t)
@@ -192,11 +192,11 @@ def nutation(t: float) -> tuple[float, float]:
     return longitude / 3600.0, tilt / 3600.0
 
 
-@lru_cache(256)  # within a moment it is asked for again and again
+@lru_cache(256)  # callers ask many times for the same moment
 def sidereal_time(unix: float, longitude_east: float) -> float:
-    """Apparent sidereal time in [0, 360), from UTC taken as UT1.
+    """Return the apparent sidereal time in [0, 360), with UTC taken as UT1.
 
-    IAU 2006 mean sidereal time and the equation of the equinoxes from `nutation`: within 0.03 s of time, plus
+    IAU 2006 mean sidereal time and the equation of the equinoxes from `nutation`: accurate to 0.03 s of time, plus
     UT1-UTC, which leap seconds keep below 0.9 s.
     """
     days = (unix - UNIX_AT_J2000) / 86400.0

@@ -1,6 +1,6 @@
 """The command line: its parser, and the commands.
 
-One line per open endpoint goes to stdout; a mistake is one line on stderr and exit code 2.
+Results go to stdout; a user's mistake is reported in one line on stderr, with exit code 2.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from gateway.cli.command_line import COMMANDS, commands_of, parser
 from gateway.core.errors import UserError
 from gateway.system import garbage, streams
 
-#: What may stand in the place of a command.
+#: Flags that may be given without a command.
 ABOUT = ("-h", "--help", "--version")
-#: Flags that mean all of something when nothing is behind them.
+#: Flags that mean ``all`` without a value.
 ALONE = ("--log", "--read-only")
-#: Those that take a place on the sky.
+#: Commands that take a position on the sky.
 POINTING = ("goto", "sync")
-#: Of a message, in characters: three lines of a terminal, paths included.
+#: Maximum length of a message in characters: three lines of a terminal, paths included.
 LONGEST = 500
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command -> its exit code: 0 done, 1 not (nothing found, a mount that could not be stopped), 2 bad input.
+    """Run a command and return its exit code: 0 done, 1 not (no mount found, one not stopped), 2 bad input.
 
-    What was to be told on stdout and cannot be is bad input, too; a reader that has had enough is none.
+    If stdout cannot be written, the code is 2 as well, except if its reader has closed the pipe.
     """
     garbage.starting()
     streams.take_up()
@@ -41,7 +41,7 @@ def main(argv: list[str] | None = None) -> int:
         code = 2
     except KeyboardInterrupt:
         code = 0
-    except SystemExit:  # the help was asked for
+    except SystemExit:  # argparse has printed the help
         if (failed := streams.flush()) is None:
             raise
         return _untold(failed, code)
@@ -55,7 +55,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parsed(words: list[str]) -> argparse.Namespace:
-    """The words as a command and its arguments. Raises UserError, and SystemExit where help was asked for."""
+    """Parse the words of the command line. Raises UserError, and SystemExit after printing help."""
     if not words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     words = suggestions.page(words)
@@ -69,7 +69,7 @@ def _parsed(words: list[str]) -> argparse.Namespace:
 
 
 def _untold(failed: Exception, code: int) -> int:
-    """The exit code when stdout could not be written to."""
+    """Return the exit code if stdout could not be written."""
     if isinstance(failed, BrokenPipeError):
         return code
     streams.warn(f"cannot write to stdout: {streams.reason(failed)}", streams.ERROR)
@@ -77,17 +77,16 @@ def _untold(failed: Exception, code: int) -> int:
 
 
 def _shortened(text: str) -> str:
-    """A message in which somebody's thousand digits are left out."""
+    """Return a message without its middle if it is too long, because a user typed a thousand digits."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
 def _bound(argv: list[str]) -> list[str]:
-    """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag.
+    """Rewrite words that argparse would misunderstand.
 
-    A declination behind a blank is no flag either: ``goto 05:35:17 -05:23:28``.
-
-    ``--log`` and ``--read-only`` stand alone, whatever follows: what they may be followed by is written with an
-    equals sign.
+    ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag.
+    A negative declination gets a blank before it: ``goto 05:35:17 -05:23:28``. ``--log`` and ``--read-only`` become
+    ``--log=all`` and ``--read-only=all``, because they take a value only with an equals sign.
     """
     bound: list[str] = []
     for word in argv:

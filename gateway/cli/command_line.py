@@ -1,8 +1,8 @@
-"""The parser of the command line: every command there is, how help is laid out, how a mistake is answered.
+"""The parser of the command line: the list of all commands, the layout of help, and the report of mistakes.
 
-``add_NAME`` of a command's module puts the command into the parser, and the rest of the module carries it out. Only the
-one that is asked for is loaded: a gateway should be there soon after power-on. Likewise the models are only read when
-somebody asks for help: an epilog may be made then.
+``add_NAME`` of a command's module adds the command to the parser, and the rest of the module carries it out. Only the
+module of the command that was typed is loaded, so that a gateway starts soon after power-on. For the same reason an
+epilog with the list of models is made only when the user asks for help.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ presented one that fits.
   WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, or sim (a simulated one)
             of a surface, where programs connect: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0
 """
-#: What a command adds itself to.
+#: The object of argparse to which a command adds its parser.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 class Layout(argparse.HelpFormatter):
-    """Descriptions and epilogs: lines that begin with a blank stay as they are, the others are paragraphs."""
+    """Lays out descriptions and epilogs: lines that begin with a blank stay as they are, the others are wrapped."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         filled: list[str] = []
@@ -53,14 +53,14 @@ class Layout(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """One line for a mistake, as everywhere. ``late`` makes the epilog when somebody asks for help."""
+    """A parser that reports a mistake in one line. ``late`` makes the epilog when the user asks for help."""
 
     def __init__(self, *, late: Callable[[], str] | None = None, **others: Any) -> None:
         super().__init__(**{"formatter_class": Layout, **others})
         self._late = late
 
     def format_help(self) -> str:
-        """The help, with what stands under it."""
+        """Return the help with its epilog."""
         self.epilog = self._text_below()
         return super().format_help()
 
@@ -72,7 +72,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def endpoints() -> str:
-    """How to write an endpoint, with every model there is."""
+    """Return the help on endpoints, with the list of all models."""
     from gateway.protocols.registry import PROTOCOLS
     from gateway.protocols.wireformat.command_set import load
 
@@ -83,7 +83,7 @@ def endpoints() -> str:
     return "\n".join(lines)
 
 
-#: Every command, in the order in which ``--help`` lists them, and the module that it lies in.
+#: Every command and its module, in the order of ``--help``.
 COMMANDS = {
     "demo": "serve.demo",
     "detect": "inspect.detect",
@@ -125,7 +125,7 @@ mount-gateway COMMAND --help tells more, with examples.
 
 
 def parser(asked: Sequence[str] = ()) -> Parser:
-    """The whole command line, or only the command that is asked for."""
+    """Return the parser of the whole command line, or with only the commands in ``asked``."""
     whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
     whole.add_argument("--version", action="version", version=f"mount-gateway {VERSION}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
@@ -135,6 +135,6 @@ def parser(asked: Sequence[str] = ()) -> Parser:
 
 
 def commands_of(whole: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """The parsers of all commands by name."""
+    """Return the parsers of all commands by name."""
     [choices] = [action.choices for action in whole._actions if isinstance(action, argparse._SubParsersAction)]
     return dict(choices)

@@ -1,7 +1,7 @@
 """``completion``: a script that lets a shell complete the commands and flags.
 
-It is made by shtab from the parser itself and is static: pressing TAB starts no Python, which on a small computer at
-the pier takes a second. Shells come and go with their syntax; that is shtab's business, not this project's.
+The package shtab makes it from the parser itself, and knows the syntax of the shells. The script is static: pressing
+TAB does not start Python, which takes a second on a small computer.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def _completion(arguments: argparse.Namespace) -> int:
 
 
 def script(shell: str) -> str:
-    """The completion script of a shell. Raises UserError where shtab is not installed."""
+    """Return the completion script of a shell. Raises UserError if shtab is not installed."""
     try:
         import shtab
     except ImportError:
@@ -81,7 +81,7 @@ def script(shell: str) -> str:
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Every flag and argument of every command."""
+    """Yield every flag and argument of every command."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):
@@ -90,7 +90,7 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def _words(parser: argparse.ArgumentParser) -> None:
-    """Let a menu show of each command the few words of the list of commands, not its whole description."""
+    """Set the short help of each command as its description, because menus of shells show the description."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for shown in action._choices_actions:

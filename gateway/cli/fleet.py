@@ -67,7 +67,7 @@ async def _serve(access: Access, prefix: str, port: int) -> int:
     def told(there: bool, why: str) -> None:
         nonlocal was_there
         if there != was_there:
-            words = "is there again" if there else f"cannot be reached: {why}; it is tried again until it answers"
+            words = "is connected again" if there else f"cannot be reached: {why}; this page keeps trying"
             streams.warn(f"the broker {access.broker} {words}", streams.WARNING)
         was_there = there
 

@@ -1,4 +1,4 @@
-"""Mistyped commands and flags: says what is wrong and what was probably meant, in one line."""
+"""Messages for mistyped commands and flags: one line that says what is wrong and what was probably meant."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from gateway.core.errors import UserError, alike
 
-#: argparse's words for a mistake, and ours.
+#: Patterns of argparse's messages, and the message in plain words for each.
 _PLAINLY = (
     (r"argument ([-\w/]+): invalid float value: ('.*')", r"{0} {1}: write a number"),
     (r"argument ([-\w/]+): invalid int value: ('.*')", r"{0} {1}: write a whole number"),
@@ -18,7 +18,7 @@ _PLAINLY = (
     (r"the following arguments are required: (.*)", r"missing: {0}"),
 )
 
-#: What people call what is done by a command of another name, or by a flag.
+#: Other names for commands: what a user may type, and the command or flag that does it.
 _OTHER_WORDS = {
     "start": "run",
     "serve": "run",
@@ -42,7 +42,7 @@ _OTHER_WORDS = {
     "log": "run --log",
     "record": "run --record FILE",
 }
-#: Words in the place of a command that ask for a page about it.
+#: Words in place of a command that ask for help or the version.
 _PAGES = {
     "help": "--help",
     "-?": "--help",
@@ -54,13 +54,13 @@ _PAGES = {
 
 
 def page(words: Sequence[str]) -> list[str]:
-    """``help goto`` as ``goto --help``, and ``version`` as ``--version``; all else as it is."""
+    """Turn ``help goto`` into ``goto --help`` and ``version`` into ``--version``; return other words unchanged."""
     flag = _PAGES.get(words[0]) if words else None
     return list(words) if flag is None else [*words[1:2], flag] if flag == "--help" else [flag]
 
 
 def command(word: str, commands: Sequence[str]) -> UserError:
-    """For a first word that is none of the commands."""
+    """Return the error for a first word that is no command."""
     if word.startswith("-"):
         return UserError(
             f"{word} belongs behind a command, for example: mount-gateway run {word} …; "
@@ -76,7 +76,7 @@ def command(word: str, commands: Sequence[str]) -> UserError:
 
 
 def plainly(message: str, prog: str, example: str) -> str:
-    """What argparse says, in plain words, with an example of the command where it has one."""
+    """Return argparse's message in plain words, with an example if an argument is missing."""
     for found, ours in _PLAINLY:
         if match := re.fullmatch(found, message):
             parts = [part.replace("'", "") if number == 2 else part for number, part in enumerate(match.groups())]
@@ -88,12 +88,12 @@ def plainly(message: str, prog: str, example: str) -> str:
 
 
 def example(text: str, prog: str) -> str:
-    """The first example of a command in what stands under its help; empty where there is none."""
+    """Return the first example in the epilog ``text`` of a command; empty if it has none."""
     return next((line.strip() for line in text.splitlines() if line.startswith(f"  {prog} ")), "")
 
 
 def extra(words: Sequence[str], asked: argparse.ArgumentParser, others: Iterable[argparse.ArgumentParser]) -> UserError:
-    """For words that a command takes nothing of: flags that it does not have, and words that stand alone."""
+    """Return the error for words that a command does not take: unknown flags, and superfluous arguments."""
     word = words[0].partition("=")[0]
     name = asked.prog.rpartition(" ")[2]
     if not word.startswith("-"):
@@ -116,7 +116,7 @@ def _flags(parser: argparse.ArgumentParser) -> set[str]:
 
 
 def _key(flag: str) -> str:
-    """Where a key is written that is no flag; empty for what is no key either."""
+    """Return where to write a key that has no flag; empty if there is no such key either."""
     from gateway.app.config.describing import named, title
 
     table = next((table for table in ("mount", "surface", "console") if named(table, flag[2:])), "")

@@ -17,24 +17,24 @@ from gateway.clients.access import Access, Admission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.connection import ClientConnection
 from gateway.clients.profiles import SurfaceBinding
-from gateway.clients.wrong_preset import Presets
+from gateway.clients.wrong_preset import PresetWatch
 from gateway.mount.controller import MountController
 from gateway.protocols.base.session import Kept, Shared
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Write
 
 INHERIT_FOR = 60.0
-#: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
-HERE = 10.0
+#: Seconds for which a client on a serial line, or one that connects for each command, counts as present when silent.
+PRESENT_FOR = 10.0
 
 
 class ConnectionAcceptor:
-    """Makes a client for every connection of one port."""
+    """Creates the client connection for every connection to one port."""
 
     def __init__(
         self,
         controller: MountController,
-        face: SurfaceBinding,
+        binding: SurfaceBinding,
         shared: Shared,
         host_clock: Callable[[], float],
         number: int = 1,
@@ -42,121 +42,128 @@ class ConnectionAcceptor:
         where: str = "",
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.controller, self.face, self.shared, self.clock = controller, face, shared, host_clock
-        #: Which of the gateway's surfaces this is, counted from 1.
+        self.controller, self.binding, self.shared, self.clock = controller, binding, shared, host_clock
+        #: The number of the surface, counted from 1.
         self.number = number
         self.access, self._admission = access, Admission(access, number, controller.wire_log)
-        self.presets = Presets(
-            face.surface.protocol.name, face.framing, where, controller.now, controller.loop.call_later, warn
+        self.presets = PresetWatch(
+            binding.surface.protocol.name, binding.framing, where, controller.now, controller.loop.call_later, warn
         )
         self._clients: set[CommandProcessor] = set()
         self._left: dict[str, tuple[float, Kept]] = {}
-        self._visits: set[ClientConnection] = set()
+        self._connections: set[ClientConnection] = set()
 
     @property
     def model(self) -> str | None:
-        """The model that is presented; None where the protocol has none."""
-        return str(self.face.model["name"]) if self.face.surface.protocol.models else None
+        """The name of the model that clients see; None if the protocol has no models."""
+        return str(self.binding.model["name"]) if self.binding.surface.protocol.models else None
 
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection. Raises ConnectionRefused."""
+        """Admit a new connection. Raises ConnectionRefused."""
         self.admit(name, host)
-        return self.come(name, host, write)
+        return self.create(name, host, write)
 
-    def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection that has been admitted."""
+    def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
+        """Log and create a connection that was admitted."""
         wire_log = self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
-        return self.take(name, host, write, lambda: wire_log.put(name, "-"))
+        return self.create_silently(name, host, write, lambda: wire_log.put(name, "-"))
 
-    def take(
-        self, name: str, host: str, write: Write, left: Callable[[], None] = lambda: None, said: bytes = b""
+    def create_silently(
+        self, name: str, host: str, write: Write, closed: Callable[[], None] = lambda: None, said: bytes = b""
     ) -> ConnectionHandler:
-        """A connection from now on; ``left`` is called at its end. It has ``said`` something already, which was
-        answered elsewhere."""
-        face = self.face
-        session = face.surface.session(face.model, face.settings, self.clock, self.shared)
+        """Create a connection.
+
+        ``closed`` is called at its end. ``said`` are bytes that the client has sent before, which were answered
+        elsewhere.
+        """
+        binding = self.binding
+        session = binding.surface.session(binding.model, binding.settings, self.clock, self.shared)
         at, kept = self._left.get(host, (-1e9, session.kept))
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
-        life = self.controller.presence.arrive(host)
-        client = CommandProcessor(name, self.controller, face, session, write, life)
-        client.runner.equinox = face.equinox
+        activity = self.controller.presence.arrive(host)
+        client = CommandProcessor(name, self.controller, binding, session, write, activity)
+        client.runner.equinox = binding.equinox
         self._clients.add(client)
-        if self.access.only_looks(host):
+        if self.access.is_read_only(host):
             client.runner.rights = Rights(read_only=True)
             session.may_not_set = lambda: client.log.refused_once("a setting refused: read only")
         rights = replace(client.runner.rights, hibernate=self.access.hibernate)
-        visit = ClientConnection(
+        connection = ClientConnection(
             client,
-            face,
+            binding,
             self.presets.listen(name, host),
-            lambda: self._leave(host, client, visit, left),
-            lambda: self._hand_on(host, client),
-            _on_line(name, host),
+            lambda: self._leave(host, client, connection, closed),
+            lambda: self._save_state(host, client),
+            _is_serial(name, host),
             rights,
         )
-        visit.said = said
-        self._visits.add(visit)
+        connection.said = said
+        self._connections.add(connection)
         client.push()
-        return visit
+        return connection
 
     def admit(self, name: str, host: str) -> None:
-        """See whether a connection may be, and say once of a host why not. Raises ConnectionRefused."""
-        self._admission.check(name, host, self.clients(), _on_line(name, host))
+        """Check whether a connection is allowed; log a refusal once per host. Raises ConnectionRefused."""
+        self._admission.check(name, host, self.clients(), _is_serial(name, host))
 
     def clients(self) -> int:
-        """How many there are, with those that are gone while the mount still works for them."""
+        """The number of clients, including disconnected ones whose operations are still under way."""
         self._clients = {client for client in self._clients if client.open or client.busy}
         return len(self._clients)
 
-    def here(self) -> list[str]:
-        """The hosts of the programs that seem to be here: on a serial line, or between two connections, by what was
-        heard lately."""
-        now, connected = self.controller.now(), self.connected()
-        here = [visit.host for visit in self._visits if not visit.lasting or now - visit.heard <= HERE]
-        return here + [host for host in self.between() if host not in connected]
+    def present_hosts(self) -> list[str]:
+        """Return the hosts of the clients that seem present.
 
-    def connected(self) -> list[str]:
-        return [visit.host for visit in self._visits]
+        A client on a serial line, or between two connections, counts as present for some seconds after it was heard.
+        """
+        now, connected = self.controller.now(), self.connected_hosts()
+        here = [one.host for one in self._connections if not one.lasting or now - one.heard <= PRESENT_FOR]
+        return here + [host for host in self.reconnecting_hosts() if host not in connected]
 
-    def between(self) -> list[str]:
-        """The hosts whose last connection has ended lately."""
-        return [host for host, (at, _) in self._left.items() if self.controller.now() - at <= HERE]
+    def connected_hosts(self) -> list[str]:
+        return [connection.host for connection in self._connections]
+
+    def reconnecting_hosts(self) -> list[str]:
+        """Return the hosts whose last connection ended a few seconds ago."""
+        return [host for host, (at, _) in self._left.items() if self.controller.now() - at <= PRESENT_FOR]
 
     def connections(self) -> list[ClientConnection]:
-        return [visit for visit in self._visits if not visit.stranger]
+        return [one for one in self._connections if not one.stranger]
 
-    def located(self, where: str) -> None:
-        """The port is open, and has its real number."""
+    def set_address(self, where: str) -> None:
+        """Take the address of the port, which is open now and has its real number."""
         self.presets.where = where
 
-    def _leave(self, host: str, client: CommandProcessor, visit: ClientConnection, left: Callable[[], None]) -> None:
-        self._visits.discard(visit)
-        left()
-        if visit.stranger:
-            self.controller.presence.was_nobody(client.life)
+    def _leave(
+        self, host: str, client: CommandProcessor, connection: ClientConnection, closed: Callable[[], None]
+    ) -> None:
+        self._connections.discard(connection)
+        closed()
+        if connection.stranger:
+            self.controller.presence.was_nobody(client.activity)
             return
-        self._hand_on(host, client)
+        self._save_state(host, client)
 
-    def _hand_on(self, host: str, client: CommandProcessor) -> None:
-        """Nobody is at the other end any more: the next connection of this host goes on where this one has got to."""
-        if client.life.closed is None:
-            self.controller.presence.leave(client.life)
+    def _save_state(self, host: str, client: CommandProcessor) -> None:
+        """The client has disconnected: save its state for the next connection from this host."""
+        if client.activity.closed is None:
+            self.controller.presence.leave(client.activity)
         self._left[host] = (self.controller.now(), copy(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._left[old]
 
 
-def _on_line(name: str, host: str) -> bool:
-    """Whether a connection is a serial line, real or virtual."""
+def _is_serial(name: str, host: str) -> bool:
+    """Whether a connection is a serial line or a pseudo-terminal."""
     return host.removeprefix("pty:") == name
 
 
-class LateAcceptor:
-    """Stands for the acceptor of a protocol that may never be spoken here: ``make`` makes it when a program comes."""
+class LazyAcceptor:
+    """Stands in for the acceptor of a protocol that is rarely used: ``make`` creates it for the first connection."""
 
-    #: It names no model.
+    #: It presents no model.
     model: str | None = None
 
     def __init__(self, number: int, access: Access, make: Callable[[], ConnectionAcceptor]) -> None:
@@ -175,14 +182,14 @@ class LateAcceptor:
     def admit(self, name: str, host: str) -> None:
         self._one.admit(name, host)
 
-    def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        return self._one.come(name, host, write)
+    def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
+        return self._one.create(name, host, write)
 
-    def here(self) -> list[str]:
-        return [] if self._made is None else self._made.here()
+    def present_hosts(self) -> list[str]:
+        return [] if self._made is None else self._made.present_hosts()
 
     def connections(self) -> list[ClientConnection]:
         return [] if self._made is None else self._made.connections()
 
-    def located(self, where: str) -> None:
-        """It has no place of its own."""
+    def set_address(self, where: str) -> None:
+        """Ignore the address of the port."""

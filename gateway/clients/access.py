@@ -1,8 +1,8 @@
-"""Which hosts may connect to a surface, and which of them may only read.
+"""Access rules: which hosts may connect to a surface, and which of them may only read.
 
-The protocols know no users and no passwords; the host is all that tells programs apart. What a read-only client may do
-is decided here, by kind of operation and for every protocol alike: it may read, and it may stop, because a stop is
-never refused. It sees what all clients share and cannot change it.
+The protocols have no users or passwords, so clients are told apart by host alone. What a read-only client may do is
+decided here by kind of operation, for every protocol alike: it may read, and it may stop the mount, because a stop is
+never refused. It sees the state that all clients share and cannot change it.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from gateway.transport.handler import ConnectionRefused
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
-#: Different hosts of which it is said once that they were turned away.
-MOST_HOSTS = 1000
+#: Different hosts whose refusal is logged, once each.
+MAX_HOSTS = 1000
 
 
 def networks(texts: Sequence[str]) -> Networks:
-    """``192.168.1.0/24``, or a single address. Raises UserError that says what would be right."""
+    """Parse networks such as ``192.168.1.0/24`` or single addresses. Raises UserError with the correct form."""
     found = []
     for text in texts:
         try:
@@ -40,7 +40,7 @@ def networks(texts: Sequence[str]) -> Networks:
     return tuple(found)
 
 
-#: Why a mount is not put to sleep by whoever comes over a network, and what would allow it.
+#: Why a client on the network may not hibernate the mount, and the setting that allows it.
 NO_HIBERNATION = (
     "not over a network, because a mount that hibernates answers no program any more; "
     "hibernate = true under [mount], or --hibernate, allows it"
@@ -48,9 +48,10 @@ NO_HIBERNATION = (
 
 
 class Access(Struct, frozen=True):
-    """The rules of one surface: the networks that may connect (None: all), who only looks, how many at a time.
+    """The rules of one surface.
 
-    ``hibernate``: whether who comes over a network may put the mount to sleep.
+    ``allow``: networks that may connect (None: all). ``read_only``: networks that may only read, or True for all.
+    ``most``: clients at the same time. ``hibernate``: whether a client on the network may hibernate the mount.
     """
 
     allow: Networks | None = None
@@ -61,26 +62,26 @@ class Access(Struct, frozen=True):
     def admits(self, host: str) -> bool:
         return self.allow is None or _within(host, self.allow)
 
-    def only_looks(self, host: str) -> bool:
-        """Whether a client from this host moves and sets nothing."""
+    def is_read_only(self, host: str) -> bool:
+        """Whether a client from this host is read-only."""
         return self.read_only if isinstance(self.read_only, bool) else _within(host, self.read_only)
 
 
 class Refusal(NamedTuple):
-    """What a client is told, and the reason as the log has it."""
+    """The fault that the client gets, and the reason for the log."""
 
     fault: Fault
     why: str
 
 
 class Rights(Struct, frozen=True):
-    """What one client may ask for: whether it only looks, and whether it may put the mount to sleep."""
+    """What one client may request: ``read_only``, and whether it may hibernate the mount."""
 
     read_only: bool = False
     hibernate: bool = True
 
     def refusal(self, operation: Operation) -> Refusal | None:
-        """What becomes of an operation that may not be; None where it may."""
+        """Return the refusal of an operation, None if it is allowed."""
         if self.read_only and not harmless(operation):
             return Refusal(ReadOnly(), "read only")
         if not self.hibernate and isinstance(operation, Hibernate):
@@ -89,30 +90,30 @@ class Rights(Struct, frozen=True):
 
 
 class Admission:
-    """Lets the connections of one surface in, or says once of a host why not. ``number`` is the surface's."""
+    """Admits connections to one surface, and logs each refused host once. ``number`` is that of the surface."""
 
     def __init__(self, access: Access, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log
-        self._turned: set[tuple[str, str]] = set()
+        self._refused: set[tuple[str, str]] = set()
 
-    def check(self, name: str, host: str, here: int, lasting: bool = False) -> None:
-        """There are so many clients already; a ``lasting`` one needs no more files. Raises ConnectionRefused."""
+    def check(self, name: str, host: str, connected: int, lasting: bool = False) -> None:
+        """Raises ConnectionRefused if ``connected`` clients are the most allowed; a ``lasting`` one needs no file."""
         if not self._access.admits(host):
             why = "it is not in allow"
-        elif here >= self._access.most:
+        elif connected >= self._access.most:
             why = f"there are {self._access.most} clients (max-clients) already"
         elif not lasting and (words := scarce()):
             why = words
         else:
             return
-        if (host, why) not in self._turned and len(self._turned) < MOST_HOSTS:
-            self._turned.add((host, why))
+        if (host, why) not in self._refused and len(self._refused) < MAX_HOSTS:
+            self._refused.add((host, why))
             self._log.note(name, f"connection from {host} refused on surface {self._number}: {why}")
         raise ConnectionRefused
 
 
 def _within(host: str, among: Networks) -> bool:
-    """Whether a host is one of these; what has no address, a serial line, never is."""
+    """Whether a host is in one of these networks; a serial line, which has no address, never is."""
     try:
         address = ip_address(host)
     except ValueError:
@@ -123,7 +124,7 @@ def _within(host: str, among: Networks) -> bool:
 
 
 def harmless(operation: Operation) -> bool:
-    """Whether a client that only looks may ask for this: what reads, and what ends a motion."""
+    """Whether a read-only client may request this: reads, and operations that end a motion."""
     if isinstance(operation, Focus):
         return operation.direction == 0
     return isinstance(operation, Read | AbortMotion | StopAxis | AbortSlew)

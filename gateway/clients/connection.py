@@ -1,12 +1,12 @@
-"""One connection of a program: who it may turn out to be, when its bytes have their turn, and how it ends.
+"""One client connection: recognises the client, lets its bytes in when it is their turn, and cleans up at its end.
 
-From a network comes who likes: there a web browser or a port scanner is recognised by its first bytes and turned away
-before anything of it is heard.
+On network ports anyone may connect. A web browser or port scanner is recognised by its first bytes and disconnected
+before anything it sent is processed.
 
-A connection that sends more than is read at a time is behind. Nobody knows when the rest was sent, so what may be older
-than a stop begins no motion after that stop. One that has been behind for over a second may be closed at the other end:
-nothing that is left of it begins a motion. It has caught up when nothing was left to read, or, after having been late,
-when that has been so for a second.
+A connection with more bytes to read than one read takes is behind. When they were sent is unknown, so they begin no
+motion if a stop came after the connection fell behind. After a second behind, the client may be gone, so nothing in the
+backlog begins a motion. The connection has caught up when a read leaves nothing; after having been late, when that has
+been so for a second.
 """
 
 from __future__ import annotations
@@ -19,38 +19,38 @@ from gateway.clients.access import Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.turn import LONG_AGO
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
-from gateway.clients.strangers import Beginning, Greeting, Piece, page
-from gateway.clients.wrong_preset import FirstWords
+from gateway.clients.strangers import Greeting, Piece, StrangerFilter, page
+from gateway.clients.wrong_preset import FirstCommands
 from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.intake import LATE, SHARE
 
-#: Why the first bytes of a connection were dropped when it ended before it was known who had sent them.
-HALF_A_WORD = "no command of this surface's protocol begins so"
-#: Bytes that may wait for their turn, of one connection.
-PATIENCE = 512
-#: Seconds after which whoever has sent a whole share, and nothing since, has caught up.
+#: Logged when a connection ends and its first bytes were neither a command nor recognised.
+UNRECOGNISED = "no command of this surface's protocol begins so"
+#: Bytes of one connection that may wait for their turn.
+MAX_WAITING = 512
+#: Seconds without data after which a connection that was behind has caught up.
 CAUGHT_UP = 5.0
 
 
 class Backlog:
-    """Of one connection; times are seconds of the event loop's clock. ``late``: what is read now was sent long ago."""
+    """Whether a connection is behind; times are those of the event loop, seconds. ``late``: for more than a second."""
 
     def __init__(self) -> None:
         self.late = False
-        #: How many stops there had been when it fell behind; None while it is not.
+        #: The number of stops when it fell behind; None while it is not behind.
         self._stops: int | None = None
         self._since = self._last = -1e9
 
-    def sent(self, now: float) -> int | None:
-        """How many stops there may have been when that was sent which is about to be taken in; None for all so far."""
+    def stops_before(self, now: float) -> int | None:
+        """Return how many stops there were when the next bytes may have been sent; None if they were sent just now."""
         if self._stops is not None and now - self._last > (LATE if self.late else CAUGHT_UP):
             self._stops, self.late = None, False
         self.late = self.late or (self._stops is not None and now - self._since > LATE)
         return LONG_AGO if self.late else self._stops
 
-    def took(self, size: int, now: float, stops: int) -> None:
-        """So many bytes were taken in; there have been so many stops now."""
+    def add(self, size: int, now: float, stops: int) -> None:
+        """Record that ``size`` bytes were read at ``now``, after ``stops`` stops."""
         if size >= SHARE:
             if self._stops is None:
                 self._stops, self._since = stops, now
@@ -60,166 +60,168 @@ class Backlog:
 
 
 class ClientConnection:
-    """A client together with who it may turn out to be, and what is to be done when it leaves.
+    """A client's connection: from its first bytes, which tell who it is, to its end.
 
-    ``lasting``: it is a serial line, where nobody is seen to come or go; ``heard`` is the loop time of its last bytes.
-    ``rights`` are those of a client that comes over a network.
-    Where many come in at once it waits for its turn, unless it may have come to end a motion.
+    ``lasting``: a serial line, whose clients do not visibly connect or disconnect. ``heard``: the loop time of its last
+    bytes. ``rights``: those of a client on the network. If many connections are active it waits for its turn, unless
+    its bytes may end a motion.
     """
 
     def __init__(
         self,
         client: CommandProcessor,
-        face: SurfaceBinding,
-        first: FirstWords,
+        binding: SurfaceBinding,
+        first: FirstCommands,
         left: Callable[[], None],
-        handed_on: Callable[[], None],
+        save_state: Callable[[], None],
         lasting: bool,
         rights: Rights,
     ) -> None:
-        self.client, self._manners, self._left, self.lasting = client, face.manners, left, lasting
-        self._handed_on = handed_on
-        self._first: FirstWords | None = first
-        self._screen: Beginning | None = None
-        self._face, self._rights = face, rights
+        self.client, self._profiles, self._left, self.lasting = client, binding.profiles, left, lasting
+        self._save_state = save_state
+        self._first: FirstCommands | None = first
+        self._filter: StrangerFilter | None = None
+        self._binding, self._rights = binding, rights
         self._controller, self._wanted = client.controller, client.controller.wanted
-        #: The program that it was recognised as.
+        #: The client program that was recognised.
         self.profile = ""
-        #: Whether it has turned out to be no program for telescopes.
+        #: Whether it is no telescope program.
         self.stranger = False
         self._hang_up: HangUp = lambda last: None
-        #: When the bytes that are being fed came, where that was before now.
-        self._came: float | None = None
-        self.host, self.heard = client.life.who, -1e9
-        #: What it has said, as long as its program may be told by that.
+        #: When the bytes that are being processed arrived, if that was earlier.
+        self._arrived: float | None = None
+        self.host, self.heard = client.activity.who, -1e9
+        #: The first bytes, as long as the client program may be recognised by them.
         self.said = b""
-        #: What waits for its turn: bytes, and how many stops there had been when they came.
+        #: Bytes that wait for their turn, each with the number of stops when they arrived.
         self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
-        #: It was said that it is late; the other side has closed.
-        self._said_late = self._gone = False
-        self._take = self._on_line if lasting else self._listen if face.manners else client.feed
+        #: Whether its lateness was logged; whether the other end has closed.
+        self._said_late = self._peer_closed = False
+        self._deliver = (
+            self._deliver_serial if lasting else self._deliver_recognising if binding.profiles else client.feed
+        )
 
     @property
     def protocol(self) -> str:
-        return self._face.surface.protocol.name
+        return self._binding.surface.protocol.name
 
     @property
     def ended(self) -> bool:
-        """Whether the last bytes did nothing but end motions without a reply."""
+        """Whether the last bytes only ended motions and need no reply."""
         return self.client.ended and not self._waiting
 
     @property
     def answered(self) -> bool:
-        """Whether everything that was fed has been answered, as far as it is answered at all."""
+        """Whether all commands were answered that are answered at all."""
         return not self._waiting and self.client.answered
 
     def feed(self, data: bytes) -> None:
         if self._first is not None:
-            self._first.hear(data)
-            self._first = None if self._first.over else self._first
+            self._first.feed(data)
+            self._first = None if self._first.done else self._first
         now, was_late = self._controller.now(), self._backlog.late
-        sent = self._backlog.sent(now)
+        sent = self._backlog.stops_before(now)
         if self._backlog.late:
-            self._come_late()
-        elif was_late and not self._gone:
-            self.client.life.closed = None  # it has caught up, so somebody is there
+            self._note_late()
+        elif was_late and not self._peer_closed:
+            self.client.activity.closed = None  # it has caught up, so a client is there
         self._feed(data, sent)
-        self._backlog.took(len(data), now, self._wanted.value.stops)
+        self._backlog.add(len(data), now, self._wanted.value.stops)
 
-    def _come_late(self) -> None:
-        """Nobody knows whether who sent this is still there: it holds no arrow."""
-        if self.client.life.closed is None:
-            self._controller.presence.leave(self.client.life)
+    def _note_late(self) -> None:
+        """The sender may have disconnected, so the motions it started are no longer held by it."""
+        if self.client.activity.closed is None:
+            self._controller.presence.leave(self.client.activity)
         if not self._said_late:
             self._said_late = True
             self.client.log.note(
-                "has sent so much that it is read too late: nothing of it "
-                "sets the mount moving before all of it was read"
+                "sends faster than its commands can be carried out: they are too old "
+                "to begin a motion until it has caught up"
             )
 
-    def gone(self) -> None:
-        """The other side has closed its end: its time begins in which it may come back."""
-        self._gone = True
+    def peer_closed(self) -> None:
+        """The other end has closed: from now on the client has a limited time to reconnect."""
+        self._peer_closed = True
         if not self.stranger:
-            self._handed_on()
+            self._save_state()
 
     def _feed(self, data: bytes, behind: int | None) -> None:
-        """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""
-        urgent = self._face.surface.protocol.may_end_motion(data)
-        piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
+        """Process bytes now or in their turn; ``behind`` is the number of stops when they may have been sent."""
+        urgent = self._binding.surface.protocol.may_end_motion(data)
+        piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > MAX_WAITING
         if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.fair_scheduler.open()):
-            self._go_on()
-            self._take(data, behind)
+            self._process_waiting()
+            self._deliver(data, behind)
             return
         self._waiting.append((data, self._wanted.value.stops if behind is None else behind))
         if len(self._waiting) == 1:
-            self._controller.fair_scheduler.enter(self._go_on)
+            self._controller.fair_scheduler.enter(self._process_waiting)
 
-    def _go_on(self) -> None:
-        """Everything that waits, in the order in which it came."""
+    def _process_waiting(self) -> None:
+        """Process all waiting bytes in the order of arrival."""
         waiting, self._waiting = self._waiting, []
         for data, stops in waiting:
-            self._take(data, stops)
+            self._deliver(data, stops)
 
-    def _on_line(self, data: bytes, stops: int | None) -> None:
-        """Feed the client, and remember that somebody is there."""
+    def _deliver_serial(self, data: bytes, stops: int | None) -> None:
+        """Feed the client of a serial line, and remember when it was last heard."""
         self.heard = self._controller.now()
         self.client.feed(data, stops)
 
-    def _listen(self, data: bytes, stops: int | None) -> None:
-        """Feed the client, and look at what it says as long as it may be one that is known."""
-        if self._manners:
+    def _deliver_recognising(self, data: bytes, stops: int | None) -> None:
+        """Feed the client, and compare its first bytes with the known client programs."""
+        if self._profiles:
             self.said += data
-            self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
+            self._profiles = tuple(profile for profile in self._profiles if self._may_match(profile))
         self.client.feed(data, stops)
 
-    def _may_be(self, manner: ClientProfile) -> bool:
-        """Whether more must be heard; when enough was heard the client is treated so from here on."""
-        if not self.said.startswith(manner.first):
-            return manner.first.startswith(self.said)
+    def _may_match(self, profile: ClientProfile) -> bool:
+        """Whether more bytes are needed to decide about a profile; if it fits, apply it."""
+        if not self.said.startswith(profile.first):
+            return profile.first.startswith(self.said)
         client, session = self.client, self.client.session
-        client.runner.equinox = manner.equinox or client.runner.equinox
-        session.settings = replace(session.settings, **manner.settings)
-        session.kept.precision = manner.settings.get("precision", session.kept.precision)
-        self.profile = manner.program
-        client.log.note(f"recognised client {manner.program}: applying its profile")
+        client.runner.equinox = profile.equinox or client.runner.equinox
+        session.settings = replace(session.settings, **profile.settings)
+        session.kept.precision = profile.settings.get("precision", session.kept.precision)
+        self.profile = profile.program
+        client.log.note(f"recognised client {profile.program}: applying its profile")
         return False
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         self.client.rate = BaudTrial(change_rate)
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """From here on nothing is heard before it is known that no stranger says it."""
+        """Mark the connection as one from the network: the first bytes are checked before any is processed."""
         client, now = self.client, self._controller.now
-        self._hang_up, self._after = hang_up, self._take
-        self._screen = Beginning(self._face.beginning, self._face.surface.protocol.name)
+        self._hang_up, self._deliver_after_filter = hang_up, self._deliver
+        self._filter = StrangerFilter(self._binding.beginning, self._binding.surface.protocol.name)
         client.runner.rights = self._rights
-        client.came = lambda: now() if self._came is None else self._came
-        self._take = self._screened
+        client.arrival = lambda: now() if self._arrived is None else self._arrived
+        self._deliver = self._deliver_screened
 
-    def _screened(self, data: bytes, stops: int | None) -> None:
-        """Feed what cannot be a stranger's, as of when it came; turn a stranger away."""
+    def _deliver_screened(self, data: bytes, stops: int | None) -> None:
+        """Feed the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
         now = self._controller.now()
-        assert self._screen is not None
-        pieces = self._screen.hear(Piece(data, now, self._controller.stops if stops is None else stops))
-        if self._screen.stranger is not None:
-            self._turn_away(self._screen.stranger)
+        assert self._filter is not None
+        pieces = self._filter.feed(Piece(data, now, self._controller.stops if stops is None else stops))
+        if self._filter.stranger is not None:
+            self._reject(self._filter.stranger)
             return
-        if self._screen.over:
-            self._take = self._after
+        if self._filter.done:
+            self._deliver = self._deliver_after_filter
         for piece in pieces:
             late = piece.at != now
-            self._came = piece.at if late else None
-            self._after(piece.data, piece.stops if late else stops)
-        self._came = None
+            self._arrived = piece.at if late else None
+            self._deliver_after_filter(piece.data, piece.stops if late else stops)
+        self._arrived = None
 
-    def _turn_away(self, greeting: Greeting) -> None:
-        """Say once what came, and end the connection."""
-        self.stranger, self._take = True, lambda data, stops: None
+    def _reject(self, greeting: Greeting) -> None:
+        """Log what the stranger sent, and close the connection."""
+        self.stranger, self._deliver = True, lambda data, stops: None
         if self._first is not None:
-            self._first.over = True
-        speaks, client = self._face.speaks, self.client
+            self._first.done = True
+        speaks, client = self._binding.speaks, self.client
         client.log.note(
             f"sends {greeting.words}; this is a port for programs that speak {speaks}: "
             "nothing of it reaches the mount, and the connection is closed"
@@ -227,8 +229,8 @@ class ClientConnection:
         self._hang_up(page(speaks, greeting.head_only) if greeting.http else b"")
 
     def close(self) -> None:
-        self._go_on()
-        if self._screen is not None and not self.stranger and self._screen.waiting:
-            self.client.log.put("x", self._screen.waiting, HALF_A_WORD)
+        self._process_waiting()
+        if self._filter is not None and not self.stranger and self._filter.waiting:
+            self.client.log.put("x", self._filter.waiting, UNRECOGNISED)
         self.client.close()
         self._left()

@@ -1,7 +1,7 @@
-"""How a surface is presented on one port: in which coordinates, and what is different for programs that are known.
+"""How a surface is presented on one port: its coordinates, and the profiles of known client programs.
 
-A program is known by its first bytes. Everything behind the surface uses coordinates of date; who counts in J2000 has
-them converted on the way in and out.
+A client program is recognised by its first bytes. Everything behind the surface uses the equinox of date; for clients
+that use J2000, coordinates are converted in both directions.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.rows import Model
 
 
-class J2000:
-    """Turns a client's J2000 places into places of date, and answers the other way."""
+class EquinoxConverter:
+    """Converts a client's J2000 coordinates to the equinox of date, and answers back to J2000."""
 
     def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
         self._sky, self._unix = sky, unix
 
-    def inward(self, operation: op.Operation) -> op.Operation:
-        """What the client asked for, in coordinates of date."""
+    def to_internal(self, operation: op.Operation) -> op.Operation:
+        """Return an operation with its coordinates converted to the equinox of date."""
         if isinstance(operation, op.Goto | op.Sync | op.ToJ2000 | op.Choose):
             ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
             return replace(operation, ra=ra, dec=dec)
         return operation
 
-    def outward(self, operation: op.Operation, value: object) -> object:
-        """What the controller answered, in J2000."""
+    def to_client(self, operation: op.Operation, value: object) -> object:
+        """Return the controller's answer with its coordinates converted to J2000."""
         if isinstance(value, op.Chosen) and value.place is not None:
             place = op.Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
             return replace(value, place=place)
@@ -47,29 +47,28 @@ class J2000:
 
 
 class ClientProfile(Struct, frozen=True):
-    """How a connection that begins with the bytes ``first`` is treated, because only one program begins so."""
+    """Settings for a connection that begins with the bytes ``first``, because only ``program`` begins like this."""
 
     first: bytes
     program: str
     settings: Values
-    equinox: J2000 | None
+    equinox: EquinoxConverter | None
 
 
 class SurfaceBinding(Struct, frozen=True):
     """A surface as it is presented on one port."""
 
-    #: The protocol's name where a person reads it.
+    #: The protocol's title.
     speaks: str
     surface: Surface
     framing: Callable[[], Framer]
-    #: What a program may begin with, for ``Beginning``.
+    #: The bytes with which a client may begin, for ``StrangerFilter``.
     beginning: re.Pattern[bytes]
     model: Model
     settings: ClientSettings
-    equinox: J2000 | None = None
-    #: What its programs count in where the user says nothing: ``jnow`` or ``j2000``.
+    equinox: EquinoxConverter | None = None
+    #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     counts_in: str = "jnow"
-    #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;
-    #: None where the user has named one.
+    #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
-    manners: tuple[ClientProfile, ...] = ()
+    profiles: tuple[ClientProfile, ...] = ()

@@ -1,13 +1,13 @@
-"""Who is no program for telescopes: the first bytes by which a web browser, a port scanner, a proxy are told.
+"""Recognises strangers: web browsers, port scanners and proxies, by the first bytes of their connection.
 
-Only the beginning of a connection is looked at. There nothing that a mount's program says can be taken for one of
-these; later the same bytes may be part of a site's name, or the digits of an angle. What they say is
-``mappings/strangers.toml``; an HTTP request whose method is no known one is told by its form.
+Only the beginning of a connection is examined. There no bytes of a telescope program can be mistaken for a stranger's;
+later the same bytes may be part of a site's name or of an angle. ``mappings/strangers.toml`` lists the greetings. An
+HTTP request with an unknown method is recognised by its form.
 
-What may still become such a greeting is held back. A complete, well-formed command never waits, even where a greeting
-could follow (``E`` may become ``EHLO``), so no reply is late because of this. Halves of commands wait, and so does what
-is no command. No greeting contains a well-formed command that does more than ask, so nothing a stranger sends is
-carried out. Once the sender is known, this is bypassed.
+Bytes that may still become a greeting are held back. A complete, well-formed command never waits, even if a greeting
+may follow (``E`` may become ``EHLO``), so no reply is delayed. Incomplete commands wait, and so do bytes that are no
+command. No greeting contains a well-formed command that does more than read, so nothing that a stranger sends is
+carried out. Once the client is known, none of this applies.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from msgspec import Struct
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
 
-#: What a method may consist of (RFC 9110), what an address may, and the longest word that is looked at.
-_WORD = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
+#: Characters of a method (RFC 9110), those that follow it (two of the address), and the longest method examined.
+_METHOD = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
 _PRINTABLE = frozenset(range(0x20, 0x7F))
-_BEHIND = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
-LONGEST = 65536
-#: What programs send in front of their first command: it ends nothing, asks nothing, and both protocols pass it over.
+_AFTER_METHOD = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
+MAX_METHOD = 65536
+#: Bytes that clients send before their first command: they end nothing, read nothing, and the protocols ignore them.
 IDLE = b"#\r\n\0 ?"
 
-#: One byte of a greeting: the values that it may have.
+#: The allowed values of one byte of a greeting.
 Octet = frozenset[int]
 
 
 class Greeting(Struct, frozen=True):
-    """What a stranger begins with: the bytes ``first`` decide, ``words`` follow "sends" in the log."""
+    """The first bytes of a stranger: ``first`` identifies it, ``words`` follow "sends" in the log."""
 
     words: str
     first: tuple[Octet, ...]
-    #: A page is shown to whoever sends it; HEAD is answered without the page's text.
+    #: Whether the answer is a web page; the answer to HEAD has no body.
     http: bool = False
     head_only: bool = False
 
 
-#: The one that is told by its form.
+#: The greeting that is recognised by its form.
 OWN_METHOD = Greeting("an HTTP request with a method of its own", (), http=True)
 
 
@@ -53,7 +53,7 @@ def _from_text(text: str) -> tuple[Octet, ...]:
 
 
 def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
-    """``05 01-02 ..``: bytes, ranges, and any byte."""
+    """Parse ``05 01-02 ..``: bytes, ranges, and ``..`` for any byte."""
     octets = []
     for word in text.split():
         low, _, high = word.partition("-")
@@ -75,7 +75,7 @@ def _greetings() -> Iterator[Greeting]:
 
 
 def _of_protocols(own: str) -> Iterator[Greeting]:
-    """The greetings of programs that speak another protocol than the surface's ``own``."""
+    """Yield the greetings of clients of other protocols than the surface's ``own``."""
     for spec in PROTOCOLS.values():
         if spec.greeting and spec.name != own:
             words = f"{spec.title}'s own protocol (for that add --surface {spec.name}@tcp://HOST:{spec.usual_port}"
@@ -85,46 +85,46 @@ def _of_protocols(own: str) -> Iterator[Greeting]:
 
 @cache
 def greetings(own: str = "") -> tuple[Greeting, ...]:
-    """On a surface of that protocol. Worked out for the first connection: the start of the gateway does not wait."""
+    """Return the greetings of strangers on a surface. Computed at the first connection, to keep the start fast."""
     return (*_greetings(), *_of_protocols(own))
 
 
 @cache
 def _beginning_with(byte: int, own: str) -> list[Greeting]:
-    """The greetings that may begin with a byte."""
+    """Return the greetings that may begin with a byte."""
     return [greeting for greeting in greetings(own) if byte in greeting.first[0]]
 
 
 class OwnMethod:
-    """Hears whether a connection begins with an HTTP request whose method is no known one.
+    """Recognises an HTTP request with an unknown method at the beginning of a connection.
 
-    A web page may choose any word where it was given our address. (DNS rebinding: the page's own name points here, so
-    the browser asks nobody.) Whatever the word, a blank, the ``/`` of the address and two printable characters follow;
-    no program for telescopes begins so, though a latitude of 32°47' comes near. The word itself holds nothing up,
-    because every single letter may be a command.
+    A web page that was given our address may choose any word as the method. (DNS rebinding: the page's own host name
+    resolves to this computer, so the browser does not ask for permission.) Whatever the word, it is followed by a
+    blank, the ``/`` of the address and two printable characters. No telescope program begins like this, though a
+    latitude of 32°47' comes near. The word itself is not held back, because each letter may be a command.
     """
 
     def __init__(self) -> None:
-        self._letters, self._behind = 0, 0
-        #: Whether such a request may still come.
+        self._letters, self._after_method = 0, 0
+        #: Whether such a request may still arrive.
         self.possible = True
 
     @property
-    def begun(self) -> bool:
-        """Whether the blank has come: what follows is not to be heard before it is known what it is."""
-        return self.possible and self._behind > 0
+    def partial(self) -> bool:
+        """Whether the blank has arrived: the following bytes are held back until they are identified."""
+        return self.possible and self._after_method > 0
 
-    def hear(self, data: bytes) -> bool:
-        """More bytes have come -> whether they complete what such a request begins with."""
+    def feed(self, data: bytes) -> bool:
+        """Examine more bytes. Return whether they complete the beginning of such a request."""
         for byte in data if self.possible else b"":
             if not self._letters and byte in IDLE:
                 continue
-            if self._letters and byte in _BEHIND[self._behind]:
-                self._behind += 1
-                if self._behind == len(_BEHIND):
+            if self._letters and byte in _AFTER_METHOD[self._after_method]:
+                self._after_method += 1
+                if self._after_method == len(_AFTER_METHOD):
                     self.possible = False
                     return True
-            elif self._behind or byte not in _WORD or self._letters == LONGEST:
+            elif self._after_method or byte not in _METHOD or self._letters == MAX_METHOD:
                 self.possible = False
                 break
             else:
@@ -133,54 +133,54 @@ class OwnMethod:
 
 
 class Recogniser:
-    """Hears a connection from its first byte on, in pieces of any size, until it is known who it cannot be.
+    """Examines a connection from its first byte, in pieces of any size, until it cannot be a stranger any more.
 
-    ``own`` is the protocol that is spoken here. What it remembers is how far every greeting has matched, so that it
-    needs no more memory than the table has bytes.
+    ``own`` is the protocol of the surface. It only remembers how far each greeting has matched, so its memory is
+    limited by the size of the table.
     """
 
     def __init__(self, own: str = "") -> None:
         self._own = own
-        #: Whether one of the table may still be recognised.
+        #: Whether a greeting of the table may still be recognised.
         self._known = True
         self._own_method = OwnMethod()
-        self._begun: list[tuple[Greeting, int]] = []
+        self._partial: list[tuple[Greeting, int]] = []
         self._leading = True
 
     @property
     def open(self) -> bool:
-        """Whether what has come may be the beginning of a greeting."""
-        return self._known or self._own_method.begun
+        """Whether the bytes so far may be the beginning of a greeting."""
+        return self._known or self._own_method.partial
 
     @property
-    def over(self) -> bool:
+    def done(self) -> bool:
         """Whether no stranger can be recognised any more."""
         return not (self._known or self._own_method.possible)
 
-    def hear(self, data: bytes) -> Greeting | None:
-        """More bytes have come -> the greeting that they complete, if they do."""
-        known = self._hear_known(data) if self._known else None
-        return OWN_METHOD if self._own_method.hear(data) and known is None else known
+    def feed(self, data: bytes) -> Greeting | None:
+        """Examine more bytes. Return the greeting that they complete, if any."""
+        known = self._match_known(data) if self._known else None
+        return OWN_METHOD if self._own_method.feed(data) and known is None else known
 
-    def _hear_known(self, data: bytes) -> Greeting | None:
+    def _match_known(self, data: bytes) -> Greeting | None:
         for byte in data:
-            begun = [(greeting, count + 1) for greeting, count in self._begun if byte in greeting.first[count]]
+            partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.first[count]]
             if self._leading:
-                begun += [(greeting, 1) for greeting in _beginning_with(byte, self._own)]
+                partial += [(greeting, 1) for greeting in _beginning_with(byte, self._own)]
                 self._leading = byte in IDLE
-            for greeting, count in begun:
+            for greeting, count in partial:
                 if count == len(greeting.first):
                     self._known = False
                     return greeting
-            self._begun = begun
-            if not begun and not self._leading:
+            self._partial = partial
+            if not partial and not self._leading:
                 self._known = False
                 break
         return None
 
 
 def page(speaks: str, head_only: bool = False) -> bytes:
-    """What a web browser is shown: a whole HTTP/1.1 answer in plain words. ``speaks``: the port's own protocol."""
+    """Return a complete HTTP/1.1 answer for a web browser. ``speaks`` is the title of the port's protocol."""
     text = (
         '<!doctype html>\n<html lang="en">\n<title>mount-gateway</title>\n<link rel="icon" href="data:,">\n'
         f"<p>This port of mount-gateway is for telescope programs that speak {speaks}.\n"
@@ -196,54 +196,55 @@ def page(speaks: str, head_only: bool = False) -> bytes:
 
 
 class Piece(NamedTuple):
-    """Bytes as they came, when (loop time), and how many stops there had been by then."""
+    """Received bytes, the loop time of their arrival, and the number of stops at that time."""
 
     data: bytes
     at: float
     stops: int
 
 
-class Beginning:
-    """``commands`` matches all well-formed commands of the protocol ``own``, and what is passed over, that bytes begin
-    with.
+class StrangerFilter:
+    """Holds back the first bytes of a connection until they cannot be a stranger's.
+
+    ``commands`` matches the well-formed commands and idle bytes of the protocol ``own`` with which the bytes begin.
     """
 
     def __init__(self, commands: re.Pattern[bytes], own: str = "") -> None:
         self._commands = commands
         self._recogniser = Recogniser(own)
         self._waiting: list[Piece] = []
-        #: Who it is, when it is a stranger.
+        #: The stranger that was recognised.
         self.stranger: Greeting | None = None
 
     @property
     def waiting(self) -> bytes:
-        """What was held back until now, because it may be a stranger's."""
+        """The bytes that are held back, because they may be a stranger's."""
         return b"".join(piece.data for piece in self._waiting)
 
     @property
-    def over(self) -> bool:
-        return self._recogniser.over
+    def done(self) -> bool:
+        return self._recogniser.done
 
-    def hear(self, piece: Piece) -> list[Piece]:
-        """More bytes have come -> those that may go on to the mount's client now; none of a stranger."""
-        self.stranger = self._recogniser.hear(piece.data)
+    def feed(self, piece: Piece) -> list[Piece]:
+        """Take more bytes. Return those that may be processed now; none if it is a stranger."""
+        self.stranger = self._recogniser.feed(piece.data)
         if self.stranger is not None:
             self._waiting.clear()
             return []
         self._waiting.append(piece)
         if self._recogniser.open:
             found = self._commands.match(self.waiting)
-            return self._first(found.end() if found else 0)
-        return self._first(sum(len(piece.data) for piece in self._waiting))
+            return self._release(found.end() if found else 0)
+        return self._release(sum(len(piece.data) for piece in self._waiting))
 
-    def _first(self, count: int) -> list[Piece]:
-        """Take so many bytes out of those that wait."""
-        going: list[Piece] = []
+    def _release(self, count: int) -> list[Piece]:
+        """Take ``count`` bytes out of those that are held back."""
+        released: list[Piece] = []
         while count > 0:
             piece = self._waiting.pop(0)
             if len(piece.data) > count:
                 self._waiting.insert(0, piece._replace(data=piece.data[count:]))
                 piece = piece._replace(data=piece.data[:count])
-            going.append(piece)
+            released.append(piece)
             count -= len(piece.data)
-        return going
+        return released

@@ -1,7 +1,7 @@
-"""Notices that a program speaks the other protocol because the wrong telescope type was chosen in it.
+"""Notices that a client speaks the wrong protocol because the wrong telescope type was selected in it.
 
-It is told by the whole commands at the start of a connection. Nothing is refused for it: some programs try another
-protocol first and then go on in the surface's own.
+This is decided by the whole commands at the start of a connection. Nothing is refused because of it: some programs try
+another protocol first and then continue in the surface's own.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from gateway.protocols.base.frames import Framer
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
-#: Seconds in which a command of the surface's own protocol has to follow.
-PATIENCE = 3.0
-#: A host is told of once more where it has used the right protocol meanwhile, after so many seconds.
-AGAIN = 60.0
-#: Bytes of a connection that are looked at, and hosts that are remembered.
-ENOUGH, MOST = 64, 1000
+#: Seconds within which a command of the surface's own protocol must follow.
+WITHIN = 3.0
+#: Seconds after which a host may be warned of again, if it has used the right protocol meanwhile.
+WARN_AGAIN = 60.0
+#: Bytes of a connection that are examined, and hosts that are remembered.
+MAX_BYTES, MAX_HOSTS = 64, 1000
 
 
 def foreign(own: str, sent: bytes) -> tuple[str, bytes] | None:
-    """Another protocol whose commands these bytes are, and the first command; None when they are no such thing."""
+    """Return another protocol whose commands these bytes are, and the first command; None if there is none."""
     for protocol in PROTOCOLS:
         if protocol != own and (first := _first(load(protocol), sent.lstrip(IDLE))):
             return protocol, first
@@ -31,7 +31,7 @@ def foreign(own: str, sent: bytes) -> tuple[str, bytes] | None:
 
 
 def _first(protocol: CommandSet, sent: bytes) -> bytes:
-    """The first of some commands, of which the last may have been cut off; empty when there is anything else."""
+    """Return the first command, if there are only commands (the last may be incomplete); else empty."""
     first = protocol.first(sent)
     rest = sent
     while command := protocol.first(rest):
@@ -40,15 +40,15 @@ def _first(protocol: CommandSet, sent: bytes) -> bytes:
 
 
 def other(own: str, sent: bytes) -> str:
-    """What another protocol, whose commands these bytes are, is called; empty when they are no such thing."""
+    """Return the telescope type for another protocol whose commands these bytes are; empty if there is none."""
     found = foreign(own, sent)
     return PROTOCOLS[found[0]].preset if found else ""
 
 
 def advice(name: str, own: str, sent: bytes, where: str) -> str:
-    """What to tell of a connection that has said nothing else than this; empty where nothing can be made of it.
+    """Return the warning for a connection that has sent only these bytes; empty if they are of no other protocol.
 
-    ``where`` is the surface's own place: another one beside it is offered.
+    ``where`` is the address of the surface; the advice offers a neighbouring one.
     """
     found = foreign(own, sent)
     if found is None:
@@ -62,17 +62,18 @@ def advice(name: str, own: str, sent: bytes, where: str) -> str:
 
 
 def _beside(where: str) -> str:
-    """A place like this one that another surface can have."""
+    """Return a similar address for another surface."""
     start, colon, port = where.rpartition(":")
     if "://" in where and colon and port.isdecimal():
         return f"{start}:{(int(port) + 1) % 65536}"
     return f"{where}-2"
 
 
-class Presets:
-    """Who speaks another protocol on one surface, which is at ``where``: ``warn`` is told so, once of every host.
+class PresetWatch:
+    """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
-    ``framing`` cuts the surface's own commands, ``later`` calls a function after some seconds of the clock ``now``.
+    ``framing`` splits the bytes into commands of the surface's own protocol; ``later`` calls a function after some
+    seconds of the clock ``now``.
     """
 
     def __init__(
@@ -87,51 +88,51 @@ class Presets:
         self.own, self.where, self.now, self.later, self.warn = own, where, now, later, warn
         self._framing = framing
         self._spoke: dict[str, float] = {}
-        self._told: dict[str, float] = {}
+        self._warned: dict[str, float] = {}
 
-    def listen(self, name: str, host: str) -> FirstWords:
-        return FirstWords(self, name, host, self._framing())
+    def listen(self, name: str, host: str) -> FirstCommands:
+        return FirstCommands(self, name, host, self._framing())
 
     def spoke(self, host: str) -> None:
-        """A program has used the surface's own protocol."""
-        if len(self._spoke) >= MOST:
+        """A client has used the surface's own protocol."""
+        if len(self._spoke) >= MAX_HOSTS:
             self._spoke.clear()
         self._spoke[host] = self.now()
 
     def spoke_since(self, host: str, began: float) -> bool:
-        """Whether one of this host has begun to use it at or after that time."""
+        """Whether a client on this host has used it since ``began``."""
         return self._spoke.get(host, -1e9) >= began
 
-    def tell(self, name: str, host: str, sent: bytes) -> None:
-        """Nothing of the surface's own protocol has come with or after these bytes."""
-        words, told = advice(name, self.own, sent, self.where), self._told.get(host, -1e9)
-        again = host in self._told and (self.now() - told < AGAIN or not self.spoke_since(host, told))
-        if words and not again and len(self._told) < MOST:
-            self._told[host] = self.now()
+    def warn_of(self, name: str, host: str, sent: bytes) -> None:
+        """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""
+        words, warned = advice(name, self.own, sent, self.where), self._warned.get(host, -1e9)
+        again = host in self._warned and (self.now() - warned < WARN_AGAIN or not self.spoke_since(host, warned))
+        if words and not again and len(self._warned) < MAX_HOSTS:
+            self._warned[host] = self.now()
             self.warn(words)
 
 
-class FirstWords:
-    """Hears a connection's bytes from the first on, until one command of the surface's own protocol is among them."""
+class FirstCommands:
+    """Examines the first bytes of a connection until they contain a command of the surface's own protocol."""
 
-    def __init__(self, presets: Presets, name: str, host: str, framer: Framer) -> None:
+    def __init__(self, presets: PresetWatch, name: str, host: str, framer: Framer) -> None:
         self._presets, self._name, self._host, self._framer = presets, name, host, framer
         self._sent = b""
-        #: Whether nothing more need be heard.
-        self.over = False
+        #: Whether no more bytes are needed.
+        self.done = False
 
-    def hear(self, data: bytes) -> None:
+    def feed(self, data: bytes) -> None:
         presets = self._presets
         if not self._sent:
             began = presets.now()
-            presets.later(PATIENCE, lambda: self._decide(began))
-        self._sent = (self._sent + data)[:ENOUGH]
+            presets.later(WITHIN, lambda: self._decide(began))
+        self._sent = (self._sent + data)[:MAX_BYTES]
         if any(load(presets.own).find(frame) is not None for frame in self._framer.feed(data, presets.now())):
             presets.spoke(self._host)
-            self.over = True
+            self.done = True
 
     def _decide(self, began: float) -> None:
-        """Its time is over; the program may be gone by now, and may have said more on another connection."""
-        if not self.over and not self._presets.spoke_since(self._host, began):
-            self._presets.tell(self._name, self._host, self._sent)
-        self.over = True
+        """The time is up. The client may have disconnected and used the right protocol on another connection."""
+        if not self.done and not self._presets.spoke_since(self._host, began):
+            self._presets.warn_of(self._name, self._host, self._sent)
+        self.done = True

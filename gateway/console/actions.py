@@ -6,8 +6,8 @@ outside.
 
 from __future__ import annotations
 
-from gateway.app.control import commands
-from gateway.app.control.exchange import draw
+from gateway.app.control import request_types
+from gateway.app.control.exchange import new_number
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway
@@ -25,33 +25,33 @@ async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
     return (True, _WORD[answer]) if answer in _WORD else (False, answer.removeprefix("failed "))
 
 
-async def carry_out(gateway: Gateway, command: commands.Wish) -> tuple[bool, str]:
+async def carry_out(gateway: Gateway, command: request_types.Request) -> tuple[bool, str]:
     """-> whether it was done or begun, and words."""
-    answer = await gateway.entrance.wish(commands.written(command), gateway.desk.carry_out)
+    answer = await gateway.entrance.wish(request_types.encode(command), gateway.request_handler.carry_out)
     word, _, rest = answer.partition(" ")
     return word == DONE, rest
 
 
-async def command(request: requests.Command, who: str) -> commands.Wish:
+async def command(request: requests.Command, who: str) -> request_types.Request:
     """The order that a request stands for. Raises UserError for an object that nobody knows."""
-    number = draw()
+    number = new_number()
     match request:
         case requests.Goto():
-            return commands.Goto(number, await where(request), who=who)
+            return request_types.Goto(number, await where(request), who=who)
         case requests.Sync():
-            return commands.Sync(number, await where(request), who=who)
+            return request_types.Sync(number, await where(request), who=who)
         case requests.Track():
-            return commands.Track(number, request.on, request.rate, who=who)
+            return request_types.Track(number, request.on, request.rate, who=who)
         case requests.Time():
-            return commands.TellTime(number, request.unix, request.offset, who=who)
+            return request_types.TellTime(number, request.unix, request.offset, who=who)
         case requests.Site():
-            return commands.TellSite(number, request.latitude, request.longitude, who=who)
+            return request_types.TellSite(number, request.latitude, request.longitude, who=who)
         case requests.Park():
-            return commands.Park(number, who=who)
+            return request_types.Park(number, who=who)
         case requests.Home():
-            return commands.Home(number, who=who)
+            return request_types.Home(number, who=who)
         case requests.Unpark() | requests.Wake():
-            return commands.Unpark(number, who=who)
+            return request_types.Unpark(number, who=who)
 
 
 class Jogging:
@@ -70,9 +70,9 @@ class Jogging:
         """Press one; the opposite one is let go."""
         for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
             await self.let_go(other)
-        known = draw()
+        known = new_number()
         self._held[direction] = known, rate
-        done, words = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
+        done, words = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))
         if not done and self._held.get(direction, ("", 0))[0] == known:
             del self._held[direction]
         return done, words
@@ -80,7 +80,7 @@ class Jogging:
     async def hold_on(self) -> None:
         """Somebody still holds what is held down."""
         for direction, (known, rate) in list(self._held.items()):
-            done, _ = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
+            done, _ = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))
             if not done and self._held.get(direction, ("", 0))[0] == known:
                 del self._held[direction]  # it was ended otherwise: by a stop, a limit, the mount
 
@@ -90,6 +90,6 @@ class Jogging:
         for one in [direction] if direction is not None else list(self._held):
             if one in self._held:
                 known, _ = self._held.pop(one)
-                ended, said = await carry_out(self._gateway, commands.LetGo(known, who=self._who))
+                ended, said = await carry_out(self._gateway, request_types.LetGo(known, who=self._who))
                 done, words = done and ended, said if not ended else words
         return done, words

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import msgspec
 
-from gateway.app.control.commands import Spot
+from gateway.app.control.request_types import Spot
 from gateway.app.control.requests import of_date
 from gateway.console import actions, requests
 from gateway.console.mounts import Mounts

@@ -11,8 +11,8 @@ import math
 from typing import Any
 
 from gateway.app.control import objects
-from gateway.app.control.commands import Spot, Where
-from gateway.app.control.refusals import no
+from gateway.app.control.refusals import explain
+from gateway.app.control.request_types import Spot, Where
 from gateway.app.control.requests import of_date
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.console.requests import Aimed
@@ -56,7 +56,7 @@ def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
     """Of a place of date: its places, rising and setting (Unix seconds; None: it does not), ``may`` and ``why``."""
     told = place(controller, goal)
     fault = _forbidden(controller, goal, told["alt"])
-    why = "" if fault is None else no(fault, controller.policy.limits)
+    why = "" if fault is None else explain(fault, controller.policy.limits)
     rises, sets = _rises_and_sets(controller, goal)
     return {**told, "rises": rises, "sets": sets, "may": fault is None, "why": why}
 

@@ -122,7 +122,7 @@ class Console:
     def _only_looks(self, request: web.Request) -> bool:
         """Whether whoever asks may change nothing: here, or at the port where the request has come in."""
         rules = [self._access, self._doors.get(_door(request)[1], self._access)]
-        return any(rule.only_looks(request.remote or "") for rule in rules)
+        return any(rule.is_read_only(request.remote or "") for rule in rules)
 
     def _acts(self, request: web.Request) -> bool:
         return not self._mounts.pin and not self._only_looks(request)

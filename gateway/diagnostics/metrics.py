@@ -74,7 +74,7 @@ class Counts:
         if isinstance(outcome, Fault):
             self.faults[type(outcome).__name__] += 1
         else:
-            self.answering.add(self._controller.line.talk.times.took)
+            self.answering.add(self._controller.line.transaction.times.last_rtt)
 
     def _changed(self, wanted: Wanted) -> None:
         if wanted.stops != self._stops:

@@ -1,5 +1,5 @@
-"""Many mounts on one MQTT broker: every gateway shows its own there, and one page shows them all.
+"""Many mounts on one MQTT broker: every gateway publishes its own mounts there, and one page shows them all.
 
-The broker is a guest. It has a thread of its own, so that a mount's work goes on whatever the broker does; what is to
-be sent waits in a bounded place, and what comes is small or it is not looked at. Orders take the way of every person's.
+The connection to the broker has a thread of its own, so that a slow broker never delays a mount; outgoing messages wait
+in a bounded buffer, and messages that are too large are not read. Orders are carried out like those of any other user.
 """

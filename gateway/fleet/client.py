@@ -1,10 +1,10 @@
-"""The MQTT client of one connection: what is needed to be let in, and bounds that hold the broker.
+"""Connects to an MQTT broker: credentials, TLS, and limits on what the broker may send.
 
-The password comes from a file or from the environment. Whatever is missing is told before anything is opened. What a
-broker sends may be small, or the connection is cut: aiomqtt has no limit of its own for what comes in, and leaves a
-connection open that did not answer. Both is mended here and nowhere else, for it needs paho's client, which lies
-within. MQTT 5 is spoken, by which a broker passes on whether a message was published with the retain flag; one that
-knows only 3.1.1 tells that of stored messages alone.
+The password comes from a file or from the environment; missing settings are reported before anything is opened. A
+message that is too large ends the connection, because aiomqtt limits no incoming message; and aiomqtt leaves open a
+connection on which the broker did not answer. Only this module works around both, by means of paho's client inside
+aiomqtt. With MQTT 5 a broker passes on whether a message was published with the retain flag; one that knows only 3.1.1
+sets that flag only on stored messages.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from gateway.fleet.topics import Message
 from gateway.system.own_commands import how_to_add
 
 PASSWORD = "MOUNT_GATEWAY_MQTT_PASSWORD"
-#: Seconds after which a broker that said nothing is asked, and that an answer may take.
+#: Seconds of silence after which the broker is pinged, and the timeout for an answer.
 KEEPALIVE, ANSWER = 10, 5.0
-#: How the topics end by which mounts are given orders.
+#: The end of the topics on which mounts get orders.
 ORDERS = "/command"
-#: How a broker refuses MQTT 5 because it is older: in its own words, and in those of 3.1.1.
+#: The reason codes with which an older broker refuses MQTT 5: that of MQTT 3.1.1, and that of MQTT 5.
 OLD = (1, 132)
-#: Bytes of one packet, and messages that wait to be looked at.
+#: The maximum size of a packet in bytes, and of the queue of received messages.
 LARGEST, WAITING = 65536, 2000
 
 
 class Access(Struct, frozen=True):
-    """``user`` is None where the broker lets everybody in."""
+    """The broker and the credentials for it. ``user`` is None if the broker needs none."""
 
     broker: Broker
     user: str | None = None
@@ -48,12 +48,12 @@ class Access(Struct, frozen=True):
     ca: str | None = None
 
     def tls(self) -> ssl.SSLContext | None:
-        """The certificates that are trusted; None without TLS. Raises OSError."""
+        """Return the TLS settings with the trusted certificates; None without TLS. Raises OSError."""
         return ssl.create_default_context(cafile=self.ca) if self.broker.tls else None
 
 
 def access(at: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> Access:
-    """Raises UserError for what is missing or cannot be read."""
+    """Collect the settings for a broker. Raises UserError for what is missing or cannot be read."""
     if find_spec("aiomqtt") is None:
         raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {how_to_add('mqtt')}")
     broker = parse_broker(at)
@@ -62,7 +62,7 @@ def access(at: str, user: str | None = None, password_file: str | None = None, c
         raise UserError("there is a password for the broker and no user: write user under [mqtt]")
     try:
         found.tls()
-    except OSError as error:  # an SSLError is one, too
+    except OSError as error:  # SSLError is an OSError, too
         raise UserError(f"{ca}: {'no certificates' if isinstance(error, ssl.SSLError) else error.strerror}") from None
     return found
 
@@ -79,7 +79,7 @@ def _password(file: str | None) -> str | None:
 
 
 class Client(Protocol):
-    """What of aiomqtt's client is used here."""
+    """The part of aiomqtt's client that is used here."""
 
     @property
     def messages(self) -> Any: ...
@@ -88,7 +88,7 @@ class Client(Protocol):
 
 
 class _Subscriber:
-    """Of aiomqtt's client, what is used. Of orders it is told whether they were published with the retain flag."""
+    """Wraps aiomqtt's client so that orders arrive with the retain flag with which they were published (MQTT 5)."""
 
     def __init__(self, client: Any, v5: bool) -> None:
         self._client, self._v5 = client, v5
@@ -108,20 +108,20 @@ class _Subscriber:
 
 
 class Flooded(Exception):
-    """The broker sends more than anybody has a use for."""
+    """The broker sends too many or too large messages."""
 
 
 def too_much(size: int) -> Flooded:
-    """A message is too long."""
+    """Return the error for a message that is too long."""
     return Flooded(f"it sent a message of {size} bytes, and {LARGEST} are the most")
 
 
-#: Makes a connection, with the message that the broker publishes when it is lost.
+#: Makes a connection, with the message that the broker publishes if the connection is lost (the will).
 Connect = Callable[[Message | None], AbstractAsyncContextManager[Client]]
 
 
 def connecting(access: Access) -> Connect:
-    """Connections to a broker. They raise Flooded, an OSError, a ValueError or aiomqtt's MqttError."""
+    """Return a function that connects to a broker. It raises Flooded, OSError, ValueError or aiomqtt's MqttError."""
 
     old = False
 
@@ -131,7 +131,7 @@ def connecting(access: Access) -> Connect:
 
         nonlocal old
         quiet = logging.getLogger("gateway.mqtt")
-        quiet.setLevel(logging.CRITICAL)  # what matters is told in words, by whoever uses the connection
+        quiet.setLevel(logging.CRITICAL)  # the caller reports what matters to the user
         broker = access.broker
         client = aiomqtt.Client(
             broker.host,
@@ -141,7 +141,7 @@ def connecting(access: Access) -> Connect:
             identifier=f"mg-{secrets.token_hex(8)}",
             will=None if will is None else aiomqtt.Will(will.topic, will.payload, 1, will.retain),
             protocol=aiomqtt.ProtocolVersion.V311 if old else aiomqtt.ProtocolVersion.V5,
-            # What was ordered while nobody listened is not carried out later; in MQTT 5 no session outlives its end.
+            # Orders sent while the gateway was not connected are not carried out later; MQTT 5 keeps no session anyway.
             clean_session=True if old else None,
             timeout=ANSWER,
             keepalive=KEEPALIVE,
@@ -169,7 +169,7 @@ def connecting(access: Access) -> Connect:
 
 
 def _limit(paho: Any, too_long: list[int]) -> None:
-    """Cut the connection when a packet says that it is too long: after a few megabytes, however many it has."""
+    """Cut the connection when the header of a packet says that it is too long, before megabytes of it are read."""
     read = paho.loop_read
 
     def loop_read(*arguments: Any) -> Any:
@@ -184,7 +184,7 @@ def _limit(paho: Any, too_long: list[int]) -> None:
 
 
 def _cut(paho: Any) -> None:
-    """End a connection that may still be open: paho then hears of it and takes it down."""
+    """Shut down a connection that may still be open: paho notices that and closes it."""
     open_one: socket.socket | None = paho.socket()
     if open_one is not None:
         with contextlib.suppress(OSError):

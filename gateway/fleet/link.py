@@ -1,8 +1,8 @@
-"""The connection to a broker, on a thread of its own: made anew for ever, and never waited for by a mount.
+"""The connection to a broker, on a thread of its own: it is always restored, and a mount never waits for it.
 
-What is to be sent is taken from the outbox, a few messages at a time, and the next ones go when the broker has
-acknowledged the last of these, and with it all: it takes them in order, and states are told again after a loss. A
-broker that is slow gets the newest states, one that floods is left for a while.
+Messages are taken from the outbox, a few at a time; the next ones are sent when the broker has acknowledged the last of
+these. Only that one needs an acknowledgement, because a broker takes messages in order; after a reconnect all states
+are sent again. A slow broker gets the newest states; one that floods the gateway is left for a while.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from gateway.fleet.topics import Heard, Message, Outbox
 _T = TypeVar("_T")
 _Arguments = TypeVarTuple("_Arguments")
 
-#: Seconds before it is tried again, one after the other; the last one counts from then on.
+#: Seconds before the first, second and later attempts to reconnect.
 PAUSES = (0.25, 0.5, 1.0)
-#: The same after so many vain attempts, and where a broker refuses or floods.
+#: After so many failed attempts, or if the broker refuses or floods, the pause is ``SELDOM`` seconds.
 LONG_AWAY, SELDOM = 300, 5.0
-#: Messages that are under way at a time, and that a broker may send in a second.
+#: Messages that are in flight at a time, and the maximum that a broker may send in a second.
 AT_A_TIME, FLOOD = 50, 500
-#: Seconds that the last words may take at the end.
+#: Timeout in seconds for the last messages at the end.
 PARTING = 1.0
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """A loop that has its thread to itself: what blocks may block it, and no further thread has to be waited for."""
+    """An event loop that has its thread to itself: blocking calls may block it, so it needs no further threads."""
 
     def run_in_executor(
         self, executor: Executor | None, func: Callable[[*_Arguments], _T], *args: *_Arguments
     ) -> asyncio.Future[_T]:
-        """Done at once."""
+        """Run the function at once, on this thread."""
         outcome: asyncio.Future[_T] = self.create_future()
         try:
             outcome.set_result(func(*args))
@@ -48,10 +48,10 @@ class _Loop(asyncio.SelectorEventLoop):
 
 
 class BrokerLink:
-    """``greeting`` are the first messages of every connection, ``parting`` the last; the first is the will, too.
+    """Keeps the connection to a broker. ``greeting`` are the first messages of every connection.
 
-    ``hear`` and ``told`` are called on the loop that the link was started on; ``told`` with whether the broker is there
-    from now on, and why not.
+    ``parting`` are the last messages; the first of them is also the will. ``hear`` (a message) and ``told`` (whether
+    the broker is connected now, and why not) are called on the loop on which the link was started.
     """
 
     def __init__(
@@ -82,21 +82,21 @@ class BrokerLink:
         threading.Thread(target=self._run, name="mqtt", daemon=True).start()
 
     def put(self, message: Message) -> None:
-        """Have a message sent with the next that is."""
+        """Queue a message; it is sent with the next ``send``."""
         self._outbox.put(message)
 
     def send(self) -> None:
-        """Have what waits sent when the broker takes it; the thread is woken once for all of it."""
+        """Send the queued messages as soon as the broker takes them; this wakes the thread once for all."""
         if self._outbox.any:
             self._on_thread(self._wake.set)
 
     def publish(self, message: Message) -> None:
-        """Have a message sent when the broker takes it."""
+        """Queue a message and send it as soon as the broker takes it."""
         self.put(message)
         self.send()
 
     async def close(self) -> None:
-        """Say the last words, if the broker takes them at once."""
+        """Send the last messages, if the broker takes them at once, and disconnect."""
         if self._loop is None:
             return
         self._on_thread(self._ending.set)
@@ -134,8 +134,8 @@ class BrokerLink:
                 async with self._connect(self._parting[0] if self._parting else None) as client:
                     vain = 0
                     await self._session(client)
-            except Exception as error:  # of three libraries; whatever it is, it is tried again
-                if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # it refuses
+            except Exception as error:  # of three libraries; try again after any of them
+                if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # the broker refuses
                     pause = SELDOM
                 self._away(_why(error))
             await self._unless_ending(pause * random.uniform(0.8, 1.2))
@@ -146,7 +146,7 @@ class BrokerLink:
                 await self._ending.wait()
 
     async def _session(self, client: Client) -> None:
-        """One connection, until it is lost or everything ends."""
+        """Use one connection until it is lost or the link is closed."""
         if self._subscriptions:
             await client.subscribe(self._subscriptions)
         for message in self._greeting:
@@ -193,7 +193,7 @@ async def _send(client: Client, message: Message, qos: int = 1) -> None:
 
 
 async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Until the first of them ends. Raises what it raises."""
+    """Run all until the first of them ends, and cancel the others. Raises what the first raises."""
     tasks = [asyncio.ensure_future(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -206,7 +206,7 @@ async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
 
 
 def _why(error: Exception) -> str:
-    """What happened, in a few words."""
+    """Return in a few words why the connection failed."""
     if isinstance(error, TimeoutError):
         return "it does not answer"
     words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)).strip() or type(error).__name__

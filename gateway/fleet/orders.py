@@ -1,6 +1,6 @@
-"""What the broker asks of a mount: an order like any person's, with the same limits, the same order, the same refusals.
+"""Carries out orders that reach a mount through the broker, under the same limits and rules as those of any user.
 
-A stop waits for no other order. What lay on the broker before (the retain flag) is obeyed by nobody: it would be
+A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would be
 carried out again at every connection.
 """
 
@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import EVERY
-from gateway.app.control import commands
-from gateway.app.control.exchange import draw
+from gateway.app.control import request_types
+from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
 from gateway.console import actions
 from gateway.console.places import find
@@ -19,22 +19,25 @@ from gateway.core.errors import UserError
 from gateway.core.waiting import BackgroundTasks
 
 WHO = "mqtt"
-#: Characters of an order; seconds between two stops on the line, however many are asked for.
+#: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 LONGEST, BETWEEN = 100, 0.25
-#: What is understood, beside stop.
-PLAIN: dict[str, type[commands.Park | commands.Unpark | commands.Home]] = {
-    "park": commands.Park,
-    "wake": commands.Unpark,
-    "home": commands.Home,
+#: The orders of one word, besides stop.
+PLAIN: dict[str, type[request_types.Park | request_types.Unpark | request_types.Home]] = {
+    "park": request_types.Park,
+    "wake": request_types.Unpark,
+    "home": request_types.Home,
 }
 GOTO = "goto"
 
-#: Told of what has become of an order: what kind of end, and words.
+#: Called with the result of an order: ``done`` or ``failed``, and words.
 Tell = Callable[[str, str], None]
 
 
 class Orders:
-    """Of one mount. ``allowed`` are those that the configuration allows; ``doubt`` says why only stops are obeyed."""
+    """The orders for one mount. ``allowed``: those that the configuration allows.
+
+    ``doubt`` returns why only stops are carried out at the moment, or an empty text.
+    """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], tell: Tell) -> None:
         self._gateway, self._allowed, self._doubt, self._tell = gateway, allowed, doubt, tell
@@ -45,7 +48,7 @@ class Orders:
         self._busy = False
 
     def take(self, payload: bytes, retained: bool, to: str) -> None:
-        """An order has come, to this mount or to ``all``."""
+        """Carry out or refuse an order; ``to`` is the mount's name, or ``all``."""
         text = payload[: LONGEST + 1].decode("utf-8", "replace").strip()
         if not text and retained:
             return
@@ -57,7 +60,7 @@ class Orders:
         elif len(text) > LONGEST:
             self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters")
         elif to == EVERY:
-            self._refuse(text, "all mounts together can be told stop, and nothing else")
+            self._refuse(text, "the only order for all mounts together is stop")
         elif word not in (*PLAIN, GOTO) or (bool(rest) is not (word == GOTO)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
         elif word not in self._allowed:
@@ -70,7 +73,7 @@ class Orders:
             self._tasks.spawn(self._carry_out(text, word, rest))
 
     def close(self) -> None:
-        """Nothing is obeyed any more."""
+        """Cancel the orders in progress; later ones must not be passed to ``take``."""
         if self._later is not None:
             self._later.cancel()
         self._tasks.cancel()
@@ -79,7 +82,7 @@ class Orders:
         self._gateway.wire_log.refused(WHO, f"{text}: {why}")
 
     def _stop(self) -> None:
-        """At once; of many that come together the first one, and one more when they are over."""
+        """Stop at once, or, after a recent stop, once more when ``BETWEEN`` seconds have passed since that."""
         left = self._last_stop + BETWEEN - self._loop.time()
         if left <= 0:
             self._stop_now()
@@ -97,9 +100,11 @@ class Orders:
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
-            number = draw()
-            wish = commands.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
-            done, words = await actions.carry_out(self._gateway, wish)
+            number = new_number()
+            request = (
+                request_types.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
+            )
+            done, words = await actions.carry_out(self._gateway, request)
         except UserError as error:
             done, words = False, str(error)
         finally:

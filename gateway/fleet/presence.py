@@ -1,7 +1,8 @@
-"""That this gateway is there, and whether another one has the same ID.
+"""Publishes that this gateway is connected, and detects another gateway with the same ID.
 
-Each tells on ``PREFIX/ID/gateway`` who it is, and listens there: whoever hears another one answers it once, so that
-both know. Which of them an order was meant for is not known then, and only stops are obeyed.
+Each gateway publishes on ``PREFIX/ID/gateway`` who it is, and subscribes to it. One that receives another's message
+publishes its own once more, so that both know. Then it is not known which of them an order is meant for, and only stops
+are carried out.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from gateway.core.about import VERSION
 from gateway.core.wire_log import show
 from gateway.fleet.topics import OFFLINE, ONLINE, Heard, Message, Topics
 
-#: Others that are remembered as answered.
+#: The maximum number of other gateways that are answered.
 MOST = 100
 
 
 class Presence:
-    """``clash`` says who else has this ID; empty where nobody has."""
+    """The gateway's presence on the broker. ``clash``: a message about another gateway with this ID, or empty."""
 
     def __init__(self, topics: Topics, publish: Callable[[Message], None], warn: Callable[[str], None]) -> None:
         self._topics, self._publish, self._warn = topics, publish, warn
@@ -34,18 +35,18 @@ class Presence:
 
     @property
     def greeting(self) -> list[Message]:
-        """What is said first on every connection."""
+        """The first messages on every connection."""
         return [self._who, self._here]
 
     @property
     def parting(self) -> list[Message]:
-        """What is said last, or by the broker when this gateway is lost."""
+        """The last messages; the broker publishes them itself if the connection is lost."""
         return [Message(self._topics.availability, OFFLINE, retain=True)]
 
     def hear(self, heard: Heard) -> bool:
-        """-> whether this was about the ID."""
+        """Take a message of the broker; return whether it was about presence."""
         if heard.topic == self._topics.availability:
-            if heard.payload == OFFLINE:  # another one of this ID has gone, or this one was lost and is back
+            if heard.payload == OFFLINE:  # of another gateway with this ID, or the will of a lost connection
                 self.clash = ""
                 self._answered.clear()
                 self._publish(self._here)
@@ -53,7 +54,7 @@ class Presence:
         if heard.topic != self._topics.gateway:
             return False
         other, words = _about(heard.payload)
-        if other and other != self._instance and not heard.retained:  # what is retained may be of an earlier run
+        if other and other != self._instance and not heard.retained:  # a retained message may be of an earlier run
             self._meet(other, words)
         return True
 
@@ -69,7 +70,7 @@ class Presence:
 
 
 def _about(payload: bytes) -> tuple[str, str]:
-    """Which instance a gateway is, and where."""
+    """Return the instance of a gateway, and host and process in words; both empty for an invalid message."""
     try:
         told = json.loads(payload)
         return str(told["instance"])[:64], show(f"{told['host']}, process {told['process']}".encode())[:100]

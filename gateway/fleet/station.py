@@ -1,6 +1,6 @@
-"""The mounts of one gateway on a broker: shown once a second where something has changed, and stopped from there.
+"""Publishes the mounts of one gateway on a broker, once a second if something has changed, and takes orders from it.
 
-Looking costs the mounts no exchange. Between two looks programs are served; what has changed is then sent together.
+This costs the mounts no exchange. Programs are served between two mounts; all changes of a round are sent together.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from gateway.fleet.presence import Presence
 from gateway.fleet.told import Events, discovery, state
 from gateway.fleet.topics import UNNAMED, Heard, Message, Topics, own_id
 
-#: Seconds from one look at a mount to the next.
+#: Seconds between two checks of the mounts for changes.
 EVERY_SECOND = 1.0
 OFF = "off"
 
 
 class _Shown:
-    """One mount: what the broker was told of it last."""
+    """One mount, and what was last published of it."""
 
     def __init__(self, station: Station, gateway: Gateway) -> None:
         self.gateway, self.name = gateway, gateway.config.name or UNNAMED
@@ -43,7 +43,7 @@ class _Shown:
         self.events.tell(kind, WHO, words)
 
     def look(self) -> None:
-        """Tell what has changed."""
+        """Queue the state for publishing if it has changed."""
         station, now = self._station, state(self.gateway)
         if now == self._state:
             return
@@ -57,13 +57,13 @@ class _Shown:
             station.link.put(discovery(prefix, station.topics, self.name, now, station.config.orders))
 
     def close(self) -> None:
-        """Nothing is told or obeyed any more."""
+        """Stop publishing events and taking orders."""
         self.orders.close()
         self.gateway.wire_log.leave(self.events.put)
 
 
 class Station:
-    """``say`` and ``warn`` tell the person at the terminal."""
+    """All mounts of this process on the broker. ``say`` and ``warn`` show messages to the user at the terminal."""
 
     def __init__(
         self,
@@ -86,12 +86,12 @@ class Station:
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Connect, and go on from there."""
+        """Begin to connect and to publish."""
         self.link.start()
         self._task = asyncio.ensure_future(self._look_on())
 
     async def close(self) -> None:
-        """Say that this gateway goes, if the broker listens."""
+        """Publish that this gateway ends, if the broker is connected, and disconnect."""
         if self._task is not None:
             self._task.cancel()
         for shown in self._shown.values():
@@ -103,7 +103,7 @@ class Station:
             for shown in list(self._shown.values()):
                 try:
                     shown.look()
-                except Exception as error:  # a defect here must cost nothing but the sight of the mount
+                except Exception as error:  # a defect here must affect nothing but what is published of the mount
                     shown.gateway.wire_log.note_once("mqtt", f"internal error, please report it: {error!r}")
                 await asyncio.sleep(0)
             self.link.send()
@@ -120,14 +120,14 @@ class Station:
             one.orders.take(heard.payload, heard.retained, one.name)
 
     def _told(self, there: bool, why: str) -> None:
-        """The broker is there, or it is not: said when that changes."""
+        """Tell the user when the broker is connected or lost."""
         if there and self._there is None:
             self._say(f"ready broker {self._broker} as {self.topics.prefix}/{self.topics.id}")
         elif there and not self._there:
-            self._warn(f"the broker {self._broker} is there again")
+            self._warn(f"the broker {self._broker} is connected again")
         elif not there and self._there is not False:
             self._warn(
                 f"the broker {self._broker} cannot be reached: {why}. The mounts and their programs are not "
-                "affected; it is tried again until it answers"
+                "affected; the gateway keeps trying"
             )
         self._there = there

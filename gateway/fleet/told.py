@@ -1,9 +1,9 @@
-"""What the broker is told of a mount: how it is, what happens on it, and what Home Assistant needs to take it up.
+"""The messages about a mount: its state, its events, and its description for Home Assistant.
 
-The state is made of what is known without asking the mount. Angles are told as finely as somebody who looks can use, so
-that a mount that stands is told once and not every second. Events are taken from the wire log. A program that
-reconnects for every command must not fill the broker: what is more than a few a second is counted, and told as a
-number. For Home Assistant (2024.11 and later) a mount is a device with readings and buttons: one retained message.
+The state is made from cached readings, without asking the mount. Angles are rounded, so that a mount at rest is
+published once and not every second. Events are taken from the wire log. A program that reconnects for every command
+must not flood the broker: more than a few events per second are only counted, and their number is published. For Home
+Assistant (2024.11 and later) a mount is a device with readings and buttons, described in one retained message.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from gateway.core.about import VERSION
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, show
 from gateway.fleet.topics import Message, Topics
 
-#: Arrows of the wire log that are told, and what they are called.
+#: Arrows of the wire log that are published, and the kinds of their events.
 KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
-#: Events at once, and in a second after that; characters of one.
+#: The maximum number of events at once, and per second after that; the maximum length of one in characters.
 BURST, RATE, LONGEST = 20.0, 5.0, 500
 #: Key of the state -> name, unit, decimals that are shown.
 NUMBERS = {
@@ -47,7 +47,7 @@ BUTTONS = {"stop": ("Stop", "mdi:stop-circle"), "park": ("Park", "mdi:parking"),
 
 
 def state(gateway: Gateway) -> dict[str, Any]:
-    """What is not known is None."""
+    """Return the state of a mount as it is published; a value that is not known is None."""
     controller = gateway.controller
     seen = look(controller, gateway.config.name or "", str(gateway.mount), len(gateway.programs()))
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
@@ -64,7 +64,7 @@ def state(gateway: Gateway) -> dict[str, Any]:
         "product": identity.product if identity else None,
         "model": identity.model if identity else None,
         "version": identity.version if identity else None,
-        "line": {"state": seen.state, "reason": seen.reason, "answer_seconds": round(controller.line.typical, 2)},
+        "line": {"state": seen.state, "reason": seen.reason, "answer_seconds": round(controller.line.typical_rtt, 2)},
         "programs": seen.programs,
     }
 
@@ -81,14 +81,14 @@ def _places(gateway: Gateway, seen: op.Equatorial | None) -> dict[str, float | N
 
 
 class Events:
-    """``publish`` takes an event as JSON. ``put`` is a sink of the wire log."""
+    """Publishes events, rate-limited. ``publish`` takes an event as JSON; ``put`` is a sink of the wire log."""
 
     def __init__(self, publish: Callable[[bytes], None], clock: Callable[[], float]) -> None:
         self._publish, self._clock = publish, clock
         self._left, self._since, self._dropped = BURST, clock(), 0
 
     def put(self, entry: Entry) -> None:
-        """One thing that has happened on the line or at a surface."""
+        """Publish an entry of the wire log, if its kind is published."""
         kind = KINDS.get(entry.arrow)
         if kind is None or entry.note == SKY_READY:
             return
@@ -97,7 +97,7 @@ class Events:
         self.tell(kind, entry.side, entry.note)
 
     def tell(self, kind: str, who: str, words: str) -> None:
-        """The same in words; ``who`` is a program, the mount, or ``mqtt``."""
+        """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
         self._left = min(BURST, self._left + max(0.0, now - self._since) * RATE)
         self._since = now
@@ -119,7 +119,7 @@ class Events:
 def discovery(
     prefix: str, topics: Topics, mount: str, state: Mapping[str, Any], orders: Collection[str]
 ) -> Message:  # fmt: skip
-    """The message that tells of a mount; ``orders`` are those that the broker may give."""
+    """Return the message that describes a mount to Home Assistant; ``orders`` are those that are allowed."""
     device = re.sub(r"[^A-Za-z0-9_-]", "_", f"{topics.prefix}_{topics.id}_{mount}")
     told: dict[str, Any] = {
         "device": {

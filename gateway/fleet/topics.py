@@ -1,7 +1,7 @@
-"""What goes over the broker: the topics, and which mount one is about; messages, and those that wait to be published.
+"""Topics and messages on the broker, and the outbox of messages that wait to be published.
 
-``PREFIX/ID/availability`` and ``PREFIX/ID/gateway`` are about a gateway, ``PREFIX/ID/MOUNT/state``, ``event`` and
-``command`` about a mount of it. ``PREFIX/all/command`` is for every mount on the broker.
+``PREFIX/ID/availability`` and ``PREFIX/ID/gateway`` are about a gateway; ``PREFIX/ID/MOUNT/state``, ``event`` and
+``command`` are about one of its mounts. ``PREFIX/all/command`` is for every mount on the broker.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from msgspec import Struct
 from gateway.app.config.checks import EVERY
 from gateway.app.config.keys import WORD
 
-#: What a mount without a name is called.
+#: The name of a mount without a name.
 UNNAMED = "mount"
 ONLINE, OFFLINE = b"online", b"offline"
-#: Events that are kept for a broker that is away; the oldest are dropped.
+#: So many events are kept while the broker is not connected; then the oldest are dropped.
 EVENTS = 200
 
 
 class Message(Struct, frozen=True):
-    """What is published. ``newest``: only the newest of its topic matters, and it is published again after a loss."""
+    """A message to publish. ``newest``: only the newest of its topic matters, and a reconnect publishes it again."""
 
     topic: str
     payload: bytes
@@ -33,7 +33,7 @@ class Message(Struct, frozen=True):
 
 
 class Heard(Struct, frozen=True):
-    """What came from the broker. ``retained``: it lay there already, and was not sent just now."""
+    """A message from the broker. ``retained``: it has the retain flag; it may be old."""
 
     topic: str
     payload: bytes
@@ -41,7 +41,7 @@ class Heard(Struct, frozen=True):
 
 
 class Topics(Struct, frozen=True):
-    """Those of one gateway; ``id`` may be ``+`` for all gateways."""
+    """The topics of one gateway; ``id`` may be ``+``, the wildcard for all gateways."""
 
     prefix: str
     id: str
@@ -52,34 +52,34 @@ class Topics(Struct, frozen=True):
 
     @property
     def gateway(self) -> str:
-        """Which process has this ID."""
+        """The topic on which the process that has this ID says who it is."""
         return f"{self.prefix}/{self.id}/gateway"
 
     @property
     def everyone(self) -> str:
-        """Commands for all mounts on the broker."""
+        """The topic of orders for all mounts on the broker."""
         return f"{self.prefix}/{EVERY}/command"
 
     def of(self, mount: str, what: str) -> str:
-        """``state``, ``event`` or ``command`` of a mount."""
+        """Return a topic of a mount: ``state``, ``event`` or ``command``."""
         return f"{self.prefix}/{self.id}/{mount}/{what}"
 
     def parts(self, topic: str) -> list[str]:
-        """What follows the prefix; nothing for a topic of somebody else's."""
+        """Return the levels of a topic after the prefix; an empty list for a topic without the prefix."""
         return topic[len(self.prefix) + 1 :].split("/") if topic.startswith(f"{self.prefix}/") else []
 
 
 def own_id() -> str:
-    """The name of this computer, as a topic can hold it."""
+    """Return the name of this computer, reduced to characters that are allowed in a topic."""
     name = "-".join(re.findall(WORD, socket.gethostname())) or "gateway"
     return f"{name}-computer" if name == EVERY else name
 
 
 class Outbox:
-    """What waits to be published: of every state the newest, of what has happened the last so many.
+    """The messages that wait to be published: the newest state of each topic, and the last events.
 
-    It never grows, however long the broker is away. One thread puts in, another takes out. ``take`` gives states first:
-    they say how it is now.
+    Its size is bounded, however long the broker is not connected. One thread puts messages in, another takes them out.
+    ``take`` returns states first, because they are current.
     """
 
     def __init__(self) -> None:
@@ -89,7 +89,7 @@ class Outbox:
         self._events: deque[Message] = deque(maxlen=EVENTS)
 
     def put(self, message: Message) -> None:
-        """One more; a state takes the place of the one before it."""
+        """Add a message; a state replaces the previous one of its topic."""
         with self._lock:
             if message.newest:
                 self._newest[message.topic] = message
@@ -99,11 +99,11 @@ class Outbox:
 
     @property
     def any(self) -> bool:
-        """Whether anything waits."""
+        """Whether any message waits."""
         return bool(self._waiting or self._events)
 
     def take(self, most: int) -> list[Message]:
-        """The next ones; they do not wait any more."""
+        """Remove and return the next messages, at most ``most``."""
         with self._lock:
             topics = list(self._waiting)[:most]
             for topic in topics:
@@ -114,6 +114,6 @@ class Outbox:
             return found
 
     def again(self) -> None:
-        """The broker may have forgotten everything: all states wait once more."""
+        """Queue all states again: after a reconnect the broker may have forgotten them."""
         with self._lock:
             self._waiting = dict.fromkeys(self._newest)

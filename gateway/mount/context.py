@@ -1,6 +1,6 @@
-"""What every part of a mount may use: the line to it, what is wanted and known of it, where and when it stands.
+"""What all parts of a mount share: its line, what is wanted and known of it, its site and clock.
 
-Nothing here knows any of the parts that act.
+The context does not know the parts that act.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.policy import Hold, Policy
-from gateway.mount.readings.cache import RENEW, ReadingsCache
+from gateway.mount.readings.cache import POLL_PERIOD, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
@@ -23,10 +23,10 @@ from gateway.protocols.base.driver import Driver
 
 
 class Context:
-    """The driver, the operator's policy, the log, the loop's clock, background tasks; the values that parts share.
+    """The driver, the operator's policy, the log, the loop's clock, background tasks, and the shared values.
 
-    ``met`` is set once a mount is known to be there, ``known`` once it has said who it is, ``settled`` once it has said
-    where and when it is, too (by ``Identification`` alone); ``closed`` at the end: nothing is begun any more.
+    `Identification` alone sets the events: ``met`` when a mount was found, ``known`` when it is identified,
+    ``settled`` when its site and clock were read as well. ``closed`` is set at shutdown: no work is begun any more.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Context:
         self.met, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(), WantedState()
         self.movement = Movement(self.wanted, self.cache)
-        #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
+        #: Astronomy with the best site and clock, for limits and horizon coordinates; and with those that clients see.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
@@ -47,22 +47,22 @@ class Context:
 
     @property
     def timing(self) -> StopTiming:
-        """As things are on the line now."""
-        return StopTiming(self.link.typical, self.driver.position_reads, RENEW[op.Position])
+        """The stop timing for the present speed of the line."""
+        return StopTiming(self.link.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position])
 
     @property
     def fastest(self) -> float:
-        """Degrees a second of the mount's fastest motion."""
+        """The speed of the mount's fastest motion, degrees a second."""
         return self.driver.speed(op.Rate(name="max"))
 
     def speed(self, moving: op.Move | op.MoveAxis) -> float:
-        """Degrees a second of a motion by hand."""
+        """Return the speed of a motion by hand, degrees a second."""
         return self.driver.speed(moving.rate)
 
     def note(self, text: str) -> None:
-        """Leave a line about the mount in the log."""
+        """Log a line about the mount."""
         self.log.note("mount", text)
 
     def note_once(self, text: str) -> None:
-        """The same, unless it was said before."""
+        """Like `note`, but only the first time."""
         self.log.note_once("mount", text)

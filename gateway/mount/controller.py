@@ -1,8 +1,8 @@
-"""The controller of one mount: builds its parts, in an order in which each knows only those before it, and is the one
-that everybody outside asks.
+"""The controller of one mount: builds its parts, each of which knows only those before it, and is their interface to
+all other layers.
 
-What goes back up goes by signals. Reads are answered from the cache while they are fresh and share one exchange when
-they are not; while any client polls, the cache is refreshed, so a hundred pollers cost the mount's line what one costs.
+The parts report back by signals. Reads are answered from the cache while they are fresh, and share one exchange if they
+are not. While any client polls, the cache is refreshed, so a hundred polling clients load the mount's line like one.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ _T = TypeVar("_T")
 
 
 class MountController:
-    """``perform`` carries out any operation, ``begin`` one that nobody waits for; ``impossible`` says why nothing can
-    come of one. ``peek`` answers a read at once when that needs no exchange, ``read`` waits for one where it does, and
-    ``anew`` asks the mount however fresh the last answer is; ``fresh_until`` says how long answers may be told again,
-    and ``touch`` that they were.
+    """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns why an
+    operation cannot succeed. ``peek`` answers a read at once if that needs no exchange, ``read`` waits if it does, and
+    ``anew`` asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
+    again, and ``touch`` notes that they were.
     """
 
     def __init__(self, context: Context, follow_ups: FollowUps) -> None:
         self.context, self.driver, line, site_clock = context, context.driver, context.link, context.site_clock
         self.line, self.site_clock, self.wire_log = line, site_clock, context.log
         self.now, self.spawn, self.loop = context.now, context.tasks.spawn, asyncio.get_running_loop()
-        # What is known: of the mount, of what is wanted of it, of where and when it is.
+        # State: readings of the mount, what is wanted of it, its site and clock.
         cache, wanted, self.movement = context.cache, context.wanted, context.movement
         self.cache, self.wanted, self.sources, self.suns = cache, wanted, context.sources, context.suns
         self.astrometry = context.astrometry
@@ -57,7 +57,7 @@ class MountController:
         self.verifier = ReplyVerifier(line, self.now, self.driver.speed_factor)
         runner = DriverRunner(context, self.verifier, gate)
         self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
-        # Reading it.
+        # Readings.
         told = self.told_position = ToldPosition(context)
         reader = self.reader = Reader(context, runner, self.fair_scheduler, told)
         self.read, self.anew = reader.read, reader.anew
@@ -66,7 +66,7 @@ class MountController:
         self.own = OwnAnswers(context, runner, self.fair_scheduler)
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
-        # Keeping it within its limits, and moving it.
+        # Limits and motion.
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
         watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sets_sky)
         self.admission = Admission(context, reader, watch)
@@ -77,7 +77,7 @@ class MountController:
         reader.status.connect(self._status_came)
         self.order_runner = OrderRunner(context, follow_ups, runner, self.admission)
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
-        #: Emitted when something that outlives the gateway may have changed.
+        #: Emitted when the state that is saved to disk may have changed.
         self.changed = reconciler.lasting
         consequences = Consequences(context, gate, told, watch, self.ends)
         reconciler.begins.connect(consequences.begins)
@@ -87,7 +87,7 @@ class MountController:
         watch.must_stop.connect(self._stop_now)
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
-        # Whoever asks for something, and whoever looks after what was begun.
+        # Orders of clients, supervision of the motions that they begin, identification, polling.
         self.orders = Orders(context, runner, reader, self.own, self.settings, reconciler)
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
         TrackingAtLimit(context, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
@@ -98,11 +98,11 @@ class MountController:
         self.identification.told.connect(self._found_equinox)
         self.identified, self.settled = context.known, context.settled
         self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
-        #: What answers are made of, and whatever may outdate one.
+        #: The signals that make earlier answers outdated.
         self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
 
     def _status_came(self, status: op.Status) -> None:
-        """A mount that is not aligned has no sky that syncs could have moved."""
+        """Forget the sum of syncs if the mount is not aligned."""
         if not status.aligned:
             self.synced.forget()
 
@@ -110,23 +110,23 @@ class MountController:
         self.begin_stop()
 
     def _found_equinox(self, _: None) -> None:
-        """The mount has said who it is, and with that what its coordinates mean."""
+        """Set the equinox of the mount's coordinates, which its identity implies."""
         if self.context.policy.equinox == "auto":
             self.astrometry.equinox = self.context.told_astrometry.equinox = self.driver.equinox
 
-    # --- life -----------------------------------------------------------------------------------------------------
+    # --- start and end --------------------------------------------------------------------------------------------
 
     def start(self, refresh: bool = True) -> None:
-        """Open the line, find out what is on it, and keep the cache fresh, unless somebody else decides on that."""
+        """Open the line and identify the mount; ``refresh`` the cache from then on."""
         self.line.start()
         if refresh:
             self.poller.start()
 
     async def close(self) -> None:
-        """End motion, put tracking back, forget what was planned, close the line."""
+        """End motion, resume tracking, cancel pending orders, close the line."""
         await end_motion(self.context, self.reader, self.reconciler)
         self.context.closed = True
-        self.context.met.set()  # whoever waits for the mount goes on, and finds the line closed
+        self.context.met.set()  # callers that wait for the mount continue, and find the line closed
         self.context.known.set()
         self.reconciler.close()
         self.supervisor.close()
@@ -134,7 +134,7 @@ class MountController:
         await self.context.tasks.close()
         await self.line.close()
 
-    # --- what is known --------------------------------------------------------------------------------------------
+    # --- state ----------------------------------------------------------------------------------------------------
 
     @property
     def policy(self) -> Policy:
@@ -142,7 +142,7 @@ class MountController:
 
     @property
     def moving(self) -> bool:
-        """Whether anything moves that a stop should end."""
+        """Whether a motion is under way that a stop should end."""
         return self.movement.anything
 
     @property
@@ -151,24 +151,24 @@ class MountController:
 
     @property
     def version(self) -> int:
-        """Grows whenever an answer changes: what was made from older ones is then out of date."""
+        """A number that grows whenever an answer may have changed, so that cached replies are outdated."""
         answers, wanted, site_clock, told = self._changes
         return answers.count + wanted.count + site_clock.count + told.count
 
     @property
     def stops(self) -> int:
-        """How many stops there were: a motion that was asked for before the last one is not begun."""
+        """The number of stops so far: a motion that a client asked for before the last stop is not begun."""
         return self.wanted.value.stops
 
     def peek(self, operation: op.Operation[_T]) -> _T:
-        """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
+        """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
         return cast(_T, told)
 
     def begin_stop(self) -> None:
-        """End every motion, before everything else; from now on it counts as stopped."""
+        """End every motion, before everything else, without waiting for the acknowledgement."""
         self.reconciler.begin_stop()
 
     async def stop(self) -> None:
-        """The same, and wait until the mount has acknowledged it. Raises Fault."""
+        """End every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
         await self.reconciler.stop()

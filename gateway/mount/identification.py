@@ -1,7 +1,7 @@
-"""Who is on the line: asked whenever the line is up, after a stop that is owed.
+"""Identifies the mount whenever the line comes up, after sending a stop that is owed.
 
-Nothing that moved when the line was lost survives that: its end is the first that the mount hears when it is back. A
-mount that nobody knows yet is greeted before, for another kind might misread the bytes of a stop.
+A motion does not survive the loss of the line: a stop is the first command when it is back. A mount that was not
+identified before is probed first, because another kind of mount might misread the bytes of a stop.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from gateway.mount.safety.admission.contradictions import doubts
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
 
-#: Seconds from one question who is there to the next, while nobody answers.
+#: Seconds between two attempts to identify a mount that does not reply.
 ASK_AGAIN = 1.0
 
 
 class Identification:
-    """Listens to the line. ``told`` is emitted whenever the mount has said who it is."""
+    """Listens to the line. ``told`` is emitted whenever the mount was identified."""
 
     def __init__(
         self,
@@ -57,21 +57,21 @@ class Identification:
         self._cut_short = self._cut_short or self._reconciler.busy or self._ends.pending
 
     def _first_words(self, words: list[bytes]) -> None:
-        """The port is open again: nothing that moved survives that. A mount that nobody knows yet is greeted first."""
+        """Stop what moved before the port was lost. ``words`` gets the stop commands if the mount is known."""
         if self._cut_short:
             self._cut_short = False
             self._context.note(
-                "the connection to the mount was lost while it moved and is back now: the mount is stopped first"
+                "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
             self._reconciler.begin_stop()
         if self._reconciler.wanted.owed and self._context.known.is_set():
-            words += stop_commands(self._driver, self._link.dialogue, ends_only=True)
+            words += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 
     def _on_up(self, _: None) -> None:
         self._cache.clear()
         self._own.forget(everything=True)
         self._driver.line_was_lost()
-        if self._driver.goto_unconfirmed:  # it is looked at until it is seen to be over
+        if self._driver.goto_unconfirmed:  # poll the goto until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
         self._gate.try_next_read()
         self._sync.doubt()
@@ -80,7 +80,7 @@ class Identification:
         self._asking = self._context.tasks.spawn(self._identify())
 
     async def _identify(self) -> None:
-        """Who is there, where it stands, what time it has. A stop that is owed goes before everything else."""
+        """Send a stop that is owed, then read the identity, status, site and clock of the mount."""
         if self._reconciler.wanted.owed:
             with contextlib.suppress(Fault):
                 if not self._context.known.is_set():
@@ -92,10 +92,10 @@ class Identification:
             if met:
                 await self.learn(op.GetIdentity())
             if self._link.state != "up":
-                return  # it is begun again when the line is up
+                return  # identification begins again when the line is up
             if self._cache.value(op.GetIdentity) is None:
                 await asyncio.sleep(ASK_AGAIN)
-        if self._reconciler.wanted.owed:  # it did not answer to the stop, but it does now
+        if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
         self.told.emit(None)
         self._context.met.set()
@@ -111,7 +111,7 @@ class Identification:
             self._context.note_once(words)
 
     async def _meet(self) -> bool:
-        """Whether a mount is there: from then on it can be asked where it points, whoever it is."""
+        """Return whether a mount is there, and take the position that it may report with its first reply."""
         try:
             place = await self._runner.drive(self._driver.contact(), READ)
         except Fault as fault:
@@ -124,13 +124,13 @@ class Identification:
         return True
 
     def _counts_from_the_other_pole(self) -> bool:
-        """Whether it was taken to follow the northern sky before it told that it stands in the south."""
+        """Whether its status was read as northern tracking before the mount reported a southern site."""
         place, status = self._context.site_clock.site(), self._cache.value(op.GetStatus)
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH
         return north and place is not None and place.latitude < 0.0
 
     async def learn(self, operation: op.Operation) -> None:
-        """Ask for something that is told but once."""
+        """Read something once and store it."""
         try:
             value = await self._runner.perform(operation, READ)
         except NoAnswer:

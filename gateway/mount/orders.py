@@ -1,6 +1,6 @@
-"""What programs ask of a mount, and which of its parts answers: readings, motions, site and clock, places.
+"""Passes the operations of clients to the part that answers them: readings, motions, site and clock, astronomy.
 
-An order of motion is taken here: what it makes of what is wanted, and what is over, or refused, before it is begun.
+Motion orders are taken here: each changes what is wanted, or is refused or superseded before it is begun.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, 
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.cache import FRESH
+from gateway.mount.readings.cache import MAX_AGE
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site.astrometry import PLACES
@@ -31,7 +31,9 @@ _T = TypeVar("_T")
 
 
 class Orders:
-    """``perform`` carries out any operation and waits, ``begin`` does not; ``impossible`` says no without asking."""
+    """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns a refusal
+    that needs no request to the mount.
+    """
 
     def __init__(
         self,
@@ -53,13 +55,13 @@ class Orders:
         }
 
     def impossible(self, operation: op.Operation) -> Fault | None:
-        """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
+        """Return why an operation cannot succeed, as far as that is known without a request; None if it may."""
         driver, link = self._context.driver, self._link
         if link.state == "down" or (link.overdue and not driver.asleep):
             return NoAnswer()
         if (driver.asleep or driver.powerless) and not self._wanted.waking and begins_motion(operation):
             return Asleep()
-        if link.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # which wait for it
+        if link.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
             return Busy()
         try:
             if isinstance(operation, MOTIONS):
@@ -73,7 +75,7 @@ class Orders:
         return driver.impossible(operation) if nothing_waits and not wanted.owed else None
 
     def again(self, operation: op.Operation) -> bool:
-        """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
+        """Remove the pending orders that a halt ends; return whether an equal pending halt serves for this one."""
         reconciler = self._reconciler
         if self._movement.slewing or self._wanted.value.waiting_gotos:
             return False
@@ -89,13 +91,13 @@ class Orders:
         life: HostActivity | None = None,
         patience: float = inf,
     ) -> _T:
-        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
+        """Carry out an operation for the connection ``life``, and return its answer. Raises Fault.
 
-        Nobody is told what came of it after ``patience`` seconds.
+        ``stops`` is the count of stops when the client asked; the client stops waiting after ``patience`` seconds.
         """
-        if type(operation) in FRESH:
+        if type(operation) in MAX_AGE:
             if self._context.driver.asleep and (waking := self._reconciler.outcomes_of(op.Wake)):
-                await asyncio.wait(waking)  # motions do not: it may wait behind them
+                await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
             return cast(_T, await self._reader.tell(operation))
         if isinstance(operation, op.Own):
             return cast(_T, await self._own.read(operation))
@@ -108,7 +110,7 @@ class Orders:
     async def _order(
         self, operation: op.Operation, stops: int | None, life: HostActivity | None, patience: float
     ) -> Any:
-        """Whatever is no question that everybody shares."""
+        """Carry out an operation whose answer is not shared between clients."""
         if isinstance(operation, op.AbortMotion):
             return await self._reconciler.stop()
         if isinstance(operation, MOTIONS):
@@ -126,7 +128,7 @@ class Orders:
     def begin(
         self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
     ) -> asyncio.Future[None]:
-        """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
+        """Carry out an operation without waiting for it; ``failed`` is called with the Fault if it fails."""
         motion = self._take(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
         async def finish() -> None:
@@ -134,10 +136,10 @@ class Orders:
                 await (_ended(motion) if motion is not None else self.perform(operation, stops))
             except Fault as fault:
                 failed(fault)
-            except Exception as error:  # a defect must not be lost because nobody waits for what came of it
+            except Exception as error:  # no caller waits for this task, so a defect must be logged here
                 self._context.note(f"internal error, please report it: {error!r}")
                 if self._reconciler.busy:
-                    self._reconciler.begin_stop()  # what failed may have been what should have ended a motion
+                    self._reconciler.begin_stop()  # the failed operation may have been the end of a motion
 
         return self._context.tasks.spawn(finish())
 
@@ -146,9 +148,9 @@ class Orders:
     def _take(
         self, operation: op.Operation, stops: int | None, by: HostActivity | None, patience: float = inf
     ) -> Outcome:
-        """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was.
+        """Take a motion order and return its outcome. ``stops`` is the count of stops when the client asked.
 
-        Whoever asked waits for the outcome for ``patience`` seconds: a goto is not begun after that.
+        The client waits for the outcome for ``patience`` seconds: a goto is not begun after that.
         """
         reconciler = self._reconciler
         before, now = self._wanted.value, self._context.now()
@@ -159,7 +161,7 @@ class Orders:
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
             )
             return reconciler.begin_stop()
-        wakes = isinstance(operation, op.Wake) and self._context.driver.asleep  # what is before it would not be heard
+        wakes = isinstance(operation, op.Wake) and self._context.driver.asleep  # earlier orders would get no reply
         order = Order(
             next(reconciler.numbers),
             operation,
@@ -175,18 +177,18 @@ class Orders:
         return reconciler.begin_stop() if after.stops != before.stops else reconciler.take(order, after)
 
     def _only_a_stop_is_heard(self, axis: int) -> bool:
-        """Whether an arrow is released that the mount would go on with for seconds."""
+        """Whether the mount would ignore the release of an arrow for seconds, in a long operation."""
         wanted = self._wanted.value
         return axis in wanted.by_hand and self._link.occupied and not wanted.waiting_gotos
 
-    # --- what the gateway knows without asking ------------------------------------------------------------------------
+    # --- reads that the gateway answers itself ------------------------------------------------------------------------
 
     async def _activity(self, _: op.GetActivity) -> op.Activity:
-        """What moves by orders of this gateway."""
+        """Return what moves by orders of this gateway."""
         wanted, now, parked = self._wanted.value, self._context.now(), self._context.driver.parked
         slews = isinstance(wanted.motion, Slew)
         waiting = [order.operation for order in wanted.pending if not order.follow_up]
-        # The rest of a park: the tube is there, and tracking is not off yet.
+        # The last step of a park: the tube has arrived, and tracking is not off yet.
         parks = any(getattr(order.operation, "then", "") == "park" for order in wanted.pending if order.follow_up)
         return op.Activity(
             goto=slews or bool(wanted.waiting_gotos) or (parks and not parked),
@@ -198,7 +200,7 @@ class Orders:
         )
 
     async def _abilities(self, _: op.GetAbilities) -> op.Abilities:
-        """By the tables, and the model and version that the mount has told."""
+        """Return what the mount can do, by the tables and by its model and version."""
         equatorial = (await self._reader.read(op.GetStatus())).equatorial
         return self._context.driver.can_do(equatorial)
 
@@ -213,7 +215,9 @@ class Orders:
 
 
 async def _ended(outcome: Outcome) -> Any:
-    """Wait for an outcome; who gives up ends it for nobody. Raises Fault, and Stopped where it is over undone."""
+    """Wait for an outcome. Cancelling the caller does not cancel the order. Raises Fault; Stopped if the order was
+    superseded.
+    """
     try:
         return await result_of(outcome)
     except asyncio.CancelledError:

@@ -1,8 +1,7 @@
-"""What the owner of a mount has decided: its limits, where it may park, whether it is held, and how it is treated.
+"""The decisions of the mount's owner: limits, parking, whether the mount is held, how long clients may be silent.
 
-No hand control gives limits over a wire, so the gateway keeps them. Angles are degrees. What is exactly at a limit is
-allowed (an arcsecond of rounding counts as at the limit), and a motion that leads out of a forbidden place is never
-forbidden.
+Hand controls do not report their limits, so the gateway has its own. Angles are degrees. A position exactly at a limit
+is allowed (with an arcsecond for rounding), and a motion that leads out of a forbidden region is never forbidden.
 """
 
 from __future__ import annotations
@@ -14,15 +13,14 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Held, Refused, TooHigh
 
 AT_LIMIT = 1.0 / 3600.0
-#: What is allowed while a mount is held, of all that takes its turn among the motions; whatever is new is refused until
-#: it is written here.
+#: The motion orders that are allowed while a mount is held; all others are refused.
 STILL = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
 
 
 class Limits(Struct, frozen=True):
-    """The operator's limits: altitudes, how far a sync may move the sky, how near the Sun and how far past the
-    meridian the tube may come. ``sun`` is 0 where it does not count, ``hour_angle`` None.
+    """The operator's limits: altitudes, the largest sync, the smallest distance from the Sun (``sun``, 0 for none), the
+    largest hour angle past the meridian (None for none). All in degrees.
     """
 
     lowest: float = 0.0
@@ -32,7 +30,7 @@ class Limits(Struct, frozen=True):
     hour_angle: float | None = None
 
     def narrowed(self, lowest: float | None, highest: float | None) -> Limits:
-        """These limits made tighter for one client, never wider."""
+        """Return these limits, made tighter for one client, never wider."""
         return replace(
             self,
             lowest=self.lowest if lowest is None else max(self.lowest, lowest),
@@ -40,21 +38,21 @@ class Limits(Struct, frozen=True):
         )
 
     def check_altitude(self, altitude: float) -> None:
-        """Raises BelowHorizon or TooHigh for an altitude outside of them."""
+        """Check an altitude. Raises BelowHorizon or TooHigh."""
         if altitude < self.lowest - AT_LIMIT:
             raise BelowHorizon("Object Below Horizon." if self.lowest <= 0 else "Object Below Lower Limit.")
         if altitude > self.highest + AT_LIMIT:
             raise TooHigh("Object Above Higher Limit.")
 
     def at_any_altitude(self) -> Limits:
-        """The same for a place whose altitude is the owner's own decision."""
+        """Return these limits without the altitudes, for a position that the owner has chosen."""
         return replace(self, lowest=-90.0, highest=90.0)
 
 
 class Policy(Struct, frozen=True):
-    """``own_park``: the park position is his own choice. ``unaligned``: whether a mount that is not aligned may be sent
-    to axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed`` are for how many seconds a client
-    that moves the mount by hand may be silent, on an open connection and after it was closed.
+    """The owner's settings. ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that
+    is not aligned may be sent to axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed``: for how
+    many seconds a client that moves the mount by hand may be silent while connected, and after it has disconnected.
     """
 
     limits: Limits = Limits()
@@ -67,30 +65,30 @@ class Policy(Struct, frozen=True):
 
 
 def check_own_park(operation: op.Park | op.Home, limits: Limits) -> None:
-    """Parking at a place that only the mount itself knows. Raises Refused.
+    """Check whether a mount may park at a position that only it knows. Raises Refused.
 
-    A Meade parks where it was told at its keypad, which nobody can ask it for; its own default is the horizon. So it
-    parks by itself where the limits are no narrower than the horizon, or where the owner allows it with park = "mount".
+    A Meade parks at the position set at its keypad, which no command reads; the default is the horizon. So it may park
+    there if the limits are no narrower than the horizon, or if the owner allows it with park = "mount".
     """
     if isinstance(operation, op.Park) and (limits.lowest > 0.0 or limits.highest < 90.0):
         raise Refused(
-            "Where this mount parks is known to itself alone, and may lie beyond lowest or highest. "
-            'Write park = "mount" under [mount] to allow it, or send it to a place that you choose.'
+            "Only the mount knows its park position, which may lie beyond lowest or highest. "
+            'Write park = "mount" under [mount] to allow it, or send the mount to a position that you choose.'
         )
 
 
 class Hold:
-    """While it is ``on`` nothing moves the mount or switches its tracking on (``mount-gateway stop --hold``).
+    """While it is ``on``, no order may move the mount or turn its tracking on (``mount-gateway stop --hold``).
 
-    What ends a motion or tracking goes on, and so does what moves nothing: reads, settings, syncs, the rate at which a
-    drive that is on follows the sky, and the focuser, which hangs on the mount and does not turn it.
+    Allowed are orders that end a motion or tracking, and those that move nothing: reads, settings, syncs, the rate of a
+    drive that is on, and the focuser, which does not turn the mount.
     """
 
     def __init__(self) -> None:
         self.on = False
 
     def admit(self, operation: op.Operation) -> None:
-        """Asked for everything that takes its turn among the motions. Raises Held."""
+        """Check a motion order. Raises Held."""
         stays = isinstance(operation, STILL) or (isinstance(operation, op.SetTracking) and not operation.on)
         if self.on and not stays:
             raise Held

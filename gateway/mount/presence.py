@@ -1,20 +1,20 @@
-"""Who is there: the connections of every host, and when something was heard of them.
+"""The client connections of each host, and when each was last active.
 
-While a connection is open, its own bytes count and nobody else's, for another program on the same computer does not
-hold its arrow. Once it is closed, connections count that the same host has opened since: some programs open one for
-every command.
+While a connection is open, only its own bytes show that the client is alive: another program on the same computer does
+not hold the same arrow. Once it is closed, connections count that the same host has opened since, because some programs
+open one for every command.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-#: A connection that was closed so long ago is forgotten.
+#: Seconds after which a closed connection is forgotten.
 FORGET = 60.0
 
 
 class HostActivity:
-    """A connection of the host ``who``. ``heard`` is set by whatever it sends, and taken back when that was noticed."""
+    """A connection of the host ``who``. ``heard`` is set by any data from it, and reset by the supervisor."""
 
     __slots__ = ("closed", "heard", "last", "opened", "who")
 
@@ -26,7 +26,7 @@ class HostActivity:
 
 
 class Presence:
-    """Which hosts have connections. ``now`` is the event loop's clock."""
+    """The connections of all hosts. ``now`` is the event loop's clock."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
@@ -47,14 +47,16 @@ class Presence:
         return activity
 
     def was_nobody(self, activity: HostActivity) -> None:
-        """It has turned out to be a stranger's, and counts as if it had never been opened."""
+        """Forget a connection that did not belong to a telescope program, as if it had never been opened."""
         self._hosts[activity.who].remove(activity)
 
     def leave(self, activity: HostActivity) -> None:
         activity.closed = self._now()
 
     def stands_for(self, activity: HostActivity) -> list[HostActivity]:
-        """The connections whose bytes count for it: itself, and once it is closed, those that its host opened since."""
+        """Return the connections whose data count for this one: itself, and if it is closed, those that its host opened
+        since.
+        """
         closed = activity.closed
         if closed is None:
             return [activity]

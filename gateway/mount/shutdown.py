@@ -1,7 +1,8 @@
-"""Shutdown: nothing moves afterwards, and the mount tracks as its user had it.
+"""Shutdown: ends all motion, and leaves the mount tracking as its user had it.
 
-The stop is sent and waited for. If no answer comes, or nothing serves the line any more, its bytes are sent all the
-same. Then what survives a stop is waited for: a hand control may have to be told twice to track again.
+The stop is sent, and its acknowledgement awaited. If none comes, or the worker of the line has ended, the bytes of the
+stop are written without waiting. Then pending follow-ups are awaited: some hand controls need the tracking command
+twice.
 """
 
 from __future__ import annotations
@@ -18,22 +19,22 @@ from gateway.mount.readings.reader import Reader
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.reply_rules import ReplyRules
 
-#: Seconds for the stop, and for what must follow it; between two commands whose answers nobody waits for.
+#: Seconds for the stop, for the follow-ups, and between two commands that are sent without waiting for replies.
 STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
-#: Seconds in which the mount may tell how it was left, for whoever ended the gateway to read.
+#: Seconds for the last status read, which the gateway reports when it ends.
 LEFT = 1.0
 
 
 async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -> None:
-    """Stop whatever moves and put tracking back; takes seconds at most, and raises nothing."""
+    """Stop all motion and resume tracking; takes a few seconds at most, and raises nothing."""
     link = context.link
-    reconciler.no_more()  # what still waits in a connection is not begun any more
+    reconciler.no_more()  # orders that still wait in a connection are not begun any more
     moved = reconciler.busy and link.state != "opening"
     if moved:
         await _stop(context, reconciler)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(SETTLE):
-            while link.usable and reconciler.wanted.pending:  # hand controls may need to be told twice to track again
+            while link.usable and reconciler.wanted.pending:  # some hand controls need the tracking command twice
                 await asyncio.sleep(0.05)
     if moved and not reconciler.wanted.owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
@@ -42,37 +43,38 @@ async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -
 
 
 async def _stop(context: Context, reconciler: Reconciler) -> None:
-    await asyncio.sleep(0)  # a loop that is torn down has cancelled the line as well
+    await asyncio.sleep(0)  # if the event loop is being torn down, the line's task is cancelled as well
     try:
         async with asyncio.timeout(STOP if context.link.served else 0.0):
             await reconciler.stop()
     except (TimeoutError, Fault):
-        context.note("the mount did not answer the stop at shutdown: the stop is sent once more")
+        context.note("the mount did not acknowledge the stop at shutdown: sending it once more")
         await _stop_blindly(context)
 
 
 async def _stop_blindly(context: Context) -> None:
-    """The bytes of a stop, without waiting for answers."""
-    with contextlib.suppress(Exception):  # the last thing tried
-        for command in stop_commands(context.driver, context.link.dialogue):
-            context.link.talk.send(command)
+    """Write the bytes of a stop without waiting for replies."""
+    with contextlib.suppress(Exception):  # nothing is left to try after this
+        for command in stop_commands(context.driver, context.link.reply_rules):
+            context.link.transaction.send(command)
             await asyncio.sleep(BLIND)
 
 
-def stop_commands(driver: Driver, dialogue: ReplyRules, ends_only: bool = False) -> list[bytes]:
-    """The bytes of a stop as things are now, for whoever cannot wait for answers; the driver itself learns nothing.
+def stop_commands(driver: Driver, reply_rules: ReplyRules, ends_only: bool = False) -> list[bytes]:
+    """Return the commands of a stop in the present state, for callers that cannot wait for replies. The driver's state
+    does not change.
 
-    With ``ends_only`` without what is put back after the motion: perhaps the mount was switched off meanwhile.
+    With ``ends_only``, leave out what is restored after the motion: the mount may have been switched off meanwhile.
     """
     twin = copy.copy(driver)
     for name, value in vars(driver).items():
         if isinstance(value, dict | set):
             setattr(twin, name, value.copy())
     steps, commands = twin.perform(op.AbortMotion()), []
-    with contextlib.suppress(Exception):  # it ends with StopIteration, or where an answer would be needed to go on
+    with contextlib.suppress(Exception):  # StopIteration at the end, or an error if the driver needs a reply
         step = next(steps)
         while True:
             if isinstance(step, Send) and not (ends_only and step.command not in driver.ends):
-                commands.append(dialogue.encode(step))
+                commands.append(reply_rules.encode(step))
             step = steps.send({})
     return commands

@@ -1,7 +1,7 @@
-"""How many files this process may have open, and whether there is room for one more program.
+"""The limit of open files, and whether there is room for one more client.
 
-Some are kept for the gateway itself: for the motion marker, for the mount's port when it comes back, for
-``mount-gateway stop``. They are never given to a program that connects.
+Some files are reserved for the gateway itself: the motion marker, the mount's port when it is opened again, and
+``mount-gateway stop``. They are never used for a client that connects.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ try:
 except ImportError:  # Windows, which has no such limit
     resource = None  # type: ignore[assignment]
 
-#: Kept for the gateway itself once it serves; and what it has open then, with some for every mount and surface.
+#: Files reserved while the gateway serves; those it has open itself then, and more for each mount and surface.
 SPARE, OWN, EACH = 16, 24, 6
 
 
 def limit() -> int | None:
-    """How many files this process may have open at a time; None where there is no limit."""
+    """Return how many files this process may have open at a time; None if there is no limit."""
     if resource is None:
         return None
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -27,7 +27,7 @@ def limit() -> int | None:
 
 
 def make_room(programs: int, parts: int) -> str:
-    """Have room for so many programs, and so many mounts and surfaces -> what there is no room for, in words."""
+    """Raise the limit for so many clients, and mounts and surfaces (``parts``). Return a warning if this fails."""
     wanted = SPARE + OWN + EACH * parts + programs
     most = limit()
     if most is None or most >= wanted:
@@ -48,13 +48,13 @@ def make_room(programs: int, parts: int) -> str:
 
 
 def scarce() -> str:
-    """Why there is no room for one more program, in words; empty when there is."""
+    """Return why there is no room for one more client, in words; empty if there is room."""
     most = limit()
     if most is None:
         return ""
     held: list[int] = []
     try:
-        for _ in range(SPARE):  # some microseconds; nothing else tells how many are open on every system
+        for _ in range(SPARE):  # some microseconds; the only portable way to find out
             held.append(os.open(os.devnull, os.O_RDONLY))
     except OSError:
         pass

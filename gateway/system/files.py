@@ -1,4 +1,4 @@
-"""Where state is kept on this computer, and how a file is replaced in one step."""
+"""The folder for state files, and replacing a file atomically."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import platformdirs
 
 
 def directory(configured: str | None = None) -> Path:
-    """Where state is kept: as configured, else systemd's ``STATE_DIRECTORY``, else the user's own place for it."""
+    """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else the user's own."""
     given = configured or os.environ.get("STATE_DIRECTORY", "").split(":" if os.name == "posix" else os.pathsep)[0]
     return Path(given).expanduser() if given else Path(platformdirs.user_state_path("mount-gateway", appauthor=False))
 
 
 def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
-    """Replace a file in one step, readable for its user only. Raises OSError.
+    """Replace a file atomically, readable for its user only. Raises OSError.
 
-    With ``flush`` it survives a power cut at any instant, too; without, a killed process only, in a fraction of the
-    time. There is one writer for a path, so what a killed one left beside it is simply overwritten.
+    With ``flush`` the file survives a power cut at any instant; without it only a killed process, in a fraction of the
+    time. Each path has one writer, so what a killed one left is simply overwritten.
     """
     beside = path.with_name(f".{path.name}.new")
     number = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
@@ -33,7 +33,7 @@ def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
 
 
 def flush_folder(folder: Path) -> None:
-    """Have the names in a folder outlive a power cut, where the system can be asked for that. Raises OSError."""
+    """Make the names in a folder survive a power cut, if the system supports that. Raises OSError."""
     if os.name == "posix":
         number = os.open(folder, os.O_RDONLY)
         try:

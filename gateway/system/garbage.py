@@ -1,23 +1,23 @@
-"""When Python looks for garbage: seldom while the program starts, and never through what lives as long as it.
+"""Settings of Python's garbage collector: rare while the program starts, and never for objects that live on.
 
-What a start makes is modules and tables, hardly any garbage; looking through them again and again took a fifth of the
-time to the first answer. Afterwards it is the usual again, for a long look would hold up a stop.
+A start creates modules and tables and hardly any garbage; collecting again and again took a fifth of the time until the
+first answer. Afterwards Python's usual thresholds apply, because a long collection would delay a stop.
 """
 
 from __future__ import annotations
 
 import gc
 
-#: New objects between two looks, in the three generations: at the start, and Python's own.
+#: New objects before a collection of each of the three generations: at the start, and Python's own values.
 AT_START, USUAL = (200_000, 10, 10), (700, 10, 10)
 
 
 def starting() -> None:
-    """The program starts."""
+    """Collect rarely from now on: the program starts."""
     gc.set_threshold(*AT_START)
 
 
 def started() -> None:
-    """What was made so far lives on. May be called again after more of that kind."""
+    """Exclude all present objects from collection. May be called again after more of them were created."""
     gc.freeze()
     gc.set_threshold(*USUAL)

@@ -1,7 +1,7 @@
-"""Locks by which one process has something to itself, with the number of that process in the file.
+"""Lock files that contain the process id of their holder.
 
-The system lets go of a lock when its process ends, however it ends. The file is never emptied by somebody who only
-tries, is not followed where it is a link, and says whose it is to whoever is refused.
+The system releases a lock when its process ends for any reason. A failed attempt does not change the file. A symbolic
+link is not followed. A process that cannot get the lock learns the holder's id.
 """
 
 from __future__ import annotations
@@ -14,29 +14,29 @@ from pathlib import Path
 
 from gateway.system.runtime_folders import folders
 
-#: Windows locks bytes, and nobody else may read those: one far behind what is written.
+#: Windows locks bytes, which other processes cannot read then: lock one far behind the content.
 FAR = 1 << 30
 
 
 class Taken(Exception):
-    """Somebody else has it: the number of the process, where the file tells it."""
+    """Another process holds the lock; its id, if the file contains it."""
 
     def __init__(self, pid: int | None) -> None:
         super().__init__(f"process {pid}" if pid else "another process")
 
 
 class PidLock:
-    """``path`` is the file; in it is the decimal number of the process that had the lock last, or has it."""
+    """A lock on the file ``path``, which contains the decimal id of the process that holds or last held it."""
 
     def __init__(self, path: Path, *, remove: bool = False) -> None:
-        """``remove``: the file goes with the lock."""
+        """With ``remove`` the file is deleted when the lock is released."""
         self.path, self._remove = path, remove
         self._number: int | None = None
-        #: Whether the file was there already, left over by a process that did not end by itself.
+        #: Whether the file existed: a previous holder was killed.
         self.left = False
 
     def acquire(self) -> None:
-        """Take it, without waiting. Raises Taken, and OSError where there can be no such file."""
+        """Get the lock without waiting. Raises Taken, and OSError if the file cannot be created."""
         while self._number is None:
             number = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
             try:
@@ -45,19 +45,19 @@ class PidLock:
                     raise OSError(errno.EINVAL, "is not a file", str(self.path))
                 if not _lock(number):
                     raise Taken(read_pid(self.path))
-                if os.fstat(number).st_nlink:  # else its last holder took the file away just now
+                if os.fstat(number).st_nlink:  # else the last holder has just deleted the file
                     self._number, number = number, -1
             finally:
                 if number >= 0:
                     os.close(number)
         self.left = os.fstat(self._number).st_size > 0
-        with contextlib.suppress(OSError):  # a full disk: the lock holds all the same
+        with contextlib.suppress(OSError):  # the disk is full, but the lock is held
             told = b"%d\n" % os.getpid()
             os.write(self._number, told)
             os.ftruncate(self._number, len(told))
 
     def release(self) -> None:
-        """Let go of it, if it is held. A file that stays goes on naming this process, until another one has it."""
+        """Release the lock if it is held. A file that is kept contains this process id until the next holder."""
         number, self._number = self._number, None
         if number is None:
             return
@@ -78,7 +78,7 @@ def read_pid(path: Path) -> int | None:
 
 
 def _lock(number: int) -> bool:
-    """Lock an open file -> whether it could be had."""
+    """Lock an open file. Return False if another process holds the lock."""
     try:
         import fcntl
     except ImportError:
@@ -108,9 +108,9 @@ def _lock_windows(number: int) -> bool:
 
 
 class Claim:
-    """A name that one process of this user has at a time, whatever folders each of them finds.
+    """A name that only one process of this user can hold at a time, whichever runtime folders each process finds.
 
-    Raises Taken, and OSError with all reasons where there is no folder that could be used.
+    Raises Taken, and OSError with all reasons if there is no usable folder.
     """
 
     def __init__(self, name: str) -> None:
@@ -129,10 +129,10 @@ class Claim:
 
     @property
     def left(self) -> bool:
-        """Whether a process of this user had it and was killed."""
+        """Whether a process of this user held the name and was killed."""
         return any(lock.left for lock in self._locks)
 
     def release(self) -> None:
-        """Others may have it."""
+        """Let other processes have the name."""
         while self._locks:
             self._locks.pop().release()

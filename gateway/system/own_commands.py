@@ -1,8 +1,8 @@
-"""Commands for somebody to type, of the very environment that this process runs in.
+"""Commands for the user to type, for the environment in which this process runs.
 
-Who reads them may sit in another folder, before a shell that knows another pip and no mount-gateway; so they are
-written with their whole path. mount-gateway may also be one file that holds Python and all packages (pyinstaller): then
-``sys.executable`` is this file, and no interpreter that takes ``-m``.
+The user may be in another folder, and the shell may find another pip and no mount-gateway, so commands have absolute
+paths. mount-gateway may also be a single file that contains Python and all packages (pyinstaller). Then
+``sys.executable`` is this file, which is no interpreter and does not accept ``-m``.
 """
 
 from __future__ import annotations
@@ -11,29 +11,29 @@ import os
 import shutil
 import sys
 
-#: What the single file runs a script by; what makes this file in docs/tools/ writes the other half.
+#: The option by which the single file runs a script; the build script in docs/tools/ implements the other half.
 RUN_SCRIPT = "--run-script"
 
 
 def in_one_file() -> bool:
-    """Whether mount-gateway, Python and all packages are one file."""
+    """Whether mount-gateway, Python and all packages are in a single file."""
     return bool(getattr(sys, "frozen", False))
 
 
 def own_words() -> list[str]:
-    """What starts mount-gateway as a process of its own."""
+    """Return the command that starts mount-gateway as a process."""
     return [sys.executable] if in_one_file() else [sys.executable, "-m", "gateway"]
 
 
 def script_words(path: str) -> list[str]:
-    """What runs a script of the package that needs the standard library alone, as small as it can be."""
+    """Return the command that runs a script of the package with the standard library only, as small as possible."""
     if in_one_file():
         return [sys.executable, RUN_SCRIPT, path]
     return [sys.executable, "-I", "-S", path]
 
 
 def own_command() -> str:
-    """What starts mount-gateway in any terminal."""
+    """Return the command that starts mount-gateway in any terminal."""
     if in_one_file():
         return sys.executable
     here = shutil.which("mount-gateway", path=os.path.dirname(sys.executable))
@@ -41,7 +41,7 @@ def own_command() -> str:
 
 
 def pip_command() -> str:
-    """What installs packages where this one is: pipx gives its environments no pip of their own."""
+    """Return the pip command for this environment; pipx environments have no pip of their own."""
     if in_one_file():
         return "in an installed mount-gateway, since one file cannot be added to: pip"
     if os.path.isfile(os.path.join(sys.prefix, "pipx_metadata.json")):
@@ -50,7 +50,7 @@ def pip_command() -> str:
 
 
 def how_to_add(extra: str) -> str:
-    """How to install one of the extras of ``pyproject.toml``: what a person types, and where."""
+    """Return how to install one of the extras of ``pyproject.toml``: what to type, and where."""
     if in_one_file():
         return f"install mount-gateway with pip instead of this one file: pip install '.[{extra}]' in its folder"
     return f"type {pip_command()} install '.[{extra}]' in the folder that mount-gateway was installed from"

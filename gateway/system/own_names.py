@@ -1,7 +1,7 @@
-"""What this computer is called, and the addresses that it has: by these a request is told that means this computer.
+"""The names and addresses of this computer, by which a web request shows that it means this computer.
 
-A web page of somebody else's may have its own name point here (DNS rebinding): then the name in its requests is none of
-ours, though they arrive.
+The host name of a malicious web page may resolve to this computer (DNS rebinding): then its requests arrive here, but
+with that host name.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from ipaddress import IPv4Address, IPv6Address, ip_address
 
 
 def held() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
-    """Every address of this computer with the name of its interface."""
-    import ifaddr  # not before somebody asks: loading it would delay every start
+    """Yield every address of this computer with the name of its interface."""
+    import ifaddr  # imported late, because it would delay every start
 
     for adapter in ifaddr.get_adapters():
         for one in adapter.ips:
@@ -23,7 +23,7 @@ def held() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
 
 
 def host_of(header: str) -> str:
-    """The host without its port, in lower case: ``[::1]:4080`` is ``::1``."""
+    """Return the host of a ``Host`` header without its port, in lower case: ``[::1]:4080`` is ``::1``."""
     if header.startswith("["):
         return header[1:].partition("]")[0].lower()
     return header.rpartition(":")[0].lower() if header.count(":") == 1 else header.lower()
@@ -31,15 +31,15 @@ def host_of(header: str) -> str:
 
 @lru_cache(maxsize=1)
 def own_names() -> frozenset[str]:
-    """What this computer is called: localhost, its host name, and that name as mDNS has it."""
+    """Return this computer's names: localhost, its host name, and its mDNS name."""
     name = socket.gethostname().lower().partition(".")[0]
     return frozenset(("localhost", name, f"{name}.local", socket.gethostname().lower()))
 
 
 def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> bool:
-    """Whether ``Host`` is an address of this computer, or a name of it or one of ``names``.
+    """Whether a ``Host`` header names this computer: one of its addresses or names, or one of ``names``.
 
-    ``local`` is the address at which the connection came in. Rebinding needs a name, or an address that is not ours.
+    ``local`` is the address at which the connection arrived. Rebinding needs a foreign name or address.
     """
     host = host_of(header or "")
     try:
@@ -50,10 +50,10 @@ def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> boo
 
 
 def _plain(address: str) -> str:
-    """Without the zone of IPv6 and without what wraps an IPv4 address."""
+    """Remove the IPv6 zone and the prefix of an IPv4-mapped address."""
     return address.partition("%")[0].removeprefix("::ffff:")
 
 
 def own_addresses() -> frozenset[str]:
-    """Every address of this computer, as it is now."""
+    """Return the present addresses of this computer."""
     return frozenset(str(address) for _, address in held())

@@ -1,7 +1,6 @@
-"""The gateways among the processes of this computer, as far as the system tells: on Linux, by ``/proc``.
+"""Finds the gateways among the processes of this computer, on Linux by ``/proc``.
 
-What is seen here cannot be reached by it; it is how somebody learns that there is a gateway which he does not reach,
-and whose it is.
+A gateway found here cannot be controlled this way; the user only learns that it runs, and as which user.
 """
 
 from __future__ import annotations
@@ -17,33 +16,33 @@ SERVING = ("run", "demo")
 
 
 class Process(Struct, frozen=True):
-    """A gateway: its number, and the number of the user that it runs as."""
+    """A gateway: its process id, and the id of its user."""
 
     pid: int
     user: int
 
 
 def gateways() -> list[Process]:
-    """All that can be seen, but for this process; none where the system does not tell."""
+    """Return all gateways that are visible, except this process; none on systems without ``/proc``."""
     found = []
     for entry in PROC.iterdir() if PROC.is_dir() else ():
         if entry.name.isdecimal() and int(entry.name) != os.getpid() and serves(_words(int(entry.name))):
             try:
                 found.append(Process(int(entry.name), entry.stat().st_uid))
             except OSError:
-                continue  # it has just ended
+                continue  # it has ended meanwhile
     return sorted(found, key=lambda process: process.pid)
 
 
 def is_gateway(pid: int) -> bool:
-    """Whether a process is known to be a gateway; where the system tells no more, whether there is such a process."""
+    """Whether a process is a gateway; without ``/proc``, whether the process exists."""
     if PROC.joinpath(str(os.getpid())).is_dir():
         return pid == os.getpid() or serves(_words(pid))
     return os.name == "posix" and exists(pid)
 
 
 def exists(pid: int) -> bool:
-    """Whether there is such a process, or may be: Windows has no signal that does no harm."""
+    """Whether a process exists; always True on Windows, which has no harmless signal to find out."""
     if os.name != "posix":
         return True
     try:
@@ -56,7 +55,7 @@ def exists(pid: int) -> bool:
 
 
 def suspended(pid: int) -> bool:
-    """Whether a process was stopped, by Ctrl-Z for example; False where the system does not tell."""
+    """Whether a process is suspended, by Ctrl-Z for example; False if the system does not tell."""
     try:
         state = PROC.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[:1]
     except OSError:
@@ -65,7 +64,7 @@ def suspended(pid: int) -> bool:
 
 
 def _words(pid: int) -> list[str]:
-    """The command line of a process; none for one that is gone, or that the system hides."""
+    """Return the command line of a process; empty if it has ended or is hidden."""
     try:
         return PROC.joinpath(str(pid), "cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
@@ -73,7 +72,7 @@ def _words(pid: int) -> list[str]:
 
 
 def serves(words: list[str]) -> bool:
-    """Whether a command line is one of a gateway: the program, by whichever name, and a command that serves."""
+    """Whether a command line is a gateway's: the program by any of its names, and a command that serves mounts."""
     first = os.path.basename(words[0]) if words else ""
     if first != "mount-gateway" and not first.startswith(("python", "pypy")):
         return False

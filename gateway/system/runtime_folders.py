@@ -1,10 +1,10 @@
-"""Folders for what lives as long as a process: locks, and how a gateway can be reached.
+"""Folders for files that live as long as a process: locks, and how to reach a gateway.
 
-They are made where they are absent, belong to this user and are closed to all others, so that nobody else can foresee,
-take or replace a name in them. There may be two: what a session has (``XDG_RUNTIME_DIR``), and one in the temporary
-folder, which every process of a user finds. What is written goes to all of them, what is looked for is looked for in
-all of them. A folder that is not this user's own is never used, and it is said why; when somebody has taken both names
-beforehand, there is a third place, in the state folder, where nobody can.
+Missing folders are created. They belong to this user and are closed to others, so that no other user can predict,
+occupy or replace a name in them. There may be two: one of the session (``XDG_RUNTIME_DIR``), and one in the temporary
+folder, which every process of the user finds. Files are written to all of them, and searched in all of them. A folder
+of another user is never used, and the reason is reported. If other users have taken both names, a third folder in the
+state folder is used.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from pathlib import Path
 
 from gateway.system.files import directory
 
-#: What they are called, and the one in the state folder.
+#: The name of the folders, and of the one in the state folder.
 NAME, LAST = "mount-gateway", "run"
 #: Where systemd keeps the runtime folders of sessions.
 SESSIONS = Path("/run/user")
 
 
 def folders() -> tuple[list[Path], list[str]]:
-    """Those that can be used, and for every other one that was tried why not."""
+    """Return the usable folders, and for each other one the reason why it is not usable."""
     usable: list[Path] = []
     reasons: list[str] = []
     for folder in [*candidates(), directory() / LAST]:
@@ -39,7 +39,7 @@ def folders() -> tuple[list[Path], list[str]]:
 
 
 def candidates() -> Iterator[Path]:
-    """Where a folder of this user's could be."""
+    """Yield the possible folders of this user."""
     session = os.environ.get("XDG_RUNTIME_DIR", "")
     if session and _owner(Path(session)) == user():
         yield Path(session, NAME)
@@ -47,7 +47,7 @@ def candidates() -> Iterator[Path]:
 
 
 def temporary() -> Path:
-    """The temporary folder. Not by ``tempfile``, which tries to write and goes elsewhere when the disk is full."""
+    """Return the temporary folder. Not by ``tempfile``, which tries to write and goes elsewhere if the disk is full."""
     if os.name == "posix":
         return Path(os.environ.get("TMPDIR") or "/tmp")
     import tempfile
@@ -56,12 +56,12 @@ def temporary() -> Path:
 
 
 def user() -> int | None:
-    """The number of this user; None where the system has none (Windows)."""
+    """Return the id of this user; None if the system has none (Windows)."""
     return os.getuid() if hasattr(os, "getuid") else None
 
 
 def of_others() -> list[tuple[Path, int]]:
-    """The folders of all other users with the users' numbers: only root may look into them."""
+    """Return the folders of all other users with the users' ids; empty unless this user is root."""
     if user() != 0:
         return []
     found = [*temporary().glob(f"{NAME}-*"), *SESSIONS.glob(f"*/{NAME}")]
@@ -70,9 +70,9 @@ def of_others() -> list[tuple[Path, int]]:
 
 
 def occupy(folder: Path) -> int | None:
-    """Keep a temporary folder from being cleaned up by its age -> a descriptor to be closed at the end, if any.
+    """Protect a temporary folder from being cleaned up by age. Return a descriptor to close at the end, if any.
 
-    systemd-tmpfiles(8) leaves alone what lies in a directory on which somebody has a lock.
+    systemd-tmpfiles(8) skips the content of a directory on which a process holds a lock.
     """
     try:
         import fcntl
@@ -88,7 +88,7 @@ def occupy(folder: Path) -> int | None:
 
 
 def _owner(folder: Path) -> int | None:
-    """Whose directory it is; None for what is none, or a link."""
+    """Return the owner of a directory; None for anything else, also for a link."""
     try:
         seen = os.lstat(folder)
     except OSError:
@@ -97,7 +97,7 @@ def _owner(folder: Path) -> int | None:
 
 
 def _unfit(folder: Path) -> str:
-    """Make a folder where it is absent -> why it cannot be used, or nothing."""
+    """Create a folder if it is missing. Return why it cannot be used; empty if it can."""
     try:
         if folder.name == LAST:
             folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

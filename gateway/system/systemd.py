@@ -1,8 +1,8 @@
-"""Telling systemd how the service is: sd_notify(3), one datagram of ``KEY=VALUE`` lines to ``NOTIFY_SOCKET``.
+"""Notifies systemd of the state of the service: sd_notify(3), a datagram of ``KEY=VALUE`` lines to ``NOTIFY_SOCKET``.
 
-These few lines are here rather than a library: the pure one there is, ``sdnotify``, has not changed since 2017, waits
-for ever on a full queue, which an event loop must not, and does not know the watchdog's interval. systemd's own manual
-page prints as much for programs to carry themselves.
+This is not left to a library: the only pure one, ``sdnotify``, has not changed since 2017, blocks on a full queue,
+which an event loop must not, and does not know the watchdog's interval. systemd's manual page shows such code for
+programs to include.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import socket
 
 
 def wanted() -> bool:
-    """Whether anybody wants to be told: a path, or ``@NAME`` for a socket without one."""
+    """Whether systemd expects notifications: a path, or ``@NAME`` for an abstract socket."""
     return os.environ.get("NOTIFY_SOCKET", "").startswith(("/", "@"))
 
 
 def notify(*states: str) -> None:
-    """Tell systemd, if it listens; never waits, and raises nothing. A state is ``KEY=VALUE`` on one line."""
+    """Notify systemd if it listens. Never blocks and never raises. A state is ``KEY=VALUE`` on one line."""
     if not wanted():
         return
     address = os.environ["NOTIFY_SOCKET"]
@@ -30,7 +30,7 @@ def notify(*states: str) -> None:
 
 
 def watchdog() -> float | None:
-    """The seconds within which ``WATCHDOG=1`` must be heard, sd_watchdog_enabled(3); None where nobody waits."""
+    """Return the seconds within which ``WATCHDOG=1`` must be sent, sd_watchdog_enabled(3); None if it is off."""
     micros, pid = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID")
     if not wanted() or not micros.isdecimal() or int(micros) == 0 or pid not in (None, str(os.getpid())):
         return None

@@ -1,7 +1,7 @@
-"""Ports where clients come in: TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
+"""Ports for clients: TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
 
-A port knows nothing of protocols: for every connection it asks ``arrive`` for somebody to feed, and hands back what
-that one writes. Clients come and go at any moment; what one of them does to its connection never reaches another.
+A port knows no protocol. For every connection it calls ``arrive`` to get a handler, feeds the handler with bytes, and
+sends what the handler writes. Clients connect and disconnect at any time; no connection affects another.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ __all__ = ["Arrive", "ConnectionHandler", "Listener", "open_port"]
 
 
 async def open_port(where: str, arrive: Arrive, baud: int | None = None) -> Listener:
-    """Open ``tcp://`` or ``rfc2217://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError: what is wrong.
+    """Open ``tcp://`` or ``rfc2217://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError with the reason.
 
-    ``baud`` is for the two that have a rate: a pseudo-terminal without one understands any.
+    ``baud`` is for the last two; a pseudo-terminal without it accepts any rate.
     """
     if where.startswith("tcp://"):
         return await TcpPort.open(where, arrive)

@@ -1,8 +1,8 @@
-"""The rate of a serial line: how long bytes take, what another rate makes of them, and a change of it on trial.
+"""The baud rate of a serial line: timing of bytes, the effect of a wrong rate, and a change of rate on trial.
 
 A byte is ten bits: a start bit (0), eight data bits, lowest first, and a stop bit (1); the idle line is 1. Ports in
-memory and on a network hand over any number of bytes at once, at any rate; what is told of the times of a mount without
-the pace of a real line flatters.
+memory and on a network deliver any number of bytes at once, at any rate. Times measured without the pace of a real line
+look better than they are.
 """
 
 from __future__ import annotations
@@ -13,32 +13,32 @@ from collections.abc import Callable
 
 #: A start bit, eight bits of data and a stop bit.
 BITS = 10
-#: So many bytes may wait in one direction; beyond that they are lost, as where nobody reads a port in time.
-LONGEST = 65536
-#: Seconds in which a command must be understood at the new rate.
+#: Bytes that may wait in one direction; more are lost, as on a port that is not read in time.
+MAX_BYTES = 65536
+#: Seconds within which a command must be understood at the new rate.
 TRIAL = 5.0
 
 
 class SerialPace:
-    """One direction of a line; ``deliver`` is called with bytes when they have arrived at its other end."""
+    """One direction of a line; ``deliver`` is called with bytes when they arrive at the other end."""
 
     def __init__(self, baud: int, deliver: Callable[[bytes], object]) -> None:
         self._byte = BITS / baud
         self._deliver = deliver
         self._waiting = bytearray()
         self._timer: asyncio.TimerHandle | None = None
-        self._due = 0.0  # when the first byte that waits has arrived
+        self._due = 0.0  # when the first waiting byte arrives
 
     def send(self, data: bytes) -> None:
-        """Put bytes on the line, behind those that are on it."""
-        self._waiting += data[: LONGEST - len(self._waiting)]
+        """Put bytes on the line, after those that are on it."""
+        self._waiting += data[: MAX_BYTES - len(self._waiting)]
         if self._timer is None and self._waiting:
             loop = asyncio.get_running_loop()
             self._due = loop.time() + self._byte
             self._timer = loop.call_at(self._due, self._arrived)
 
     def _arrived(self) -> None:
-        """One byte has, and those besides whose time came while the computer was busy."""
+        """Deliver the byte that is due, and those that became due while the computer was busy."""
         loop = asyncio.get_running_loop()
         count = min(len(self._waiting), 1 + int(max(0.0, loop.time() - self._due) / self._byte))
         data = bytes(self._waiting[:count])
@@ -51,7 +51,7 @@ class SerialPace:
         self._deliver(data)
 
     def close(self) -> None:
-        """Forget what is still on the line."""
+        """Discard the bytes on the line."""
         self._waiting.clear()
         if self._timer is not None:
             self._timer.cancel()
@@ -59,54 +59,54 @@ class SerialPace:
 
 
 class BaudTrial:
-    """Another rate for a client's port: who is not understood at it gets the old one back.
+    """Changes the baud rate of a client's port, and changes it back if no command is understood at the new rate.
 
-    ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). A program that
-    did not follow, or a cable that cannot, would be lost for good without the way back. ``change`` sets the port to a
-    rate and says which one it had.
+    ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). Without the
+    way back, a client that did not follow, or whose cable cannot, would be lost for good. ``change`` sets the rate and
+    returns the previous one.
     """
 
     def __init__(self, change: Callable[[int], int]) -> None:
         self._change = change
-        self._former: int | None = None
+        self._previous: int | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     def begin(self, baud: int) -> None:
-        """Go on at this rate. A trial under way falls back to what was before it."""
-        former = self._change(baud)
-        self._former = former if self._former is None else self._former
+        """Change the rate. If a trial is under way, the fallback remains the rate from before it."""
+        previous = self._change(baud)
+        self._previous = previous if self._previous is None else self._previous
         self.end()
-        self._timer = asyncio.get_running_loop().call_later(TRIAL, self._back)
+        self._timer = asyncio.get_running_loop().call_later(TRIAL, self._restore)
 
     def understood(self) -> None:
-        """A command has arrived whole: the rate stays."""
+        """A command was understood: keep the rate."""
         self.end()
-        self._former = None
+        self._previous = None
 
-    def _back(self) -> None:
-        former, self._former, self._timer = self._former, None, None
-        if former is not None:
-            self._change(former)
+    def _restore(self) -> None:
+        previous, self._previous, self._timer = self._previous, None, None
+        if previous is not None:
+            self._change(previous)
 
     def end(self) -> None:
-        """Nothing falls back any more; so it is, too, when the connection is gone."""
+        """Cancel the fallback; also called when the connection ends."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
 
 def misread(data: bytes, sent: int, read: int) -> bytes:
-    """Bytes sent one after the other at ``sent`` baud -> what a receiver at ``read`` baud takes them for.
+    """Return what a receiver at ``read`` baud gets if bytes are sent without gaps at ``sent`` baud.
 
-    It waits for the fall of a start bit and looks at the middle of every bit by its own clock. Where it finds no stop
-    bit, that is a framing error, which a port in its usual raw mode hands on as a byte all the same. So rates that
-    differ by a few percent still understand each other.
+    The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A
+    missing stop bit is a framing error; a port in its usual raw mode delivers the byte all the same. Therefore rates
+    that differ by a few percent work.
     """
     if sent == read or not sent or not read:
         return data
     wire = [bit for byte in data for bit in (0, *(byte >> place & 1 for place in range(8)), 1)]
-    width = sent / read  # of one of the receiver's bits, in bits of the sender
-    wire += [1] * (1 + int(BITS * width))  # idle when everything is sent
+    width = sent / read  # length of the receiver's bits, in bits of the sender
+    wire += [1] * (1 + int(BITS * width))  # idle after the last byte
     received = bytearray()
     at = 0.0
     while (start := _fall(wire, at)) is not None:
@@ -117,6 +117,6 @@ def misread(data: bytes, sent: int, read: int) -> bytes:
 
 
 def _fall(wire: list[int], at: float) -> float | None:
-    """When the line next falls from 1 to 0, or None. A line that is low already must rise first."""
+    """Return when the line next falls from 1 to 0, or None. A line that is low already must rise first."""
     falls = (bit for bit in range(math.ceil(at - 1e-9), len(wire)) if wire[bit] == 0 and (not bit or wire[bit - 1]))
     return next(map(float, falls), None)

@@ -1,8 +1,7 @@
 """A name in the file system for a device, held by one gateway at a time.
 
-The name is a symbolic link. A link that leads nowhere is replaced, and so is one that a killed gateway of this user
-left behind, which its lock file tells. Any other link that leads somewhere belongs to another program and stays, and so
-does a file of any other kind.
+The name is a symbolic link. A dangling link is replaced, and so is one that a killed gateway of this user left behind,
+which is known from its lock file. Other links, and files of any other kind, belong to other programs and are kept.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ from gateway.core.errors import UserError
 from gateway.system.locks import Claim, Taken
 from gateway.system.runtime_folders import user, user_name
 
-#: Where pseudo-terminals are, on Linux and on macOS.
+#: Folders of pseudo-terminals, on Linux and on macOS.
 TERMINALS = ("/dev/pts/", "/dev/ttys")
-#: Who may use serial ports: Debian's group, and that of Arch and the BSDs.
+#: Groups that may use serial ports: Debian's, and that of Arch and the BSDs.
 GROUPS = ("dialout", "uucp")
 
 
 class DeviceLink:
-    """``path``, absolute and held until ``close``. Raises UserError."""
+    """Holds the name ``path`` (made absolute) until ``close``. Raises UserError."""
 
     def __init__(self, path: str) -> None:
         self.path = os.path.abspath(os.path.expanduser(path))
@@ -34,7 +33,7 @@ class DeviceLink:
         self._claim = _claim(self.path)
 
     def check(self) -> None:
-        """Raises UserError where the name is somebody else's."""
+        """Raises UserError if the name belongs to another program."""
         old = os.readlink(self.path) if os.path.islink(self.path) else ""
         if os.path.exists(self.path) and not old.startswith(TERMINALS):
             what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
@@ -53,9 +52,9 @@ class DeviceLink:
             )
 
     def point(self, target: str) -> None:
-        """Let the name stand for a device, at once and in the place of an older link. Raises UserError."""
+        """Create the link to a device, atomically replacing an older one. Raises UserError."""
         self.check()
-        draft = f"{self.path}.{secrets.token_hex(8)}"  # a name that nobody can take beforehand
+        draft = f"{self.path}.{secrets.token_hex(8)}"  # a name that no other program can predict
         try:
             os.symlink(target, draft)
             os.replace(draft, self.path)
@@ -69,7 +68,7 @@ class DeviceLink:
         self._target = target
 
     def close(self) -> None:
-        """Remove the link, unless it has become somebody else's, and let go of the name."""
+        """Remove the link, unless another program has replaced it, and release the name."""
         with contextlib.suppress(OSError):
             if self._target and os.readlink(self.path) == self._target:
                 os.unlink(self.path)
@@ -77,7 +76,7 @@ class DeviceLink:
 
 
 def is_free(path: str) -> bool:
-    """Whether a gateway could have this name; what a killed one of this user has left there is taken away."""
+    """Whether a gateway could use this name. A link left by a killed gateway of this user is removed."""
     try:
         link = DeviceLink(path)
     except UserError:
@@ -94,7 +93,7 @@ def is_free(path: str) -> bool:
 
 
 def like_a_serial_port(device: str) -> None:
-    """Mode 0660 and the group of serial ports, as far as this user may give a device away."""
+    """Set mode 0660 and the group of serial ports, as far as this user may."""
     import grp
 
     with contextlib.suppress(OSError):
@@ -106,7 +105,7 @@ def like_a_serial_port(device: str) -> None:
 
 
 def _claim(path: str) -> Claim:
-    """Hold a link's name, so that two gateways of this user cannot share it. Raises UserError."""
+    """Lock a link's name, so that no other gateway of this user uses it. Raises UserError."""
     try:
         return Claim(f"link_{hashlib.sha256(os.fsencode(path)).hexdigest()[:32]}")
     except Taken as by:

@@ -1,4 +1,4 @@
-"""What a port and the handler of a connection know of each other."""
+"""The interface between a port and the handlers of its connections."""
 
 from __future__ import annotations
 
@@ -6,52 +6,53 @@ import asyncio
 from collections.abc import Callable
 from typing import Protocol
 
-#: Ends a connection: these bytes are the last, and the other side is given the time to read them.
+#: Ends a connection after sending these last bytes; the other end gets time to read them.
 HangUp = Callable[[bytes], None]
-#: Who takes a connection over as it is, and how a handler leaves it to them: nothing more of it is heard here.
+#: Takes over a connection as it is; and how a handler gives it away, after which it gets no more bytes.
 Taker = Callable[[asyncio.Transport], None]
 HandOver = Callable[[Taker], None]
 
 
 class ConnectionRefused(Exception):
-    """A connection that is not served: it is closed at once and told nothing."""
+    """A connection that is not served: it is closed at once, without a reply."""
 
 
 class ConnectionHandler(Protocol):
     @property
     def ended(self) -> bool:
-        """Whether the last bytes did nothing but end motions without a reply: the same again would be no news."""
+        """Whether the last bytes only ended motions without a reply, so that repeating them has no effect."""
 
     @property
     def answered(self) -> bool:
-        """Whether everything that was fed has been answered, as far as it is answered at all."""
+        """Whether all commands were answered that are answered at all."""
 
     @property
     def feed(self) -> Callable[[bytes], None]:
-        """What bytes are given to; it may be another function after every call."""
+        """The function that takes received bytes; it may change with every call."""
 
     def close(self) -> None: ...
 
-    def gone(self) -> None:
-        """The other side has closed its end: nothing more will come of it, though it may still read."""
+    def peer_closed(self) -> None:
+        """The other end has closed: no more bytes will arrive, though it may still read."""
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
-        """The connection is a serial port: how to set its baud rate; the one it had is returned."""
+        """The connection is a serial port; ``change_rate`` sets its baud rate and returns the previous one."""
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """The connection came over a network, where anybody may be at the other end: how to end it, and how to leave
-        it to somebody else, where that is possible."""
+        """The connection is from the network, so anyone may be at the other end.
+
+        ``hang_up`` ends it; ``hand_over``, if possible, gives it to another owner.
+        """
 
 
-#: How to write to a connection: whoever writes is told how many bytes still wait to be sent, or None where that is
-#: not known.
+#: Writes to a connection, and returns how many bytes are still to be sent, None if unknown.
 Write = Callable[[bytes], int | None]
-#: (who it is, the host it comes from, how to write to it) -> its handler.
+#: Called with (name, host, write) of a new connection; returns its handler.
 Arrive = Callable[[str, str, Write], ConnectionHandler]
 
 
 class Listener(Protocol):
-    """Something that is open until it is closed; ``where`` is its name with the real numbers in it."""
+    """Listens until it is closed; ``where`` is its address with the real port number."""
 
     where: str
 

@@ -1,4 +1,4 @@
-"""Listening on an address, and saying in words why that is not possible."""
+"""Listening on an address, with a clear message if that is not possible."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from collections.abc import Callable
 
 from gateway.core.errors import UserError
 
-#: Connections that may wait to be accepted: programs that open one per command come in crowds.
+#: Connections that may wait to be accepted: clients that open one per command arrive in bursts.
 BACKLOG = 512
-#: How the addresses begin to which programs come over a network.
+#: Schemes of addresses at which clients connect over the network.
 LISTENING = ("tcp://", "rfc2217://")
-#: In the place of an address: what is spoken over HTTP is served by the web server of somebody else.
+#: Instead of an address: an existing web server serves the requests.
 SERVED = "web"
 
 
 async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[asyncio.Server, str]:
-    """``SCHEME://HOST:PORT`` -> what listens there, and the same with the real numbers; ``make`` is called for every
-    connection. Without a host this computer only; port 0 takes any free one. Raises UserError.
+    """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
-    The address ``[::]`` is every one of this computer, of both kinds.
+    ``make`` is called for every connection. Without a host only this computer can connect; port 0 takes a free one. The
+    address ``[::]`` means every address of this computer, IPv4 and IPv6.
     """
     host, port = split_address(where)
     loop = asyncio.get_running_loop()
@@ -34,7 +34,7 @@ async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[
         else:
             server = await loop.create_server(make, host, port, backlog=BACKLOG)
     except UnicodeError:
-        raise UserError(f"cannot listen on {where}: {host!r} is no name of a computer") from None
+        raise UserError(f"cannot listen on {where}: {host!r} is not a valid host name") from None
     except OSError as error:
         raise UserError(f"cannot listen on {where}: {_reason(error, host)}") from None
     real = server.sockets[0].getsockname()
@@ -57,7 +57,7 @@ def _reason(error: OSError, host: str) -> str:
 
 
 def split_address(where: str) -> tuple[str, int]:
-    """``SCHEME://HOST:PORT`` -> (host, port). Raises UserError."""
+    """Split ``SCHEME://HOST:PORT`` into (host, port). Raises UserError."""
     scheme, _, address = where.partition("://")
     host, colon, number = address.rpartition(":")
     digits = number.removeprefix("-")
@@ -70,7 +70,7 @@ def split_address(where: str) -> tuple[str, int]:
 
 
 def networked(where: str) -> bool:
-    """Whether whoever comes in there comes over a network."""
+    """Whether clients connect there over the network."""
     return where.startswith(LISTENING) or where == SERVED
 
 

@@ -1,11 +1,11 @@
-"""A virtual serial port: a raw pseudo-terminal behind a name that stays.
+"""A virtual serial port: a raw pseudo-terminal behind a name that stays the same.
 
-Programs open and close it at will, and every opening is a connection of its own: it begins with the first byte, and
-ends when the last program has closed its end. That moment a pseudo-terminal tells by hanging up, but only as long as
-the gateway does not hold that end open itself; and it goes on to say so, which is why Linux's edge-triggered epoll is
-asked. Elsewhere the gateway holds it open, and all of it is one connection.
+Programs open and close it at will. Each opening is a connection of its own: it begins with the first byte, and ends
+when the last program has closed its end. A pseudo-terminal reports that by a hang-up, but only while the gateway itself
+does not hold that end open. The hang-up is reported continuously, therefore Linux's edge-triggered epoll is used. On
+other systems the gateway holds the end open, and everything is one connection.
 
-What one program leaves behind never reaches the next: replies nobody read, settings, exclusive use.
+What one program leaves behind never reaches the next: unread replies, settings, exclusive use.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from gateway.transport.baud import misread
 from gateway.transport.device_link import DeviceLink, like_a_serial_port
 from gateway.transport.handler import Arrive, ConnectionHandler
 
-#: Linux: struct termios2, whose last number is the output rate itself.
+#: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
-#: So much is read at a time, so many times before others have their turn.
-CHUNK, TURNS = 4096, 8
+#: Bytes of one read, and reads before other connections get their turn.
+CHUNK, READS = 4096, 8
 
 
 class PtyPort:
-    """A virtual serial port. Raises UserError when there is none on this system, or the name cannot be had.
+    """A virtual serial port. Raises UserError if the system has none, or the name cannot be used.
 
-    It takes every baud rate and every setting a program asks for, and heeds none. With ``baud`` it is as picky as a
-    real one: a program that has set its end to another rate is not understood, and understands nothing.
+    It accepts every baud rate and setting, without effect. With ``baud`` it behaves like a real port: a program that
+    has set another rate is not understood and understands nothing.
     """
 
     def __init__(self, path: str, arrive: Arrive, baud: int | None = None) -> None:
@@ -43,9 +43,9 @@ class PtyPort:
             raise UserError("pty: there are no pseudo-terminals on this system; use a serial port pair") from None
         self.baud = baud
         self._arrive = arrive
-        self._guest: ConnectionHandler | None = None
-        #: Whoever has said what is heard just now has closed it: the answers would be read by the next.
-        self._gone = False
+        self._handler: ConnectionHandler | None = None
+        #: Whether the sender of these bytes has closed its end already: the next program would read the replies.
+        self._peer_closed = False
         self._link = DeviceLink(path)
         self.path = self._link.path
         self.where = f"pty:{self.path}"
@@ -68,77 +68,77 @@ class PtyPort:
         return pair
 
     def _read(self) -> None:
-        """Take everything that is there; notice that the last program has closed its end."""
+        """Read everything that is available, and notice that the last program has closed its end."""
         pair = self._pair
-        for _ in range(TURNS):
+        for _ in range(READS):
             try:
                 data = os.read(pair.master, CHUNK)
             except BlockingIOError:
                 return
             except OSError:
-                self._leave()
+                self._disconnect()
                 return
-            gone = pair.hung_up()
-            if gone:
-                data += pair.last_words()
-                gone = pair.hung_up()  # else some of it may be the next program's already, who waits for an answer
+            closed = pair.hung_up()
+            if closed:
+                data += pair.read_rest()
+                closed = pair.hung_up()  # else the next program may have sent some of it
             if self.baud is not None:
                 data = misread(data, speed(pair.master), self.baud)
-            if self._guest is None:
-                self._guest = self._arrive(self.path, self.where, self._write)
-            self._gone = gone
+            if self._handler is None:
+                self._handler = self._arrive(self.path, self.where, self._write)
+            self._peer_closed = closed
             if data:
-                self._guest.feed(data)
-            if gone:
-                self._leave()
+                self._handler.feed(data)
+            if closed:
+                self._disconnect()
                 return
-        pair.look_again()
+        pair.read_again()
 
     def _write(self, data: bytes) -> None:
-        """Nobody may be reading: what does not fit is lost, as on a wire."""
-        if self._guest is None or self._gone:
+        """Write without blocking. If no program reads, what does not fit is lost, as on a wire."""
+        if self._handler is None or self._peer_closed:
             return
         if self.baud is not None:
             data = misread(data, self.baud, speed(self._pair.master))
         with contextlib.suppress(OSError):
             os.write(self._pair.master, data)
 
-    def _leave(self) -> None:
-        """Nobody has it open any more: the connection ends, and the port is as new for the next."""
-        guest, self._guest, self._gone = self._guest, None, False
-        if guest is not None:
-            guest.close()
-        if not self._pair.freshen():
+    def _disconnect(self) -> None:
+        """The last program has closed its end: end the connection, and reset the port for the next one."""
+        handler, self._handler, self._peer_closed = self._handler, None, False
+        if handler is not None:
+            handler.close()
+        if not self._pair.reset():
             self._pair.close()
             self._pair = self._new_pair()
 
     async def close(self) -> None:
-        guest, self._guest = self._guest, None
-        if guest is not None:
-            guest.close()
+        handler, self._handler = self._handler, None
+        if handler is not None:
+            handler.close()
         self._link.close()
         self._pair.close()
 
 
 class _Pair:
-    """The two ends of a pseudo-terminal: ``master`` is read when ``look`` is called, ``device`` is for programs."""
+    """The two ends of a pseudo-terminal: ``master``, read by ``on_readable``, and ``device`` for programs."""
 
-    def __init__(self, look: Callable[[], None]) -> None:
+    def __init__(self, on_readable: Callable[[], None]) -> None:
         import tty
 
         self._closed = False
         self.master, slave = os.openpty()
         self.device = os.ttyname(slave)
-        self._look = look
+        self._on_readable = on_readable
         tty.setraw(slave)
         like_a_serial_port(self.device)
         os.set_blocking(self.master, False)
-        self._held, self._epoll = slave, None
+        self._slave, self._epoll = slave, None
         if hasattr(select, "epoll"):
             os.close(slave)
-            self._held, self._epoll = -1, select.epoll()
+            self._slave, self._epoll = -1, select.epoll()
             self._epoll.register(self.master, select.EPOLLIN | select.EPOLLET)
-            self._epoll.poll(0)  # that nobody has opened it yet is no news
+            self._epoll.poll(0)  # discard the event that it is not open yet
             self._open = select.poll()
             self._open.register(self.master, 0)
         asyncio.get_running_loop().add_reader(self._watched, self._wake)
@@ -151,30 +151,30 @@ class _Pair:
         if self._closed:
             return
         if self._epoll is not None:
-            self._epoll.poll(0)  # else it goes on to tell the same
-        self._look()
+            self._epoll.poll(0)  # consume the event
+        self._on_readable()
 
-    def look_again(self) -> None:
-        """There is more; it will not be told once more."""
+    def read_again(self) -> None:
+        """Schedule another read: epoll does not report remaining bytes again."""
         asyncio.get_running_loop().call_soon(self._wake)
 
     def hung_up(self) -> bool:
-        """Whether no program has it open; always False where that is not told."""
+        """Whether no program has it open; always False on systems that do not report it."""
         return self._epoll is not None and any(event & select.POLLHUP for _, event in self._open.poll(0))
 
-    def last_words(self) -> bytes:
-        words = b""
+    def read_rest(self) -> bytes:
+        rest = b""
         while True:
             try:
-                words += os.read(self.master, CHUNK)
+                rest += os.read(self.master, CHUNK)
             except OSError:
-                return words
+                return rest
 
-    def freshen(self) -> bool:
-        """Forget what the last program has left -> False when it has left it locked.
+    def reset(self) -> bool:
+        """Discard what the last program has left. Return False if it has left the device locked.
 
-        Exclusive use (TIOCEXCL, which INDI asks for) ends with the last closing of a real port. A pseudo-terminal that
-        lives on keeps it, and only root may open that one ever again.
+        Exclusive use (TIOCEXCL, which INDI requests) of a real port ends when the port is closed. A pseudo-terminal
+        that stays open keeps it, and then only root can open it.
         """
         import fcntl
         import termios
@@ -185,11 +185,11 @@ class _Pair:
         except OSError as error:
             return error.errno != errno.EBUSY
         fcntl.ioctl(slave, termios.TIOCNXCL)
-        tty.setraw(slave)  # and throws away what was not read
-        termios.tcflush(slave, termios.TCIFLUSH)  # also what had no room to be read yet
+        tty.setraw(slave)  # this also discards unread bytes
+        termios.tcflush(slave, termios.TCIFLUSH)  # also bytes that had no room in the buffer
         os.close(slave)
         if self._epoll is not None and any(event & select.EPOLLIN for _, event in self._epoll.poll(0)):
-            self.look_again()  # the next program was quick
+            self.read_again()  # the next program has written already
         return True
 
     def close(self) -> None:
@@ -197,17 +197,17 @@ class _Pair:
         asyncio.get_running_loop().remove_reader(self._watched)
         if self._epoll is not None:
             self._epoll.close()
-        for number in (self.master, self._held):
+        for number in (self.master, self._slave):
             with contextlib.suppress(OSError):
                 os.close(number)
 
 
 def speed(terminal: int) -> int:
-    """The baud rate that a terminal is set to; 0 when it cannot be told. Rates without a name count, too (Linux)."""
+    """Return the baud rate of a terminal, also a non-standard one (Linux); 0 if it is unknown."""
     import fcntl
     import termios
 
     with contextlib.suppress(OSError):
-        held = fcntl.ioctl(terminal, TCGETS2, bytes(TERMIOS2.size))
-        return int(TERMIOS2.unpack(held)[-1])
+        attributes = fcntl.ioctl(terminal, TCGETS2, bytes(TERMIOS2.size))
+        return int(TERMIOS2.unpack(attributes)[-1])
     return int(termios.tcgetattr(terminal)[5])

@@ -1,11 +1,11 @@
-"""RFC 2217: a serial port over TCP, settings and modem lines included, for programs that want a COM port.
+"""RFC 2217: a serial port over TCP with settings and modem lines, for programs that need a COM port.
 
-Such a client begins to negotiate (Telnet, RFC 854) as soon as it is connected. Until one does, a connection is plain:
-no byte of Telnet is sent, and 0xFF is data, so that a program which knows nothing of all this may connect, too. No
-command of either protocol has 0xFF followed by WILL, WONT, DO or DONT in it, and none ends with 0xFF.
+Such a client begins to negotiate (Telnet, RFC 854) as soon as it is connected. Until then the connection is plain: no
+Telnet bytes are sent and 0xFF is data, so that clients without Telnet can connect, too. No command of a mount contains
+0xFF followed by WILL, WONT, DO or DONT, and none ends with 0xFF.
 
-pyserial speaks RFC 2217; what it needs besides is a port, and there is none: baud rates and the like are taken and
-forgotten, and the modem lines say that somebody is there.
+pyserial implements RFC 2217 but needs a port, and there is none: settings such as the baud rate are accepted without
+effect, and the modem lines report a connected device.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from gateway.transport.handler import Arrive, HandOver, HangUp, Write
 IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
 NEGOTIATION = frozenset(b"\xfb\xfc\xfd\xfe")
-#: The longest subnegotiation there is has 6 bytes, or a signature; what never ends is no client.
-LONGEST = 256
+#: The longest valid subnegotiation has 6 bytes, or a signature; a longer one is dropped.
+MAX_BYTES = 256
 
 
-class NoPort:
-    """What pyserial's server takes for a serial port; it says that a device is there, ready to send and receive."""
+class NullSerialPort:
+    """Stands in for a serial port in pyserial's server; it reports a device that is ready to send and receive."""
 
     def __init__(self) -> None:
         self.baudrate, self.bytesize, self.parity, self.stopbits = 9600, 8, "N", 1
@@ -34,42 +34,42 @@ class NoPort:
         self.dtr = self.rts = self.cts = self.dsr = self.cd = True
 
     def reset_input_buffer(self) -> None:
-        """Nothing waits: what arrives is dealt with at once."""
+        """Do nothing: received bytes are processed at once."""
 
     def reset_output_buffer(self) -> None:
-        """Nothing waits: what is answered is sent at once."""
+        """Do nothing: replies are sent at once."""
 
 
-#: pyserial's types ask for a real port; any that looks like one will do.
+#: pyserial's types require a real port; any object with its interface works.
 _server: Callable[[Any, Any], PortManager] = PortManager
 
 
-class _Doorman:
-    """A handler in front of the real one, who speaks Telnet with clients that do."""
+class _TelnetFilter:
+    """A handler in front of the real one that handles Telnet for clients that use it."""
 
-    #: Telnet counts what it is told: nothing of it is passed over.
+    #: Always False: Telnet commands count, so none may be skipped.
     ended = False
 
     def __init__(self, arrive: Arrive, name: str, host: str, write: Write) -> None:
         self.write = write
         self._held = b""
         self._telnet: PortManager | None = None
-        self._guest = arrive(name, host, self._answer)
+        self._handler = arrive(name, host, self._send)
 
     def feed(self, data: bytes) -> None:
         data = self._plain(data) if self._telnet is None else self._filtered(data)
         if data:
-            self._guest.feed(data)
+            self._handler.feed(data)
 
-    def _answer(self, data: bytes) -> int | None:
-        """Send what the real handler writes -> how much of it waits, where that is known."""
+    def _send(self, data: bytes) -> int | None:
+        """Send what the real handler writes. Return how many bytes are pending, if known."""
         return self.write(self._escaped(data))
 
     def _escaped(self, data: bytes) -> bytes:
         return data if self._telnet is None else data.replace(IAC, IAC + IAC)
 
     def _plain(self, data: bytes) -> bytes:
-        """The data of a connection that may still become Telnet."""
+        """Return the data of a connection that may still become Telnet."""
         data, self._held = self._held + data, b""
         at = data.find(IAC)
         while at >= 0:
@@ -77,41 +77,41 @@ class _Doorman:
                 self._held = IAC
                 return data[:at]
             if data[at + 1] in NEGOTIATION:
-                self._telnet = _server(NoPort(), self)
+                self._telnet = _server(NullSerialPort(), self)
                 return data[:at] + self._filtered(data[at:])
             at = data.find(IAC, at + 1)
         return data
 
     def _filtered(self, data: bytes) -> bytes:
-        """The data without Telnet. What no RFC knows of is passed over, as RFC 854 would have it."""
+        """Return the data without Telnet. Unknown commands are ignored, as RFC 854 requires."""
         telnet, plain = self._telnet, b""
         assert telnet is not None
         for number in data:
             try:
                 plain += b"".join(telnet.filter(bytes([number])))
-            except (KeyError, TypeError, struct.error):  # values that do not exist, or too few bytes of them
+            except (KeyError, TypeError, struct.error):  # invalid values, or too few bytes
                 telnet.suboption, telnet.mode = None, M_NORMAL
-            if telnet.suboption is not None and len(telnet.suboption) > LONGEST:
+            if telnet.suboption is not None and len(telnet.suboption) > MAX_BYTES:
                 telnet.suboption = None
         return plain
 
     @property
     def answered(self) -> bool:
-        return self._guest.answered
+        return self._handler.answered
 
-    def gone(self) -> None:
-        self._guest.gone()
+    def peer_closed(self) -> None:
+        self._handler.peer_closed()
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
-        """There is no serial port behind it."""
+        """Do nothing: there is no serial port."""
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        self._guest.network(lambda last: hang_up(self._escaped(last)))
+        self._handler.network(lambda last: hang_up(self._escaped(last)))
 
     def close(self) -> None:
-        self._guest.close()
+        self._handler.close()
 
 
 def over_telnet(arrive: Arrive) -> Arrive:
-    """Where handlers arrive -> where those arrive who may speak RFC 2217."""
-    return lambda name, host, write: _Doorman(arrive, name, host, write)
+    """Wrap ``arrive`` so that clients may use RFC 2217."""
+    return lambda name, host, write: _TelnetFilter(arrive, name, host, write)

@@ -1,4 +1,4 @@
-"""A real serial port, or any pyserial URL, with one client behind it; a lost one is opened again."""
+"""A real serial port, or any pyserial URL, with one client. A lost port is opened again."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from gateway.core.errors import UserError
 from gateway.transport.handler import Arrive, ConnectionHandler
 from gateway.transport.wires import SerialTransport
 
-#: Seconds between two tries to open a lost port again.
-AGAIN = 1.0
+#: Seconds between two attempts to open a lost port.
+RETRY_AFTER = 1.0
 
 
 class SerialPort:
-    """A real serial port, or any pyserial URL, with one client behind it."""
+    """Listens on a serial port or pyserial URL; it has one connection, which lasts until ``close``."""
 
     def __init__(self, url: str, baud: int) -> None:
         self.where, self._baud = url, baud
         self._wire = SerialTransport(url, baud)
-        self._guest: ConnectionHandler | None = None
+        self._handler: ConnectionHandler | None = None
         self._reopening: asyncio.Task[None] | None = None
         self._changing: asyncio.Task[None] | None = None
 
     @classmethod
     async def open(cls, url: str, arrive: Arrive, baud: int = 9600) -> SerialPort:
-        """Raises UserError when the port cannot be opened now; later losses are waited out."""
+        """Open the port. Raises UserError if that is not possible now; if it is lost later, it is opened again."""
         self = cls(url, baud)
-        self._guest = arrive(url, url, self._write)
-        self._guest.serial(self._change_rate)
+        self._handler = arrive(url, url, self._write)
+        self._handler.serial(self._change_rate)
         try:
-            await self._wire.open(self._guest.feed, self._lost)
+            await self._wire.open(self._handler.feed, self._lost)
         except OSError as error:
             raise UserError(f"cannot open {url}: {error.strerror or error}") from None
         return self
@@ -40,22 +40,22 @@ class SerialPort:
             self._wire.write(data)
 
     def _change_rate(self, baud: int) -> int:
-        """Another baud rate, once what was written has left; the present one is returned."""
-        former, self._wire.baud = self._wire.baud, baud
+        """Change the baud rate after everything was sent. Return the previous rate."""
+        previous, self._wire.baud = self._wire.baud, baud
         self._changing = asyncio.get_running_loop().create_task(self._wire.change_rate())
-        return former
+        return previous
 
     def _lost(self, reason: str) -> None:
-        self._wire.baud = self._baud  # whoever comes back has been switched off meanwhile
+        self._wire.baud = self._baud  # a device that comes back has been switched off meanwhile
         self._reopening = asyncio.get_running_loop().create_task(self._reopen())
 
     async def _reopen(self) -> None:
-        assert self._guest is not None
+        assert self._handler is not None
         while True:
             await self._wire.close()
-            await asyncio.sleep(AGAIN)
+            await asyncio.sleep(RETRY_AFTER)
             try:
-                await self._wire.open(self._guest.feed, self._lost)
+                await self._wire.open(self._handler.feed, self._lost)
             except OSError:
                 continue
             return
@@ -64,6 +64,6 @@ class SerialPort:
         for task in (self._reopening, self._changing):
             if task is not None:
                 task.cancel()
-        if self._guest is not None:
-            self._guest.close()
+        if self._handler is not None:
+            self._handler.close()
         await self._wire.close()

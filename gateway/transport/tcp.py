@@ -1,8 +1,8 @@
-"""A listening TCP port, and the connections it has accepted.
+"""A listening TCP port and the connections it has accepted.
 
-Whoever connects can do no more to the others than take its turn: little is read of a connection at a time, one that
-sends without end waits in between, one that does not read its replies is let go, and one whose other side has vanished
-is found out by the system within a minute.
+A client can delay the others by no more than its turn: only a little is read from a connection at a time, one that
+sends without pause waits in between, and one that does not read its replies is closed. If the other end has vanished,
+the system notices it within a minute.
 """
 
 from __future__ import annotations
@@ -15,125 +15,126 @@ import time
 from typing import cast
 
 from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused, Taker
-from gateway.transport.intake import LATE, SHARE, SKIM, Pace, unrepeated
+from gateway.transport.intake import LARGE_READ, LATE, SHARE, Pace, skip_repetitions
 from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
 
-#: Unread replies a connection may pile up before it is given up.
+#: Bytes of unread replies after which a connection is closed.
 SLOW_READER = 65536
-#: Seconds that whoever is to go is given to read what it was told last.
-PARTING = 2.0
-#: How often it is looked whether a connection that sends no more has been answered, seconds.
-LOOK = 0.02
-#: A silent connection is asked for a sign of life after so many seconds, every so many, so many times; replies that
-#: nobody acknowledges (milliseconds) are the same sign. By the names the system has for it; not every one has all.
-ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
+#: Seconds that a client gets to read the last bytes before the connection is closed.
+LINGER = 2.0
+#: Seconds between two checks whether all commands of a client that sends no more were answered.
+CHECK_EVERY = 0.02
+#: Seconds without data before a keep-alive probe, seconds between probes, and their number; and milliseconds after
+#: which replies without acknowledgement end the connection. Each system has some of these
+#: names.
+KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 
 class _Connection(asyncio.BufferedProtocol):
     def __init__(self, port: TcpPort) -> None:
         self._port = port
-        self._guest: ConnectionHandler | None = None
+        self._handler: ConnectionHandler | None = None
         self._transport: asyncio.Transport | None = None
         self._buffer = bytearray(SHARE)
         self._view = memoryview(self._buffer)
-        #: After a share that only ended motions, that share: what repeats it is passed over.
-        self._share = b""
-        #: Since when there has been more to read than is read at a time.
+        #: The last share, if it only ended motions; repetitions of it are skipped.
+        self._last_share = b""
+        #: Loop time since which there is more to read than one share.
         self._behind_since: float | None = None
-        #: What was read together and is taken in share by share.
-        self._rest = b""
-        #: While bytes are being taken in: the replies to them, which go out as one.
+        #: Bytes that were read in one piece and are processed share by share.
+        self._unprocessed = b""
+        #: While bytes are processed: the replies to them, which are sent together.
         self._replies: list[bytes] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         stream = cast(asyncio.Transport, transport)  # uvloop's own class does not derive from it
         self._transport = stream
         stream.set_write_buffer_limits(high=SLOW_READER)
-        _watch(stream.get_extra_info("socket"))
+        _enable_keepalive(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         try:
-            self._guest = self._port.arrive(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
+            self._handler = self._port.arrive(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
         except ConnectionRefused:
             stream.abort()
             return
         self._port.connections.add(self)
-        self._guest.network(self._hang_up, self._hand_over)
+        self._handler.network(self._hang_up, self._hand_over)
 
     def get_buffer(self, sizehint: int) -> bytearray:
-        return self._port.skimmed if self._share else self._buffer
+        return self._port.large_buffer if self._last_share else self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        if not self._share:
+        if not self._last_share:
             data = bytes(self._view[:nbytes])
             if nbytes < SHARE:
-                self._behind_since = None  # though this may be a gap in what still comes
-                self._answer(data)
+                self._behind_since = None  # though more may follow after a gap
+                self._process(data)
             else:
-                self._answer_share(data)
+                self._process_share(data)
             return
-        self._rest = unrepeated(self._share, bytes(memoryview(self._port.skimmed)[:nbytes]))
-        self._take_share(nbytes >= SHARE)
+        self._unprocessed = skip_repetitions(self._last_share, bytes(memoryview(self._port.large_buffer)[:nbytes]))
+        self._process_next_share(nbytes >= SHARE)
 
-    def _answer(self, data: bytes) -> None:
-        """Take bytes in; the replies to them go out as one."""
+    def _process(self, data: bytes) -> None:
+        """Process bytes, and send the replies to them together."""
         replies: list[bytes] = []
         self._replies = replies
-        if self._guest is not None:
-            self._guest.feed(data)
+        if self._handler is not None:
+            self._handler.feed(data)
         self._replies = None
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
 
-    def _answer_share(self, data: bytes) -> None:
-        """The same where there may be more at once: others are read before this connection is again."""
+    def _process_share(self, data: bytes) -> None:
+        """Like ``_process``, if more bytes may follow at once: other connections are read first."""
         began = time.perf_counter()
-        self._answer(data)
+        self._process(data)
         took = time.perf_counter() - began
         if self._transport is None or self._transport.is_closing():
             return
-        ended = self._guest is not None and self._guest.ended
-        self._share = (self._share + data)[-SHARE:] if ended else b""
+        ended = self._handler is not None and self._handler.ended
+        self._last_share = (self._last_share + data)[-SHARE:] if ended else b""
         self._transport.pause_reading()
         loop = asyncio.get_running_loop()
         now = loop.time()
         self._behind_since = self._behind_since or now
         late = now - self._behind_since > LATE
-        loop.call_later(self._port.pace.pause(now, took, late), self._go_on)
+        loop.call_later(self._port.pace.pause(now, took, late), self._continue)
 
-    def _take_share(self, more: bool) -> None:
-        """The next share of what was read together."""
-        data, self._rest = self._rest[:SHARE], self._rest[SHARE:]
-        if more or self._rest:
-            self._answer_share(data)
+    def _process_next_share(self, more: bool) -> None:
+        """Process the next share of the bytes that were read in one piece."""
+        data, self._unprocessed = self._unprocessed[:SHARE], self._unprocessed[SHARE:]
+        if more or self._unprocessed:
+            self._process_share(data)
         else:
-            self._answer(data)
-            self._share = b""
+            self._process(data)
+            self._last_share = b""
 
-    def _go_on(self) -> None:
+    def _continue(self) -> None:
         if self._transport is None or self._transport.is_closing():
             return
-        if self._rest:
-            self._take_share(False)
-        if not self._rest:
+        if self._unprocessed:
+            self._process_next_share(False)
+        if not self._unprocessed:
             self._transport.resume_reading()
 
     def eof_received(self) -> bool:
-        """The other side sends no more, but it may still read: it is told what is due to it before this side closes."""
-        if self._guest is not None:
-            self._guest.gone()
+        """The client sends no more but may still read: it gets all its replies before the connection is closed."""
+        if self._handler is not None:
+            self._handler.peer_closed()
         self._close_when_answered()
         return True
 
     def _close_when_answered(self) -> None:
         if self._transport is None or self._transport.is_closing():
             return
-        if self._guest is None or self._guest.answered:
+        if self._handler is None or self._handler.answered:
             self._transport.close()
         else:
-            asyncio.get_running_loop().call_later(LOOK, self._close_when_answered)
+            asyncio.get_running_loop().call_later(CHECK_EVERY, self._close_when_answered)
 
     def _write(self, data: bytes) -> int:
-        """Send bytes, which may be none -> how many of this connection the system has not taken yet."""
+        """Send bytes, which may be none. Return how many bytes of this connection the system has not taken yet."""
         if self._replies is not None:
             self._replies.append(data)
         elif self._transport is not None and not self._transport.is_closing():
@@ -143,24 +144,24 @@ class _Connection(asyncio.BufferedProtocol):
         return 0
 
     def pause_writing(self) -> None:
-        """The other side does not read: let it go rather than hold its replies for ever."""
+        """The client does not read: close the connection rather than keep its replies for ever."""
         self.abort()
 
     def _hang_up(self, last: bytes) -> None:
-        """Say this, and that it was the last; what still comes is thrown away for a while.
+        """Send the last bytes, then discard input for a while before closing.
 
-        Were the connection closed while bytes of the other side are unread, the system would reset it, and the other
-        side might never read what it was told.
+        If a connection is closed while received bytes are unread, the system resets it, and the client might never read
+        the last bytes.
         """
         loop = asyncio.get_running_loop()
         if last:
             self._write(last)
-        self._dismiss()
-        loop.call_soon(self._say_no_more)  # after the replies to the bytes that are being taken in
-        loop.call_later(PARTING, self.abort)
+        self._close_handler()
+        loop.call_soon(self._send_eof)  # after the replies to the bytes being processed
+        loop.call_later(LINGER, self.abort)
 
     def _hand_over(self, take: Taker) -> None:
-        """Leave the connection to somebody else, who gives it another protocol of the event loop."""
+        """Give the connection to a new owner, who sets another asyncio protocol."""
         self._leave()
         transport, self._transport = self._transport, None
         if transport is not None and not transport.is_closing():
@@ -168,7 +169,7 @@ class _Connection(asyncio.BufferedProtocol):
                 transport.resume_reading()
             take(transport)
 
-    def _say_no_more(self) -> None:
+    def _send_eof(self) -> None:
         if self._transport is not None and not self._transport.is_closing():
             self._transport.write_eof()
 
@@ -178,44 +179,44 @@ class _Connection(asyncio.BufferedProtocol):
             self._transport.abort()
 
     def _leave(self) -> None:
-        """Nothing more is heard of it or said to it, and it is no connection of the port's any more."""
+        """Close the handler and forget the connection."""
         self._port.connections.discard(self)
-        self._dismiss()
+        self._close_handler()
 
-    def _dismiss(self) -> None:
-        guest, self._guest = self._guest, None
-        if guest is not None:
-            guest.close()
+    def _close_handler(self) -> None:
+        handler, self._handler = self._handler, None
+        if handler is not None:
+            handler.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._leave()
 
 
-def _watch(connection: socket.socket) -> None:
-    """Have the system find out when the other side has vanished without a word."""
+def _enable_keepalive(connection: socket.socket) -> None:
+    """Let the system detect that the other end has vanished."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for name, value in ALIVE.items():
+    for name, value in KEEPALIVE.items():
         with contextlib.suppress(OSError, AttributeError):
             connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 class TcpPort:
-    """A listening TCP port; ``where`` names the real one."""
+    """A listening TCP port; ``where`` is its address with the real port number."""
 
     def __init__(self, arrive: Arrive) -> None:
         self.arrive = arrive
         self.connections: set[_Connection] = set()
         self.pace = Pace()
-        #: Where reads in large pieces go, and are looked at before anybody else reads.
-        self.skimmed = bytearray(SKIM)
+        #: Buffer for reads in large pieces; processed before another connection reads.
+        self.large_buffer = bytearray(LARGE_READ)
         self.where = ""
         self._server: asyncio.Server | None = None
 
     @classmethod
     async def open(cls, where: str, arrive: Arrive) -> TcpPort:
-        """``SCHEME://HOST:PORT``; without a host this computer only; port 0 takes any free one. Raises UserError.
+        """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0 takes a free one. Raises UserError.
 
-        The address ``[::]`` is every one of this computer, of both kinds.
+        The address ``[::]`` means every address of this computer, IPv4 and IPv6.
         """
         self = cls(arrive)
         self._server, self.where = await listen(where, lambda: _Connection(self))
@@ -230,7 +231,7 @@ class TcpPort:
 
 
 def exposed(where: str) -> bool:
-    """Whether ``SCHEME://HOST:PORT``, as a port tells it, can be reached from another computer."""
+    """Whether the real address of a port, ``SCHEME://HOST:PORT``, can be reached from other computers."""
     if not where.startswith(LISTENING):
         return False
     try:

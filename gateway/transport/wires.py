@@ -1,7 +1,7 @@
-"""The connection to the mount: opens it, writes, and calls back with what arrives.
+"""The connection to the mount: opens it, writes, and calls back with the received bytes.
 
-pyserial blocks, so a serial connection has one reader thread that hands bytes to the event loop. Every URL that
-``serial.serial_for_url`` opens works. A simulated mount is a connection, too.
+pyserial blocks, so a serial connection has a reader thread that passes bytes to the event loop. Every URL that
+``serial.serial_for_url`` accepts works. A simulated mount has a connection, too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 if TYPE_CHECKING:
     from serial import Serial
 
-#: What hand controls and telescopes speak at power-on.
+#: The baud rate of hand controls and telescopes at power-on.
 BAUD = 9600
 
 #: The group that may use serial ports on most systems.
@@ -27,11 +27,11 @@ USUAL_GROUP = "dialout"
 
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
-#: How long a read waits, in seconds, and how many bytes are taken from a socket at a time.
+#: Seconds that a read waits, and bytes read from a socket at a time.
 TIMEOUT, CHUNK = 0.25, 4096
 
 
-#: Why a port cannot be opened: the system's numbers or a part of pyserial's words -> the number and the words here.
+#: Why a port cannot be opened: (system error numbers, part of pyserial's message, error number here, message here).
 _REASONS = (
     ((errno.ENOENT,), "No such file", errno.ENOENT, "no such port"),
     ((errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK), "lock", errno.EBUSY, "the port is in use by another program"),
@@ -44,7 +44,7 @@ _REASONS = (
     ),
     ((errno.EISDIR,), "Is a directory", errno.EISDIR, "this is a folder, not a serial port"),
     ((errno.ENOTTY,), "Inappropriate ioctl", errno.ENOTTY, "this is not a serial port"),
-    ((), "refused", errno.ECONNREFUSED, "nobody listens there (connection refused)"),
+    ((), "refused", errno.ECONNREFUSED, "no program listens there (connection refused)"),
 )
 
 
@@ -55,13 +55,13 @@ class Transport(Protocol):
         """Raises OSError when the port cannot be opened."""
 
     def write(self, data: bytes) -> None:
-        """Raises OSError when the port is gone."""
+        """Raises OSError if the port is closed or lost."""
 
     async def close(self) -> None: ...
 
 
-class Watched(Protocol):
-    """Who is handed the descriptor of a line while it is open."""
+class DescriptorWatcher(Protocol):
+    """Is informed of the file descriptor of a line while it is open."""
 
     def opened(self, descriptor: int) -> None: ...
     def closed(self) -> None: ...
@@ -70,44 +70,44 @@ class Watched(Protocol):
 class SerialTransport:
     """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
 
-    def __init__(self, url: str, baud: int = BAUD, watched: Watched | None = None) -> None:
-        self.name, self.baud, self._watched = url, baud, watched
+    def __init__(self, url: str, baud: int = BAUD, watcher: DescriptorWatcher | None = None) -> None:
+        self.name, self.baud, self._watcher = url, baud, watcher
         self._port: Serial | None = None
         self._thread: threading.Thread | None = None
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Open the port and start its reader. Raises OSError with a reason a person understands."""
+        """Open the port and start its reader thread. Raises OSError with a reason that the user understands."""
         loop = asyncio.get_running_loop()
         port = await loop.run_in_executor(None, open_port, self.name, self.baud)
         self._port = port
         number = descriptor(port)
-        if self._watched is not None and number is not None:
-            self._watched.opened(number)
+        if self._watcher is not None and number is not None:
+            self._watcher.opened(number)
         self._thread = threading.Thread(
             target=self._read, args=(port, loop, on_data, on_lost), name=f"read {self.name}", daemon=True
         )
         self._thread.start()
 
     def _read(self, port: Serial, loop: asyncio.AbstractEventLoop, on_data: OnData, on_lost: OnLost) -> None:
-        """Hand over whatever arrives, until the port is closed or lost."""
+        """Pass on received bytes until the port is closed or lost (in the reader thread)."""
         try:
             while self._port is port:
                 data = port.read(1)
                 if data:
                     try:
                         data += self._rest(port)
-                    finally:  # a byte and the end of the connection: the byte counts
+                    finally:  # if the connection ends now, the byte still counts
                         loop.call_soon_threadsafe(on_data, bytes(data))
-        except Exception as error:  # pyserial has many kinds of failure, and a reader that dies must say so
+        except Exception as error:  # pyserial has many kinds of failure, and each must be reported
             if self._port is port and not loop.is_closed():
                 loop.call_soon_threadsafe(on_lost, str(error))
 
     def _rest(self, port: Serial) -> bytes:
-        """What is there besides the first byte, without waiting for more."""
+        """Return the bytes available after the first one, without waiting for more."""
         if not self.name.startswith("socket://"):
             waiting = port.in_waiting
             return bytes(port.read(waiting)) if waiting else b""
-        port.timeout = 0  # a socket says that 1 byte waits, however many there are
+        port.timeout = 0  # pyserial's socket reports 1 byte, however many there are
         rest = port.read(CHUNK)
         port.timeout = TIMEOUT
         return bytes(rest)
@@ -120,16 +120,16 @@ class SerialTransport:
             raise OSError(errno.EIO, f"only {written} of {len(data)} bytes could be written")
 
     def set_baud(self, baud: int) -> None:
-        """Change the rate of the open port, and nothing else. Raises OSError for a rate that it does not have."""
+        """Change the baud rate of the open port only. Raises OSError for a rate that the port does not support."""
         try:
             assert self._port is not None
             self._port.baudrate = baud
-        except Exception as error:  # ValueError, SerialException, termios.error: as the system has it
+        except Exception as error:  # ValueError, SerialException or termios.error
             raise OSError(errno.EINVAL, f"{baud} baud: {error}") from None
         self.baud = baud
 
     async def change_rate(self) -> None:
-        """Go on at ``baud`` when what was written has left; a port that cannot keeps its rate."""
+        """Change to the rate ``baud`` after everything was sent. A port that cannot change keeps its rate."""
         port = self._port
         if port is not None:
             with contextlib.suppress(OSError):
@@ -139,11 +139,11 @@ class SerialTransport:
     async def close(self) -> None:
         port, self._port = self._port, None
         if port is not None:
-            if self._watched is not None:
-                self._watched.closed()
-            await asyncio.get_running_loop().run_in_executor(None, self._shut, port)
+            if self._watcher is not None:
+                self._watcher.closed()
+            await asyncio.get_running_loop().run_in_executor(None, self._close_port, port)
 
-    def _shut(self, port: Serial) -> None:
+    def _close_port(self, port: Serial) -> None:
         cancel = getattr(port, "cancel_read", None)
         if cancel is not None:
             cancel()
@@ -154,12 +154,12 @@ class SerialTransport:
 
 
 def on_the_wire(url: str, data: bytes) -> bytes:
-    """Bytes as they go through the descriptor of a line: RFC 2217 doubles the byte that begins a telnet command."""
+    """Return bytes as they go through the descriptor: RFC 2217 doubles 0xFF, which begins a telnet command."""
     return data.replace(b"\xff", b"\xff\xff") if url.startswith("rfc2217://") else data
 
 
 def descriptor(port: Serial) -> int | None:
-    """The file descriptor of an open port; None where it has none."""
+    """Return the file descriptor of an open port; None if it has none."""
     for holder in (port, getattr(port, "_socket", None)):
         with contextlib.suppress(AttributeError, OSError, ValueError):
             return int(holder.fileno())  # type: ignore[union-attr]
@@ -167,7 +167,7 @@ def descriptor(port: Serial) -> int | None:
 
 
 def unlock(port: Serial) -> None:
-    """Give up the exclusive use of a port: a duplicate of its descriptor elsewhere would hold on to it."""
+    """End the exclusive use of a port, which a duplicate of its descriptor in another process would keep."""
     number = descriptor(port)
     if number is not None and os.name == "posix":
         import fcntl
@@ -177,17 +177,17 @@ def unlock(port: Serial) -> None:
 
 
 def open_port(url: str, baud: int) -> Serial:
-    """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
+    """Open a serial URL for exclusive use. Raises OSError with the reason in words."""
     import serial
 
-    patience: float | None = 2.0
+    timeout: float | None = 2.0
     opened = url
     if url.startswith("rfc2217://"):
-        patience = None  # pyserial's RFC 2217 client knows none
-        # ser2net leaves DTR and RTS unconfirmed where the port has no such lines; no mount needs them
+        timeout = None  # pyserial's RFC 2217 client supports none
+        # ser2net does not confirm DTR and RTS if the port has no such lines; no mount needs them
         opened += "" if "ign_set_control" in url else "&ign_set_control" if "?" in url else "?ign_set_control"
     try:
-        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=patience, exclusive=True)
+        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=timeout, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)
@@ -210,12 +210,12 @@ def open_port(url: str, baud: int) -> Serial:
         ) from None
 
 
-#: (how to send what comes after some seconds) -> (bytes in -> the bytes that are answered at once).
+#: Called with a function that sends bytes after some seconds. Returns a function from received bytes to the reply.
 Connection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
 
 
 class SimulatedTransport:
-    """A simulated mount in this process; ``latency`` is the time it takes to answer, in seconds."""
+    """A simulated mount in this process; ``latency`` is its response time in seconds."""
 
     def __init__(self, name: str, connection: Connection, latency: float = 0.0) -> None:
         self.name, self._latency = name, latency
@@ -223,7 +223,7 @@ class SimulatedTransport:
         self._feed = connection(self._later)
 
     def _later(self, seconds: float, answer: bytes) -> None:
-        """Some answers come after a while."""
+        """Deliver bytes that the simulated mount sends later."""
         asyncio.get_running_loop().call_later(self._latency + seconds, self._deliver, answer)
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
@@ -247,7 +247,7 @@ class SimulatedTransport:
 
 
 def group_of(device: str) -> str:
-    """The group that may use a serial port; the usual one where that cannot be told."""
+    """Return the group that may use a serial port; the usual one if it is unknown."""
     try:
         import grp
 

@@ -12,6 +12,7 @@ import pytest
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.http.requests import signatures
+from tests.support.each import each
 
 START = 1769634000.0
 NOT_IMPLEMENTED, INVALID, NOT_SET, NOT_CONNECTED = 0x400, 0x401, 0x402, 0x407
@@ -164,7 +165,7 @@ def _anything(parameter: str) -> str:
     return {"UTCDate": "2026-01-28T21:00:00Z", "Tracking": "true", "DoesRefraction": "true"}.get(parameter, "1")
 
 
-@pytest.mark.parametrize(
+@each(
     ("line", "error"),
     [
         ("put slewtocoordinatesasync RightAscension=24.1 Declination=0.0", INVALID),

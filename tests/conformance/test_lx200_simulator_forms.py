@@ -46,7 +46,7 @@ MALFORMED = [
 ]
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 @each("said, asked", MALFORMED)
 def test_what_the_manual_does_not_write_is_refused_and_changes_nothing(model: str, said: bytes, asked: bytes) -> None:
     sim, _ = meade(model)
@@ -82,7 +82,7 @@ def test_a_tolerant_one_takes_what_programs_send(said: bytes) -> None:
     assert sim.feed(said) == b"1"
 
 
-@pytest.mark.parametrize("said", [b":Sg350\xdf45#", b":Sd+20\xdf00:00#", b":Sd+20:00:00#"])
+@each("said", [b":Sg350\xdf45#", b":Sd+20\xdf00:00#", b":Sd+20:00:00#"])
 def test_a_degree_sign_has_more_than_one_byte(said: bytes) -> None:
     """As old and new programs send it to real telescopes; a classic takes no byte above 0x7F."""
     sim, _ = meade("lx200gps")

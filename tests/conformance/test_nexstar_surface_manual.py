@@ -70,7 +70,7 @@ def test_form(name: str, request_: str, since: str, reply: str) -> None:
     "name, request_, since, reply",
     [row for row in rows("nexstar_forms.txt") if not row[0].startswith(("no_", "gps", "rtc"))],
 )
-@pytest.mark.parametrize("version", ["1.2", "1.6", "2.2", "2.3", "3.01", "4.10", "4.21"])
+@each("version", ["1.2", "1.6", "2.2", "2.3", "3.01", "4.10", "4.21"])
 def test_a_command_that_is_newer_than_the_version_is_passed_over_as_a_whole(
     name: str, request_: str, since: str, reply: str, version: str
 ) -> None:

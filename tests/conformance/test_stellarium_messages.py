@@ -66,7 +66,7 @@ def test_a_message_of_another_type_is_passed_over_as_a_whole() -> None:
     assert load("stellarium").find(other) is None
 
 
-@pytest.mark.parametrize("noise", ["0000 0000", "0300 0000", "3A475223", "FFFF 0000"])
+@each("noise", ["0000 0000", "0300 0000", "3A475223", "FFFF 0000"])
 def test_what_is_no_message_drops_what_comes_with_it_until_it_is_quiet(noise: str) -> None:
     framer = Framer()
     assert framer.feed(bytes.fromhex(noise) + GOTO, 10.0) == []

@@ -47,12 +47,12 @@ def test_an_old_position_is_marked_in_the_log_once() -> None:
     async def program() -> None:
         async with Bridge("cpc", config={"sun": 0.0}) as bridge:
             wire = over(bridge, Poor())
-            bridge.controller.line.talk.lose("unplugged")
+            bridge.controller.line.transaction.connection_lost("unplugged")
             await asyncio.sleep(5.0)
             wire._poor = Poor(lost=2.0)
             polls = await poll(bridge, 8.0)
-            said = [entry.note for entry in bridge.entries if "has not answered in time" in entry.note]
-            assert said == ["the mount has not answered in time: programs are told its last position, up to 10 s old"]
+            said = [entry.note for entry in bridge.entries if "has not replied in time" in entry.note]
+            assert said == ["the mount has not replied in time: programs get its last position, up to 10 s old"]
             assert polls.answered >= 2
 
     run(program())

@@ -33,12 +33,12 @@ BESIDES = {
 }
 
 
-def play(seed: int) -> Play:
+def play(seed: int, scenes: int = SCENES) -> Play:
     """Play a seed: all mounts in turn, under either protocol."""
-    return run(_play(seed))  # type: ignore[no-any-return]
+    return run(_play(seed, scenes))  # type: ignore[no-any-return]
 
 
-async def _play(seed: int) -> Play:
+async def _play(seed: int, scenes: int) -> Play:
     random = Random(seed)
     mount = MOUNTS[seed % len(MOUNTS)]
     presented = random.choice(("lx200", "nexstar"))
@@ -46,7 +46,7 @@ async def _play(seed: int) -> Play:
     async with Bridge(**here.bridge) as bridge:
         judge = Judge(bridge, mount[0], here.lowest, here.highest, CIRCLE, random_commands.SITE_AND_CLOCK, here.latency)
         hand = _Hand(bridge, random, judge, presented)
-        for _ in range(SCENES):
+        for _ in range(scenes):
             await hand.scene()
         return Play(
             f"seed {seed}: {here.name}",

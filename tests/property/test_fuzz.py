@@ -19,6 +19,7 @@ from tests.soak.fuzz_bytes import KINDS
 from tests.soak.fuzz_drivers import Findings, lie
 from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
 from tests.soak.fuzz_surfaces import Judge, cases, throw
+from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.virtual import run
 
@@ -137,7 +138,7 @@ def test_a_four_digit_year_is_taken() -> None:
     run(program())
 
 
-@pytest.mark.parametrize(("zone", "dst"), [(127, 0), (1, 3), (200, 0)])
+@each(("zone", "dst"), [(127, 0), (1, 3), (200, 0)])
 def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -> None:
     async def program() -> None:
         bridge = Bridge()
@@ -162,7 +163,7 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
             def broken(*_: object) -> None:
                 raise ArithmeticError("as if")
 
-            surface = bridge.reception.face.surface
+            surface = bridge.reception.binding.surface
             surface.handlers = {**surface.handlers, "commit_quiet": lambda *_: (broken() for _ in "x")}
             client = bridge.client()
             await client.ask(b":SL20:15:30#")

@@ -10,6 +10,7 @@ import pytest
 
 from gateway.core import operations as op
 from tests.integration.safety.test_altitude import altitude
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -34,7 +35,7 @@ def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:
     assert run(program()) == []
 
 
-@pytest.mark.parametrize("arrow", [b":Mn#", b":Mw#"])
+@each("arrow", [b":Mn#", b":Mw#"])
 def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
     async def program() -> None:
         config = {"site": (45.0, 10.0), "mode": "alt-az"}
@@ -171,7 +172,7 @@ def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: bytes) -
     run(program())
 
 
-@pytest.mark.parametrize("aligned", [True, False])
+@each("aligned", [True, False])
 def test_an_aligned_hand_control_keeps_its_clock_when_the_gps_is_asked_for_it(aligned: bool) -> None:
     async def program() -> None:
         async with Bridge("cpc", surface="lx200gps", aligned=aligned) as bridge:

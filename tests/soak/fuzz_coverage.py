@@ -38,7 +38,7 @@ with atheris.instrument_imports(include=["gateway"]):
 
 Target = Callable[[bytes], None]
 _MODELS = {"lx200": ["autostar", "lx200", "lx200-16", "lx200gps"], "nexstar": ["6-8se", "cge", "cgx", "cpc", "gt"]}
-_DIALOGUES: dict[str, Any] = {"lx200": Lx200ReplyRules(), "nexstar": NexStarReplyRules()}
+_REPLY_RULES: dict[str, Any] = {"lx200": Lx200ReplyRules(), "nexstar": NexStarReplyRules()}
 
 
 def _pieces(data: bytes) -> list[bytes]:
@@ -78,11 +78,11 @@ def _parsing(protocol: str) -> Target:
     """Half of the inputs are what a client sends, the others what a mount answers."""
     faces = [Talk(model=model, protocol=protocol) for model in _MODELS[protocol]]
     commands = list(PROTOCOLS[protocol].commands)
-    dialogue = _DIALOGUES[protocol]
+    reply_rules = _REPLY_RULES[protocol]
 
     def replies(ask: Send, buffer: bytes) -> None:
         try:
-            taken = dialogue.take(ask, buffer)
+            taken = reply_rules.take(ask, buffer)
         except ValueError:
             return  # the line calls this a garbled answer
         if taken is not None:

@@ -288,7 +288,7 @@ def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
     controller, driver = bridge.controller, bridge.driver
     held = sum(len(value) for value in vars(driver).values() if isinstance(value, dict | list | set | str | bytes))
     for what, size, most in (
-        ("buffer", len(controller.line.talk._buffer), 4096), ("queue", len(controller.line.queue), 200),
+        ("buffer", len(controller.line.transaction._buffer), 4096), ("queue", len(controller.line.queue), 200),
         ("tasks", len(controller.context.tasks), 200),
         ("jobs", len(controller.wanted.value.pending), 200), ("driver", held - len(driver.handlers), 200),
         ("urgent", len(controller.line.queue._urgent), 200),

@@ -25,7 +25,7 @@ from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.commands.command_processor import CommandProcessor
-from gateway.clients.commands.turn import INBOX, MEMO
+from gateway.clients.commands.turn import INBOX, MAX_REPLIES
 from gateway.core.wire_log import MOST, Entry
 from gateway.mount.policy import Limits
 from gateway.protocols.nexstar.versions import made_with
@@ -119,9 +119,10 @@ class Judge:
         framer: Any = client.framer
         pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
         for what, size, most in (
-            ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MEMO), ("framer", pending, 64),
+            ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MAX_REPLIES),
+            ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
-            ("told", len(client._cache._told), 40), ("deferred", len(client.runner._deferred), 4),
+            ("told", len(client._cache._readings), 40), ("deferred", len(client.runner._deferred), 4),
             ("said", len(bridge.wire_log._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
             ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.reception._left), 200),
         ):  # fmt: skip
@@ -148,7 +149,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     endpoint = Endpoint(case.presented, "-", case.model, case.version)
     face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
-    bridge.reception.face = face
+    bridge.reception.binding = face
     bridge.controller.astrometry.sky = SKY
     bridge.wire_log.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0

@@ -24,7 +24,7 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.mount.link.line import MountLink
-from gateway.mount.readings.cache import MISSING
+from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.base.driver import Send
 from tests.soak.faulty import BREAKING, FaultyWire, Kind
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -69,7 +69,7 @@ class Trial:
         self.line: MountLink = line
         self.strange: list[Send] = []
         self.acknowledged: list[tuple[Send, bool]] = []
-        in_step, exchange = line.in_step, line.talk.exchange
+        in_step, exchange = line.in_step, line.transaction.exchange
 
         async def exchanging(ask: Send, **more: Any) -> Any:
             self.wire.strange, self.wire.of_another = None, False
@@ -80,12 +80,12 @@ class Trial:
                 self.acknowledged.append((ask, self.wire.of_another))
             return outcome
 
-        line.talk.exchange = exchanging  # type: ignore[method-assign]
+        line.transaction.exchange = exchanging  # type: ignore[method-assign]
         order = self.bridge.controller.verifier._order
 
-        async def ordering(ask: Send, rank: int) -> Any:
+        async def ordering(ask: Send, priority: int) -> Any:
             done = len(self.acknowledged)
-            answer = await order(ask, rank)
+            answer = await order(ask, priority)
             own = [another for other, another in self.acknowledged[done:] if other is ask]
             if own and all(own):
                 if self.ordered:
@@ -271,7 +271,7 @@ class Trial:
                 began = loop.time()
                 value = controller.peek(operation)
                 try:
-                    value = await controller.read(operation) if value is MISSING else value
+                    value = await controller.read(operation) if value is NOT_CACHED else value
                 except Fault:
                     continue
                 if loop.time() - began > LONGEST_WAIT:
@@ -290,7 +290,7 @@ class Trial:
         """The time before which nothing that is told now may come from."""
         line = self.line
         old = line.state != "up" or self.bridge.controller.told_position.told_old  # which the log says
-        allowed = 10.0 if old else max(AGE, 2.5 * line.typical)
+        allowed = 10.0 if old else max(AGE, 2.5 * line.typical_rtt)
         return now - allowed - EXCHANGE
 
     def _check_position(self, ra: float, dec: float, paired: bool) -> None:

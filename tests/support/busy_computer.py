@@ -66,7 +66,7 @@ class Recorded:
         self.wire = Pluggable("sim", make_simulator(self.gateway.mount, clock=clock, speed=3.0).connection, 0.0131)
         self.recorder: Recorder = record_whole(path, self.gateway, longest)
         entrance = self.gateway.entrance
-        self.gateway.prepare(lambda dialogue, to: MountLink(entrance.wire(self.wire), dialogue, to))
+        self.gateway.prepare(lambda reply_rules, to: MountLink(entrance.wire(self.wire), reply_rules, to))
         self._arrive = entrance.arrive(self.gateway.receptions[0])
 
     def arrive(self, name: str, write: Any) -> ConnectionHandler:

@@ -22,7 +22,7 @@ class Cable:
     def pull(self) -> None:
         self._out = True
         self._line.wire._on_data = None
-        self._line.talk.lose("pulled out")
+        self._line.transaction.connection_lost("pulled out")
 
     def plug(self) -> None:
         self._out = False

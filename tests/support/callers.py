@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Iterable
 from itertools import cycle
 from typing import Any
@@ -26,6 +27,7 @@ class Caller:
     ) -> None:
         self.heard = b""
         self.gone = False
+        self._told = asyncio.Event()
         arrive = over_telnet(reception.arrive) if transport == "rfc2217" else reception.arrive
         self._guest = arrive(f"{host}:{number}", host, self._hear)
         if not trusted:
@@ -34,9 +36,11 @@ class Caller:
     def _hear(self, data: bytes) -> None:
         assert not self.gone, "it is told something after the last"
         self.heard += data
+        self._told.set()
 
     def _hang_up(self, last: bytes) -> None:
         self.heard += last
+        self._told.set()
         self.gone = True
         self._guest.close()
 
@@ -55,10 +59,13 @@ class Caller:
     async def ask(self, data: bytes, seconds: float = 10.0) -> bytes:
         """Bytes in -> what is told for them first; nothing after so many seconds."""
         before = len(self.heard)
+        self._told.clear()
         self.tell(data)
-        end = asyncio.get_running_loop().time() + seconds
-        while len(self.heard) == before and asyncio.get_running_loop().time() < end:
-            await asyncio.sleep(0.01)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                while len(self.heard) == before:
+                    await self._told.wait()
+                    self._told.clear()
         return self.heard[before:]
 
     def close(self) -> None:

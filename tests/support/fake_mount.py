@@ -14,7 +14,7 @@ from typing import Any
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.commands.turn import PAIR
+from gateway.clients.commands.turn import SAME_INSTANT
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
@@ -171,7 +171,7 @@ class Talk:
                 try:
                     operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
                     at, answer = self._told.get(type(operation), (-1e9, None))
-                    if not (isinstance(wanted, ReuseLastReading) and self.now - at < PAIR):
+                    if not (isinstance(wanted, ReuseLastReading) and self.now - at < SAME_INSTANT):
                         answer = self.mount.perform(operation)
                         self._told[type(operation)] = self.now, answer
                 except Fault as error:

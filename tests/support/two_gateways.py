@@ -58,9 +58,9 @@ class Chain:
         self.wire_log = WireLog(inner.clock)
         self.entries: list[Entry] = []
         self.wire_log.sinks.append(self.entries.append)
-        driver, follow_ups, dialogue = make_driver(Endpoint(link, "-"), MountConfig(at="-"), loop.time)
+        driver, follow_ups, reply_rules = make_driver(Endpoint(link, "-"), MountConfig(at="-"), loop.time)
         self.driver: Any = driver
-        line = MountLink(GuestWire(inner.reception), dialogue, self.wire_log)
+        line = MountLink(GuestWire(inner.reception), reply_rules, self.wire_log)
         site_clock = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
         self.controller = MountController(

@@ -19,7 +19,7 @@ from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
 from gateway.mount.policy import Limits
 from gateway.mount.presence import HostActivity, Presence
-from gateway.mount.readings.cache import MISSING
+from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 
@@ -53,7 +53,7 @@ class Still:
     def peek(self, operation: op.Operation) -> Any:
         if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
             return self.mount.perform(operation)
-        return MISSING
+        return NOT_CACHED
 
     def impossible(self, operation: op.Operation) -> None:
         """Everything may be tried."""

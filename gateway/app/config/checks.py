@@ -65,8 +65,8 @@ def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
         yield Mistake(("mount", number, "park"), words)
     elif isinstance(mount.park, tuple) and spec.parks_itself:
         words = (
-            f'{spec.a_mount} parks where it was told at its keypad; write "mount" to allow that whatever lowest and '
-            "highest say"
+            f'{spec.a_mount} parks at the position set with its keypad; write "mount" to allow that whatever lowest '
+            "and highest say"
         )
         yield Mistake(("mount", number, "park"), words)
 
@@ -120,7 +120,7 @@ def _names(config: Config) -> Iterator[Mistake]:
             yield Mistake(("surface", number, "mount"), f"no mount is called {surface.mount!r}; {hint}")
     for number, mount in enumerate(config.mount):
         if config.surface and not config.of(mount):
-            yield Mistake(("mount", number), f"no [[surface]] has mount = {mount.name!r}, so nobody can reach it")
+            yield Mistake(("mount", number), f"no [[surface]] has mount = {mount.name!r}, so no program can reach it")
 
 
 def _clients(config: Config) -> Iterator[Mistake]:
@@ -143,7 +143,7 @@ def _access(config: Config) -> Iterator[Mistake]:
             place: Place = ("surface", number, key)
             if not parse_endpoint(surface.at).where.startswith(LISTENING):
                 words = "true or false" if key == "read-only" else "it on a surface at tcp://"
-                yield Mistake(place, f"nobody comes from a network here; write {words}")
+                yield Mistake(place, f"this surface has no network connections; write {words}")
                 continue
             try:
                 found = networks(value)
@@ -160,7 +160,7 @@ def _nobody(where: str, allowed: Networks) -> str:
     if exposed(where) or Access(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
         return ""
     return (
-        f"nobody could connect: at {host} only programs of this computer arrive, and {host} is not among these; "
+        f"no program could connect: only those of this computer reach {host}, and {host} is not among these networks; "
         f"let the surface listen at tcp://0.0.0.0:{port or 4030}, or add {host}"
     )
 

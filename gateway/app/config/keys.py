@@ -52,14 +52,14 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         tuple[_Latitude, _Longitude] | None,
         key(
             "latitude and longitude of the mount (degrees, north and east positive), for hand controls that do not "
-            "tell it",
+            "report it",
             "LAT,LON",
             [48.1, 11.6],
         ),
     ] = None
     mode: Annotated[
         Literal["alt-az", "eq-north", "eq-south"] | None,
-        key("tracking mode, for hand controls that do not tell it (before version 2.3)", example="alt-az"),
+        key("tracking mode, for hand controls that do not report it (before version 2.3)", example="alt-az"),
     ] = None
     equinox: Annotated[
         Literal["jnow", "j2000", "auto"],
@@ -105,8 +105,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     unaligned: Annotated[
         Literal["refuse", "allow"],
         key(
-            "whether a NexStar that is not aligned may be sent to axis readings, parked and homed. Nobody knows then "
-            "where it really points"
+            "whether a NexStar that is not aligned may be sent to axis readings, parked and homed. It is not known "
+            "then where it really points"
         ),
     ] = "refuse"
     aux_home: Annotated[bool, key("use the mount's home switches for homing, where it has them")] = False
@@ -187,7 +187,7 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
         str,
         key(
             "where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, rfc2217://HOST:PORT, "
-            "pty:PATH or a serial port; any@tcp://HOST:PORT tells the protocol by what a program says first",
+            "pty:PATH or a serial port; any@tcp://HOST:PORT recognises the protocol by a program's first bytes",
             "ENDPOINT",
             "lx200@tcp://127.0.0.1:4030",
         ),

@@ -40,7 +40,7 @@ class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
              "NETWORKS"),
     ] = False  # fmt: skip
     pin: Annotated[
-        Plain | None, key("without it a page only looks and stops; whoever types it in may act", "PIN", "4711")
+        Plain | None, key("a page can only look and stop the mount until its user enters this", "PIN", "4711")
     ] = None
     names: Annotated[
         list[str], key("further names under which browsers reach this computer", "NAMES", ["pier.example.org"])
@@ -85,7 +85,7 @@ class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"
         ),
     ] = None
     home_assistant: Annotated[
-        _Parts, key("the prefix at which Home Assistant looks for new devices; off: it is told of none", "PREFIX")
+        _Parts, key("the prefix at which Home Assistant looks for new devices; off: announce none", "PREFIX")
     ] = "homeassistant"
     orders: Annotated[
         list[Literal["park", "wake", "home", "goto"]],

@@ -47,7 +47,7 @@ class ControlEndpoint(Struct, frozen=True):
     name: str = ""
 
 
-def doors(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
+def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
     """Return the endpoint files in a folder, with ``owner`` only those of that user. Raises OSError."""
     found = []
     for name in sorted(os.listdir(folder)):
@@ -67,25 +67,25 @@ def _content(path: Path, owner: int | None) -> bytes:
         return file.read(LONGEST)
 
 
-def listened(door: ControlEndpoint) -> bool:
+def is_listening(endpoint: ControlEndpoint) -> bool:
     """Whether a process listens on the port of an endpoint, which is so if the port cannot be bound."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.bind(("127.0.0.1", door.port))
+            probe.bind(("127.0.0.1", endpoint.port))
         except (OSError, OverflowError):
             return True
     return False
 
 
-def sweep(folder: Path) -> None:
+def remove_stale(folder: Path) -> None:
     """Delete the endpoint files of gateways that no longer run. Raises OSError."""
-    for path, door in doors(folder, user()):
-        if not listened(door):
+    for path, endpoint in read_endpoints(folder, user()):
+        if not is_listening(endpoint):
             with contextlib.suppress(OSError):
                 path.unlink()
 
 
-def draw() -> str:
+def new_number() -> str:
     """Return a random number for a request, which is unique."""
     return secrets.token_hex(8)
 

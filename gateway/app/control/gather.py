@@ -49,7 +49,7 @@ def gather(controller: MountController, name: str, mount: str, programs: Sequenc
         site(controller),
         clock(controller),
         tuple(sorted(programs)),
-        controller.line.typical,
+        controller.line.typical_rtt,
         controller.line.answers,
         tuple(_lately(controller)),
     )
@@ -80,7 +80,7 @@ def _wanted(controller: MountController) -> Iterator[str]:
         since = controller.now() - wanted.motion.since
         yield f"{_goto(controller, wanted.motion.operation)}{_by(wanted.motion.by, since)}"
     elif controller.slewing:
-        yield "it slews, and nobody here has asked for it: perhaps at the hand control"
+        yield "it slews without an order from this gateway: perhaps by its hand control"
     for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():
         yield f"{_arrow(motion.operation, axis)}{_by(motion.by, controller.now() - motion.since)}"
     for order in wanted.pending:

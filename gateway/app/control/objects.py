@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from gateway.app.control.commands import Body, Spot, Where
+from gateway.app.control.request_types import Body, Spot, Where
 from gateway.astro.catalog import deepsky, names, stars
 from gateway.astro.catalog.objects import Entry, NotInstalled
 from gateway.core.errors import Fault, UserError

@@ -19,16 +19,16 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
      "with another --highest if that is meant."),
     (errors.NearSun,
      "Nothing brings the tube within {limits.sun:g} degrees of the Sun while it is up; --sun changes that, for "
-     "somebody with a filter on the tube."),
+     "a tube with a solar filter."),
     (errors.PastMeridian, "--hour-angle-limit, with which the gateway was started, keeps the tube from the pier."),
     (errors.NotAligned, "Positions mean nothing before that: align it at the hand control, then ask again."),
     (errors.SyncTooFar,
-     "A sync moves the sky by {limits.sync:g} degrees at most, all since the alignment together: align the mount anew, "
-     "or start the gateway with another --sync-limit."),
+     "A sync moves the sky by {limits.sync:g} degrees at most, all since the alignment together: align the mount "
+     "again, or start the gateway with another --sync-limit."),
     (errors.Held, "Nothing moves it until then."),
-    (errors.Asleep, "It hears nothing until it is woken: mount-gateway unpark, or its own keys."),
+    (errors.Asleep, "It ignores commands until it is woken: mount-gateway unpark, or its own keys."),
     ((errors.Garbled, errors.NoAnswer),
-     "Is it switched on, and the cable in the hand control? mount-gateway status tells how the line is."),
+     "Is it switched on, and the cable in the hand control? mount-gateway status shows the state of the line."),
     (errors.Stopped, "A stop, or another order, came before it was done."),
     (errors.Busy, "Ask again in a moment."),
 )  # fmt: skip
@@ -36,7 +36,7 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
 UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
 
 
-def no(fault: Fault, limits: Limits) -> str:
+def explain(fault: Fault, limits: Limits) -> str:
     """Return one or two sentences, beginning with the words that programs get."""
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
     if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:

@@ -13,9 +13,9 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.control import commands
+from gateway.app.control import request_types
 from gateway.app.control.gather import gather
-from gateway.app.control.refusals import no
+from gateway.app.control.refusals import explain
 from gateway.app.status import State, on_the_sky
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Invalid, Stopped
@@ -34,21 +34,21 @@ SIGHT = 1.5
 REMEMBERED = 64
 
 
-class Begun:
+class ActiveRequest:
     """A request that was begun: its activity as a client, the number of stops then, its goal, and its cancellation."""
 
-    def __init__(self, life: HostActivity, stops: int) -> None:
-        self.life, self.stops = life, stops
+    def __init__(self, activity: HostActivity, stops: int) -> None:
+        self.activity, self.stops = activity, stops
         self.goal: op.Equatorial | None = None
-        self.parks = False
-        self.ended = asyncio.Event()
+        self.is_park = False
+        self.cancelled = asyncio.Event()
         #: Direction and rate key of the motion by hand that ``Press`` began.
         self.pressed: tuple[op.Direction, int] | None = None
 
 
-async def of_date(controller: MountController, where: commands.Where) -> op.Equatorial:
+async def of_date(controller: MountController, where: request_types.Where) -> op.Equatorial:
     """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
-    if isinstance(where, commands.Body):
+    if isinstance(where, request_types.Body):
         reads: op.Read[op.Equatorial] = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
     elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
         raise Invalid("There is no such place on the sky.")
@@ -59,14 +59,14 @@ async def of_date(controller: MountController, where: commands.Where) -> op.Equa
     return await controller.perform(reads)
 
 
-class Desk:
+class RequestHandler:
     """Carries out requests. ``programs`` returns the hosts of connected programs; ``name``: the mount's, or empty."""
 
     def __init__(
         self, controller: MountController, name: str, mount: str, programs: Callable[[], Sequence[str]]
     ) -> None:
         self._controller, self._name, self._mount, self._programs = controller, name, mount, programs
-        self._begun: dict[str, Begun] = {}
+        self._active: dict[str, ActiveRequest] = {}
 
     def state(self) -> State:
         """Return what is known of the mount, without asking it."""
@@ -75,175 +75,176 @@ class Desk:
     async def carry_out(self, line: str) -> str:
         """Return ``done WORDS``, ``under way WORDS`` or ``failed REASON``; for ``See`` a ``State`` as JSON."""
         try:
-            wish = commands.read(line)
+            request = request_types.decode(line)
         except ValueError:
             return f"{FAILED} the gateway does not understand this: it is of another version than the command"
-        if isinstance(wish, commands.See):
-            await self._look()
+        if isinstance(request, request_types.See):
+            await self._refresh()
             return msgspec.json.encode(self.state()).decode()
-        if isinstance(wish, commands.Follow):
-            return await self._follow(wish.number)
-        if isinstance(wish, commands.End):
-            return await self._end(wish.number)
-        begun = self._remember(wish.number, wish.who or f"mount-gateway {type(wish).__name__.lower()}")
+        if isinstance(request, request_types.Follow):
+            return await self._follow(request.number)
+        if isinstance(request, request_types.End):
+            return await self._cancel(request.number)
+        active = self._remember(request.number, request.who or f"mount-gateway {type(request).__name__.lower()}")
         try:
-            return f"{DONE} {await self._do(wish, begun)}"
+            return f"{DONE} {await self._do(request, active)}"
         except Fault as fault:
             controller = self._controller
-            controller.wire_log.refused(begun.life.who, f"{type(wish).__name__}: {fault}")
-            return f"{FAILED} {no(fault, controller.policy.limits)}"
+            controller.wire_log.refused(active.activity.who, f"{type(request).__name__}: {fault}")
+            return f"{FAILED} {explain(fault, controller.policy.limits)}"
 
-    def _remember(self, number: str, who: str) -> Begun:
-        begun, presence = self._begun.get(number), self._controller.presence
-        if begun is None:
-            begun = self._begun[number] = Begun(presence.arrive(who), self._controller.stops)
-            if len(self._begun) > REMEMBERED:
-                presence.leave(self._begun.pop(next(iter(self._begun))).life)
-        return begun
+    def _remember(self, number: str, who: str) -> ActiveRequest:
+        active, presence = self._active.get(number), self._controller.presence
+        if active is None:
+            active = self._active[number] = ActiveRequest(presence.arrive(who), self._controller.stops)
+            if len(self._active) > REMEMBERED:
+                presence.leave(self._active.pop(next(iter(self._active))).activity)
+        return active
 
     # --- carrying out -----------------------------------------------------------------------------------------------
 
-    async def _do(self, wish: Any, begun: Begun) -> str:
-        match wish:
-            case commands.Goto():
-                begun.goal = await of_date(self._controller, wish.where)
-                await self._order(op.Goto(begun.goal.ra, begun.goal.dec), begun)
-                return f"it goes to {on_the_sky(begun.goal)}"
-            case commands.Sync():
-                goal = await of_date(self._controller, wish.where)
-                await self._order(op.Sync(goal.ra, goal.dec), begun)
+    async def _do(self, request: Any, active: ActiveRequest) -> str:
+        match request:
+            case request_types.Goto():
+                active.goal = await of_date(self._controller, request.where)
+                await self._perform(op.Goto(active.goal.ra, active.goal.dec), active)
+                return f"it goes to {on_the_sky(active.goal)}"
+            case request_types.Sync():
+                goal = await of_date(self._controller, request.where)
+                await self._perform(op.Sync(goal.ra, goal.dec), active)
                 return f"it points to {on_the_sky(goal)} from now on"
-            case commands.Park():
-                begun.parks = True
-                await self._order(op.Park(), begun)
+            case request_types.Park():
+                active.is_park = True
+                await self._perform(op.Park(), active)
                 return "it goes to its park position"
-            case commands.Home():
-                await self._order(op.Home(), begun)
+            case request_types.Home():
+                await self._perform(op.Home(), active)
                 return "it goes to its home position"
-            case commands.Press():
-                return await self._press(wish, begun)
-            case commands.LetGo():
-                return await self._let_go(begun)
-            case commands.Track():
-                return await self._track(wish, begun)
-            case commands.TellTime():
-                await self._controller.perform(op.SetClock(wish.unix, wish.offset))
+            case request_types.Press():
+                return await self._press(request, active)
+            case request_types.LetGo():
+                return await self._let_go(active)
+            case request_types.Track():
+                return await self._track(request, active)
+            case request_types.TellTime():
+                await self._controller.perform(op.SetClock(request.unix, request.offset))
                 return "the time is set"
-            case commands.TellSite():
-                await self._controller.perform(op.SetSite(wish.latitude, wish.longitude))
+            case request_types.TellSite():
+                await self._controller.perform(op.SetSite(request.latitude, request.longitude))
                 return "the site is set"
-            case commands.Unpark():
-                await self._order(op.Wake() if self._controller.driver.asleep else op.Unpark(), begun)
+            case request_types.Unpark():
+                await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
                 return "it is in service again, and tracks"
-        return await self._move(wish, begun)
+        return await self._move(request, active)
 
-    async def _order(self, operation: op.Operation, begun: Begun) -> None:
+    async def _perform(self, operation: op.Operation, active: ActiveRequest) -> None:
         """Perform an operation for a request. Raises Fault."""
-        if begun.ended.is_set():
+        if active.cancelled.is_set():
             raise Busy("It was cancelled.")
         try:
             async with asyncio.timeout(PATIENCE + 1.0):
-                await self._controller.perform(operation, begun.stops, begun.life, PATIENCE)
+                await self._controller.perform(operation, active.stops, active.activity, PATIENCE)
         except TimeoutError:
             raise Busy from None
 
-    async def _move(self, wish: commands.Move, begun: Begun) -> str:
+    async def _move(self, request: request_types.Move, active: ActiveRequest) -> str:
         """Begin a motion by hand, wait, and end it. Raises Fault."""
         controller, longest = self._controller, self._controller.policy.silence
-        if not 0.0 < wish.seconds <= longest or not 1 <= wish.key <= 9:
+        if not 0.0 < request.seconds <= longest or not 1 <= request.key <= 9:
             raise Invalid(f"An arrow may be pressed for up to {longest:g} s (--dead-man) at a rate of 1 to 9.")
-        operation = op.Move(wish.direction, op.Rate(key=wish.key))
+        operation = op.Move(request.direction, op.Rate(key=request.key))
         try:
-            await self._order(operation, begun)
+            await self._perform(operation, active)
             since = controller.now()
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(wish.seconds):
-                    await begun.ended.wait()
-            lasted, stopped = controller.now() - since, begun.stops != controller.stops
+                async with asyncio.timeout(request.seconds):
+                    await active.cancelled.wait()
+            lasted, stopped = controller.now() - since, active.stops != controller.stops
         finally:
-            if self._moves(begun):
-                await controller.perform(op.StopAxis(operation.axis), None, begun.life)
+            if self._in_motion(active):
+                await controller.perform(op.StopAxis(operation.axis), None, active.activity)
         if stopped:
             raise Stopped
-        return f"it was moved {wish.direction.word} for {lasted:.1f} s"
+        return f"it was moved {request.direction.word} for {lasted:.1f} s"
 
-    async def _press(self, wish: commands.Press, begun: Begun) -> str:
+    async def _press(self, request: request_types.Press, active: ActiveRequest) -> str:
         """Begin a motion by hand, or keep it alive. Raises Fault."""
-        if not 1 <= wish.key <= 9:
+        if not 1 <= request.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
-        begun.life.heard = True
-        if begun.stops != self._controller.stops:
+        active.activity.heard = True
+        if active.stops != self._controller.stops:
             raise Stopped
-        if begun.pressed == (wish.direction, wish.key):
-            return f"it is moved {wish.direction.word}"
-        begun.pressed = wish.direction, wish.key
-        await self._order(op.Move(wish.direction, op.Rate(key=wish.key)), begun)
-        return f"it is moved {wish.direction.word}"
+        if active.pressed == (request.direction, request.key):
+            return f"it is moved {request.direction.word}"
+        active.pressed = request.direction, request.key
+        await self._perform(op.Move(request.direction, op.Rate(key=request.key)), active)
+        return f"it is moved {request.direction.word}"
 
-    async def _let_go(self, begun: Begun) -> str:
+    async def _let_go(self, active: ActiveRequest) -> str:
         """End the motion that ``Press`` began. Raises Fault."""
-        begun.ended.set()
-        if begun.pressed is not None and self._moves(begun):
-            await self._controller.perform(op.StopAxis(begun.pressed[0].axis), None, begun.life)
+        active.cancelled.set()
+        if active.pressed is not None and self._in_motion(active):
+            await self._controller.perform(op.StopAxis(active.pressed[0].axis), None, active.activity)
         return "let go"
 
-    async def _track(self, wish: commands.Track, begun: Begun) -> str:
+    async def _track(self, request: request_types.Track, active: ActiveRequest) -> str:
         """Set the tracking rate if one is given, and turn tracking on or off. Raises Fault."""
-        if wish.rate is not None:
-            await self._order(op.TrackRate(wish.rate), begun)
-        await self._order(op.SetTracking(wish.on), begun)
-        return f"tracking is {'on' if wish.on else 'off'}"
+        if request.rate is not None:
+            await self._perform(op.TrackRate(request.rate), active)
+        await self._perform(op.SetTracking(request.on), active)
+        return f"tracking is {'on' if request.on else 'off'}"
 
     # --- how it goes ------------------------------------------------------------------------------------------------
 
-    def _moves(self, begun: Begun) -> bool:
+    def _in_motion(self, active: ActiveRequest) -> bool:
         """Whether a motion that this request has begun is in progress or waits to begin."""
         wanted = self._controller.wanted.value
         moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
         if isinstance(wanted.motion, ByHand):
             moving = [motion.by for _, motion in wanted.motion]
-        return any(by is begun.life for by in (*moving, *(order.by for order in wanted.pending)))
+        return any(by is active.activity for by in (*moving, *(order.by for order in wanted.pending)))
 
     async def _follow(self, number: str) -> str:
-        begun, controller = self._begun.get(number), self._controller
-        if begun is None:
+        active, controller = self._active.get(number), self._controller
+        if active is None:
             return f"{FAILED} the gateway does not know this request: it may have been restarted meanwhile"
-        await self._look()
+        await self._refresh()
         seen = self.state().look
-        follows = begun.parks and any(
+        follows = active.is_park and any(
             order.follow_up for order in controller.wanted.value.pending
         )  # after parking, its tracking is still to be turned off
-        if self._moves(begun) or follows:
+        if self._in_motion(active) or follows:
             return f"{UNDER_WAY} {on_the_sky(seen.position) if seen.position else ''}"
-        if controller.stops != begun.stops:
+        if controller.stops != active.stops:
             return f"{FAILED} it was stopped on the way"
-        if begun.goal is not None and seen.position is not None and (words := missed(begun.goal, seen.position)):
+        if active.goal is not None and seen.position is not None and (words := missed(active.goal, seen.position)):
             return f"{FAILED} {words}, or another goto came"
-        if begun.parks:
+        if active.is_park:
             return f"{DONE} it is parked"
         return f"{DONE} it is there{': ' + on_the_sky(seen.position) if seen.position else ''}"
 
-    async def _end(self, number: str) -> str:
-        controller, begun = self._controller, self._remember(number, "mount-gateway stop")
-        begun.ended.set()  # if the request arrives later than its cancellation, it is not begun
-        if not self._moves(begun):
+    async def _cancel(self, number: str) -> str:
+        controller, active = self._controller, self._remember(number, "mount-gateway stop")
+        active.cancelled.set()  # if the request arrives later than its cancellation, it is not begun
+        if not self._in_motion(active):
             return f"{DONE} nothing that was begun here is under way"
         wanted = controller.wanted.value
         halts: list[op.Operation] = (
-            [op.StopAxis(axis) for axis, motion in wanted.motion if motion.by is begun.life]
+            [op.StopAxis(axis) for axis, motion in wanted.motion if motion.by is active.activity]
             if isinstance(wanted.motion, ByHand)
             else []
         )
-        if not halts and all(order.by is begun.life for order in wanted.waiting_gotos):  # else another goto replaces it
+        # a goto of another client that waits will replace this one anyway
+        if not halts and all(order.by is active.activity for order in wanted.waiting_gotos):
             halts = [op.AbortSlew()]
         try:
             for halt in halts:
-                await controller.perform(halt, None, begun.life)
+                await controller.perform(halt, None, active.activity)
         except Fault as fault:
-            return f"{FAILED} the mount has not acknowledged the stop: {no(fault, controller.policy.limits)}"
+            return f"{FAILED} the mount has not acknowledged the stop: {explain(fault, controller.policy.limits)}"
         return f"{DONE} the mount was stopped"
 
-    async def _look(self) -> None:
+    async def _refresh(self) -> None:
         """Refresh position and status, unless the mount does not answer soon."""
         controller = self._controller
         if controller.line.state != "up" or controller.driver.asleep:

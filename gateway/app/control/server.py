@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import msgspec
 
-from gateway.app.control.exchange import ENDING, WAIT, ControlEndpoint, parts, seal, sweep, unseal
+from gateway.app.control.exchange import ENDING, WAIT, ControlEndpoint, parts, remove_stale, seal, unseal
 from gateway.core.errors import Fault
 from gateway.system.files import write_whole
 from gateway.system.runtime_folders import occupy
@@ -27,11 +27,11 @@ Order = Callable[[], Awaitable[str]]
 REMEMBERED = 64
 ENDING_WORDS = "failed the gateway is ending, and stops its mount at that; ask again to be sure"
 
-Asked = dict[str, asyncio.Task[str]]
+Requests = dict[str, asyncio.Task[str]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """Serves requests: ``orders`` by their words, and ``wish`` with the rest of a request ``wish LINE``.
+    """Serves requests: ``orders`` by their words, and ``handle_request`` with the rest of a request ``wish LINE``.
 
     Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's own name, or empty.
     """
@@ -42,33 +42,33 @@ class Control(asyncio.DatagramProtocol):
         name: str,
         mount: str,
         orders: Mapping[str, Order],
-        wish: Callable[[str], Awaitable[str]] | None = None,
+        handle_request: Callable[[str], Awaitable[str]] | None = None,
         called: str = "",
     ) -> None:
         self.paths = [folder / f"{name}.{os.getpid()}{ENDING}" for folder in folders]
         self._state = str(folders[0].absolute())
-        self._mount, self._orders, self._wish, self._called = mount, orders, wish, called
+        self._mount, self._orders, self._handle_request, self._called = mount, orders, handle_request, called
         self._secret = secrets.token_hex(16)
         self._transport: asyncio.DatagramTransport | None = None
-        self._asked: Asked = {}
+        self._requests: Requests = {}
         self._occupied: list[int] = []
 
     async def open(self) -> None:
         """Open a port and write endpoint files. Raises OSError if no port is free, or no file can be written."""
         for path in self.paths:
             with contextlib.suppress(OSError):
-                sweep(path.parent)
+                remove_stale(path.parent)
         loop = asyncio.get_running_loop()
         transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", 0))
         self._transport = transport
         port = transport.get_extra_info("sockname")[1]
-        door = msgspec.json.encode(
+        endpoint = msgspec.json.encode(
             ControlEndpoint(self._mount, os.getpid(), port, self._secret, self._state, self._called)
         )
         failed: list[OSError] = []
         for path in self.paths:
             try:
-                write_whole(path, door, flush=False)
+                write_whole(path, endpoint, flush=False)
             except OSError as error:
                 failed.append(error)
         if len(failed) == len(self.paths):
@@ -81,11 +81,11 @@ class Control(asyncio.DatagramProtocol):
         if found is None or not found[1].startswith("ask "):
             return
         number, word = found[0], found[1].removeprefix("ask ")
-        task = self._asked.get(number)
+        task = self._requests.get(number)
         if task is None:
-            if len(self._asked) >= REMEMBERED and not self._forget():
+            if len(self._requests) >= REMEMBERED and not self._forget():
                 return
-            task = self._asked[number] = asyncio.get_running_loop().create_task(self._carry_out(word))
+            task = self._requests[number] = asyncio.get_running_loop().create_task(self._carry_out(word))
         elif not task.done():
             self._send(number, WAIT, addr)
             return
@@ -97,18 +97,18 @@ class Control(asyncio.DatagramProtocol):
 
     def _forget(self) -> bool:
         """Forget the oldest request that is done; return False if none is done."""
-        old = next((number for number, task in self._asked.items() if task.done()), None)
+        old = next((number for number, task in self._requests.items() if task.done()), None)
         if old is None:
             return False
-        del self._asked[old]
+        del self._requests[old]
         return True
 
     async def _carry_out(self, word: str) -> str:
         order = self._orders.get(word)
         first, _, line = word.partition(" ")
         try:
-            if first == "wish" and self._wish is not None:
-                return await self._wish(line)
+            if first == "wish" and self._handle_request is not None:
+                return await self._handle_request(line)
             if order is None:
                 return f"failed this gateway knows no order {word!r}; it may be of another version"
             return await order()
@@ -136,7 +136,7 @@ class Control(asyncio.DatagramProtocol):
             os.close(self._occupied.pop())
         if self._transport is None:
             return
-        waiting = [task for task in self._asked.values() if not task.done()]
+        waiting = [task for task in self._requests.values() if not task.done()]
         for task in waiting:
             task.cancel()
         if waiting:

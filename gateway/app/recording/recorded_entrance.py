@@ -136,7 +136,7 @@ class _Visitor:
         return self._guest is not None and not self._waiting and self._guest.answered
 
     def come(self, reception: Admitting, host: str) -> None:
-        self._guest = reception.come(self._name, host, self._tell)
+        self._guest = reception.create(self._name, host, self._tell)
         if self._change_rate is not None:
             self._guest.serial(self._change_rate)
         if self._hang_up is not None:
@@ -174,13 +174,13 @@ class _Visitor:
         """Pass on the functions of a network connection; call this before ``feed``."""
         self._hang_up, self._hand_over = hang_up, hand_over
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         self._loop.enter(self._gone_away)
 
     def _gone_away(self) -> None:
         assert self._guest is not None
         self._recorder.line(self._name, "e")
-        self._guest.gone()
+        self._guest.peer_closed()
 
     def close(self) -> None:
         self._write = lambda data: None

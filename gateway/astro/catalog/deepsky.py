@@ -1,10 +1,10 @@
-"""Messier, NGC, IC, Caldwell and UGC from OpenNGC, the database that the package pyongc brings.
+"""Messier, NGC, IC, Caldwell and UGC objects from OpenNGC, the database in the package pyongc.
 
-Read with sqlite3 instead of the package's own functions: those return one object at a time with numpy arrays, and
-searches by limits take them seconds. UGC numbers are those of the objects that have an NGC or IC number.
+It is read with sqlite3, not with the package's own functions: those return one object at a time with numpy arrays and
+take seconds for a search by limits. Only objects with an NGC or IC number can be found by a UGC number.
 
-A search goes through the sky in strips of an hour of right ascension from north to south, the westernmost strip first:
-what sets first is seen first. What may not be gone to is passed over.
+A search covers the sky in strips of an hour of right ascension from north to south, the westernmost strip first,
+because its objects set first. It skips objects that the mount may not go to.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from typing import Any
 from gateway.astro.catalog.objects import FAINTEST, QUALITIES, Entry, Wanted, data_file, quality
 from gateway.astro.spherical import separation, wrap360
 
-#: OpenNGC's types as kinds; stars, doubles and what does not exist have none.
+#: The kind letters of OpenNGC's types; nonexistent objects have none.
 _KINDS = {
     "G": "G", "GPair": "G", "GTrpl": "G", "GGroup": "G", "PN": "P", "Neb": "D", "HII": "D", "EmN": "D", "RfN": "D",
     "SNR": "D", "DrkN": "D", "Cl+N": "DO", "GCl": "C", "OCl": "O", "*Ass": "O", "*": "*", "**": "*", "Nova": "*",
 }  # fmt: skip
-#: What is searched for an unmeasured object's magnitude: only the widest limit finds it.
+#: The magnitude that a search assumes for an unmeasured object: only the widest limit finds it.
 _UNMEASURED = 20.0
 _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
-#: A candidate, worked out by the database, which keeps angles in radians.
+#: Columns of a candidate; the database stores angles in radians.
 _SEARCHED = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIERS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
-#: OpenNGC takes Messier's 102 for 101 seen twice; hand controls, Meade's among them, go to this galaxy in Draco.
+#: OpenNGC regards M102 as a duplicate of M101; hand controls, Meade's included, go to this galaxy in Draco.
 _IN_PLACE_OF = {102: ("NGC", 5866)}
 
 
-#: What a search compares: row of the database, right ascension, declination. Plain, because there are twelve thousand.
+#: An object in a search: database row, right ascension, declination. A plain tuple, because there are twelve thousand.
 Candidate = tuple[int, float, float]
-#: Whether a J2000 place (degrees) may be gone to now.
+#: Whether the mount may go to a J2000 position (degrees) now.
 Visible = Callable[[float, float], bool]
 _EVERY_ROW = 1 << 60
 
 
 def look_up(catalog: str, number: int) -> Entry | None:
-    """An object of ``M``, ``NGC``, ``IC``, ``C`` or ``UGC``, under that name. Raises NotInstalled."""
+    """Return the object of ``M``, ``NGC``, ``IC``, ``C`` or ``UGC`` with this number, or None. Raises NotInstalled."""
     called = f"{catalog}{number}"
     if catalog == "M":
         catalog, number = _IN_PLACE_OF.get(number, (catalog, number))
@@ -61,22 +61,22 @@ def look_up(catalog: str, number: int) -> Entry | None:
 
 
 def by_row(row: int) -> Entry:
-    """The object of a search's candidate. Raises NotInstalled."""
+    """Return the object of a database row. Raises NotInstalled."""
     return _entry(_rows("id = ?", row)[0])
 
 
 def names() -> dict[str, int]:
-    """What people call objects, and the row of each. Raises NotInstalled."""
+    """Return the common names of objects and their database rows. Raises NotInstalled."""
     rows = _rows("commonnames != '' AND ra IS NOT NULL ORDER BY id DESC", columns="commonnames, id")
     return {name.strip(): row for called, row in rows for name in called.split(",")}
 
 
 def _original(name: str) -> tuple[object, ...] | None:
-    """The object that a duplicate record stands for."""
+    """Return the row of the object that a duplicate record refers to."""
     numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]
-    for picture, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
+    for template, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
         if number:
-            return next(iter(_rows("name = ?", picture.format(number))), None)
+            return next(iter(_rows("name = ?", template.format(number))), None)
     return next(iter(_rows("messier = ? AND type != 'Dup'", numbers[2])), None)
 
 
@@ -88,7 +88,7 @@ def _entry(row: tuple[Any, ...], name: str | None = None) -> Entry:
 
 
 def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
-    import sqlite3  # 10 ms that most gateways never need
+    import sqlite3  # takes 10 ms, and most gateways never need it
 
     path = data_file("pyongc", "ongc.db")
     with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
@@ -99,7 +99,7 @@ def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, 
 
 
 def matching(wanted: Wanted) -> list[Candidate]:
-    """Everything within the limits, in the order of ``order``; not to be changed. Raises NotInstalled."""
+    """Return all candidates within the limits, sorted by ``order``; callers must not change it. Raises NotInstalled."""
     return _matching(data_file("pyongc", "ongc.db"), wanted)
 
 
@@ -121,26 +121,26 @@ def _matching(_: Path, wanted: Wanted) -> list[Candidate]:
 
 
 def order(candidate: Candidate) -> tuple[int, float, int]:
-    """How a search goes through the sky: hour by hour of right ascension, in each from north to south."""
+    """Return the sort key of a search: hour by hour of right ascension, in each from north to south."""
     row, ra, dec = candidate
     return int(ra / 15.0), -dec, row
 
 
 def first(candidates: Sequence[Candidate], visible: Visible, meridian: float) -> Candidate | None:
-    """The one to begin with; ``meridian`` is the right ascension in the south now."""
+    """Return the first candidate of a search; ``meridian`` is the right ascension on the meridian now."""
     west = int(wrap360(meridian + 180.0) / 15.0), -90.0, 0
     return _walk(candidates, bisect_left(candidates, west, key=order), 1, visible)
 
 
 def beside(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
-    """The next one after a place (``step`` 1) or the one before it (-1), not counting what stands at that place."""
+    """Return the next candidate after a position (``step`` 1) or before it (-1), not one exactly at it."""
     after = bisect_left(candidates, order((_EVERY_ROW, ra, dec)), key=order)
     before = bisect_left(candidates, order((0, ra, dec)), key=order) - 1
     return _walk(candidates, after if step > 0 else before, step, visible)
 
 
 def _walk(candidates: Sequence[Candidate], start: int, step: int, visible: Visible) -> Candidate | None:
-    """Once round the sky."""
+    """Return the next visible candidate, going once around the sky."""
     count = len(candidates)
     for offset in range(count):
         candidate = candidates[(start + step * offset) % count]
@@ -150,6 +150,6 @@ def _walk(candidates: Sequence[Candidate], start: int, step: int, visible: Visib
 
 
 def in_field(candidates: Sequence[Candidate], ra: float, dec: float, radius: float) -> list[Candidate]:
-    """Those within ``radius`` degrees of a J2000 place, the nearest first."""
+    """Return the candidates within ``radius`` degrees of a J2000 position, the nearest first."""
     near = [(separation(ra, dec, c[1], c[2]), c) for c in candidates if abs(c[2] - dec) <= radius]
     return [candidate for distance, candidate in sorted(near) if distance <= radius]

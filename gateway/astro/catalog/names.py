@@ -1,9 +1,8 @@
-"""Names that people call objects by: Vega, Rigel Kent, Ring Nebula; case, spaces, hyphens and the like do not count.
+"""Common names of objects: Vega, Rigel Kent, Ring Nebula; case, spaces, hyphens and other punctuation do not count.
 
-Stars' names are this project's own list (``mappings/stars.toml``), with a Hipparcos number each; those of alignment
-lists and charts have their places there, too, because ``goto Polaris`` is what somebody types who has nothing yet.
-Names of nebulae, clusters and galaxies are OpenNGC's. A name that nobody has given is None; names that look like it are
-suggested.
+The star names are this project's own list (``mappings/stars.toml``), each with a Hipparcos number. The stars of
+alignment lists and charts have their positions there too, so that ``goto Polaris`` works without any catalogue. Names
+of nebulae, clusters and galaxies are OpenNGC's. An unknown name gives None, and similar names are suggested.
 """
 
 from __future__ import annotations
@@ -16,23 +15,23 @@ from gateway.core.tables import read_table
 _TABLE = read_table("stars.toml")
 #: Name -> Hipparcos number.
 HIPPARCOS: dict[str, int] = _TABLE["numbers"]
-#: Another name -> name.
+#: Other name or spelling -> name.
 ALSO: dict[str, str] = _TABLE["also"]
 #: Name -> right ascension and declination, degrees, at the catalogue's epoch; proper motion, mas a year.
 PLACES: dict[str, tuple[float, float, float, float]] = _TABLE["places"]
 _BY_NUMBER = {HIPPARCOS[name]: place for name, place in PLACES.items()}
-#: How like a name must be to be suggested, and how many are.
+#: The similarity (0 to 1) from which a name is suggested, and how many are.
 ALIKE, SUGGESTED = 0.72, 3
 
 
 def by_number(number: int, year: float) -> tuple[float, float] | None:
-    """Where the star of a Hipparcos number stands in that year (2026.5), J2000, degrees; None for all but these."""
+    """Return the J2000 position in degrees of a star in ``PLACES`` in that year (2026.5); None for any other star."""
     place = _BY_NUMBER.get(number)
     return None if place is None else stars.moved(*place, year)
 
 
 def bare(name: str) -> str:
-    """What two spellings of a name have in common."""
+    """Return a name without case, punctuation, spaces and a leading "the", for comparing spellings."""
     letters = "".join(letter for letter in name.casefold() if letter.isalnum())
     return letters.removeprefix("the")
 
@@ -45,7 +44,7 @@ def star(name: str) -> int | None:
 
 
 def look_up(name: str, year: float) -> Entry | None:
-    """The star or deep sky object of a name. Raises NotInstalled where the star's catalogue is missing."""
+    """Return the star or deep sky object with this name, or None. Raises NotInstalled without the star catalogue."""
     number = star(name)
     if number is None:
         row = {bare(known): row for known, row in _deep_sky().items()}.get(bare(name))
@@ -53,14 +52,14 @@ def look_up(name: str, year: float) -> Entry | None:
     try:
         return stars.hipparcos(number, year)
     except NotInstalled:
-        place = by_number(number, year)  # one of the bright stars that are known without it
+        place = by_number(number, year)  # bright stars are known without the catalogue
         if place is None:
             raise
         return Entry(name, "*", *place)
 
 
 def beginning(text: str, most: int) -> list[str]:
-    """Names that begin so: the stars that mounts are aligned on first, other spellings last; the shorter the sooner."""
+    """Return names that begin with a text: alignment stars first, other spellings last, shorter names before longer."""
     typed = bare(text)
     spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
     longer = [known for bared, known in spelled.items() if typed and bared.startswith(typed)]
@@ -68,7 +67,7 @@ def beginning(text: str, most: int) -> list[str]:
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
-    """Names that begin like one that nobody has given, or look like it; ``more`` are names besides these."""
+    """Return known names that begin with an unknown one or are similar to it; ``more`` are additional known names."""
     spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS, *more)}
     typed = bare(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
@@ -77,7 +76,7 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
 
 
 def _deep_sky() -> dict[str, int]:
-    """None where their catalogue is not installed."""
+    """Return the common names of deep sky objects; none if the catalogue is not installed."""
     try:
         return deepsky.names()
     except NotInstalled:

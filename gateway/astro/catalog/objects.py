@@ -1,10 +1,9 @@
-"""What a catalogue says of an object, and how well it can be seen, and where the catalogues' data files lie.
+"""An object's catalogue entry, its visual quality, and the location of the catalogues' data files.
 
 Kinds are the letters of the Meade protocol's type string: G galaxy, P planetary nebula, D diffuse nebula, C globular
-cluster, O open cluster; a cluster with nebulosity is both D and O, and what has no letter is no deep sky object.
-No catalogue at hand rates an object's looks, so the quality is judged here: by its magnitude, and one step lower where
-its light is spread thinner than magnitude 14 to the square arcminute.
-The files are found without importing the packages they came with.
+cluster, O open cluster; a cluster with nebulosity is both D and O; ``*`` is a star. The catalogues do not rate how well
+an object can be seen, so the quality is estimated here: by its magnitude, and one step lower if its surface brightness
+is fainter than magnitude 14 per square arcminute. Data files are found without importing their packages.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ from msgspec import Struct
 
 from gateway.core.errors import Unsupported
 
-#: The best first, as the Meade protocol names them: super, excellent, very good, good, fair, poor, very poor.
+#: Qualities of the Meade protocol, best first: super, excellent, very good, good, fair, poor, very poor.
 QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
-#: The faintest magnitude of each, but of the last, which has none.
+#: The faintest magnitude of each quality except the last.
 FAINTEST = (5.0, 7.0, 9.0, 11.0, 12.5, 14.0)
 _THIN = 14.0
 _WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "OPEN CLUS", "*": "STAR"}
@@ -32,7 +31,7 @@ class NotInstalled(Unsupported):
 
 
 def data_file(package: str, name: str) -> Path:
-    """The data file of an installed package. Raises NotInstalled."""
+    """Return the path of a data file of an installed package. Raises NotInstalled."""
     found = find_spec(package)
     if found is None or found.origin is None:
         raise NotInstalled
@@ -43,7 +42,7 @@ def data_file(package: str, name: str) -> Path:
 
 
 class Entry(Struct, frozen=True):
-    """An object: J2000 place in degrees, axes of its outline in arcminutes; None for what nobody has measured."""
+    """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured."""
 
     name: str
     kinds: str
@@ -66,7 +65,7 @@ class Wanted(Struct, frozen=True):
 
 
 def quality(magnitude: float | None, size: float | None, width: float | None) -> str:
-    """One of ``QUALITIES``; what nobody has measured is very poor. Axes in arcminutes."""
+    """Return one of ``QUALITIES``; very poor without a magnitude. ``size`` and ``width`` in arcminutes."""
     if magnitude is None:
         return QUALITIES[-1]
     step = sum(magnitude > limit for limit in FAINTEST)
@@ -77,7 +76,7 @@ def quality(magnitude: float | None, size: float | None, width: float | None) ->
 
 
 def describe(entry: Entry) -> str:
-    """As the Meade paper's one example is written: ``M31 EX GAL MAG 3.5 SZ178.0'``; what is not known is left out."""
+    """Describe an object as in the Meade manual's example, ``M31 EX GAL MAG 3.5 SZ178.0'``, without unknown values."""
     words = [entry.name]
     star = entry.kinds == "*"
     if not star:

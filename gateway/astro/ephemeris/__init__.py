@@ -1,1 +1,1 @@
-"""The sky over a site: sidereal time, alt-azimuth, equinox of date, Sun, Moon and planets."""
+"""The sky over a site: sidereal time, azimuth and altitude, equinox of date, Sun, Moon and planets."""

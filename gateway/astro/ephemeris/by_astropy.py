@@ -1,12 +1,12 @@
-"""Days of the sky, worked out by astropy. Importing this takes half a second: only the loader thread of `Sky` does it.
+"""Day tables of the sky calculated by astropy. The import takes half a second: only `Sky`'s loader thread does it.
 
-`Time` counts the leap seconds, `GCRS` and `TETE` turn J2000 into the equinox of date, `get_sun` and
-`get_body_barycentric` place Sun, Moon and planets (ephemeris "builtin": nothing is fetched). UT1-UTC, how far the
-turning of the Earth is from the clocks, is in finals2000A.all of the IERS, which astropy installs with itself and which
-holds a year of predictions. astropy's own reader takes 100 MB for the whole: it is given a table of that one column,
-without polar motion (0.6"), which nothing here needs.
+`Time` counts the leap seconds, `GCRS` and `TETE` convert J2000 to the equinox of date, `get_sun` and
+`get_body_barycentric` give Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC comes from the
+file finals2000A.all of the IERS, which is installed with astropy and contains a year of predictions. astropy's own
+reader needs 100 MB for the whole file; this module gives it a table of that one column, without polar motion (0.6"),
+which is not needed here.
 Errors, against Skyfield and JPL's DE421: sidereal time 5 ms, axes 1 mas, Sun 0.03", Moon 3" rms and 19" at worst;
-before 1972 another 0.1" and 1.5" for a time scale that was read from the sky.
+before 1972 another 0.1" and 1.5", because TT-UT1 is interpolated between observed values.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ JD_OF_UNIX_EPOCH = 2440587.5
 _UNIX_AT_1972 = 63072000.0
 _SECONDS = np.arange(ROWS) * STEP
 _LIGHT = 299792.458  # km a second
-# Before 1972 Unix time stands for UT1. TT-UT1 in seconds every fifth year from 1900 on (Astronomical Almanac,
-# "Reduction of time scales"), and no step into the first leap seconds; straight lines between them are within two
-# seconds, 1" of the Moon.
+# Before 1972 Unix time is taken as UT1. TT-UT1 in seconds every fifth year from 1900 on (Astronomical Almanac,
+# "Reduction of time scales"), continuous with the first leap seconds; linear interpolation is within two seconds, 1" of
+# the Moon.
 _OBSERVED = [*(np.arange(15) * 5.0 * 365.25 * DAY - 2208988800.0), _UNIX_AT_1972]
 _DELTA_T = [-2.72, 3.86, 10.46, 17.20, 21.16, 23.62, 24.02, 23.93, 24.33, 26.77, 29.15, 31.07, 33.15, 35.73, 40.18]
 _DELTA_T.append(42.184)
 
 
 def read_earth_rotation(records: Iterable[bytes]) -> IERS:
-    """A table for all dates: 0 before the first record, after the last prediction its value holds.
+    """Return an Earth rotation table for all dates: 0 before the first record, the last value after the last one.
 
-    Fixed records: MJD in columns 8-15, UT1-UTC in columns 59-68.
+    Fixed columns: MJD in 8-15, UT1-UTC in 59-68. Raises ValueError if days are missing.
     """
     rows = ((line[7:15], line[58:68]) for line in records)
     days, values = zip(*((float(day), float(value)) for day, value in rows if value.strip()), strict=True)
     if (np.diff(days) != 1.0).any():
-        raise ValueError("UT1-UTC table: its days do not follow one another")
+        raise ValueError("UT1-UTC table: its days are not consecutive")
     table = {"MJD": [0.0, days[0] - 1.0, *days, 1e5] * u.day, "UT1_UTC": [0.0, 0.0, *values, values[-1]] * u.s}
     still = np.zeros(len(days) + 3) * u.arcsec
     return IERS({**table, "PM_x": still, "PM_y": still, "dX_2000A": still, "dY_2000A": still})
@@ -56,13 +56,13 @@ def read_earth_rotation(records: Iterable[bytes]) -> IERS:
 
 @cache
 def earth_rotation() -> IERS:
-    """The table that came with astropy, read once: nothing changes it while the gateway runs."""
+    """Return the table installed with astropy. It is read once: nothing changes it while the gateway runs."""
     with open(astropy_iers_data.IERS_A_FILE, "rb") as file:
         return read_earth_rotation(file)
 
 
 def terrestrial(unix: float) -> float:
-    """Terrestrial Time in days since the Unix epoch: by the leap seconds, before the first by observation."""
+    """Return Terrestrial Time in days since the Unix epoch: by the leap seconds, before 1972 by observations."""
     if unix < _UNIX_AT_1972:
         return float(unix + np.interp(unix, _OBSERVED, _DELTA_T)) / DAY
     midnight = unix - unix % DAY  # astropy's own Unix time runs slow on a day with a leap second
@@ -71,28 +71,28 @@ def terrestrial(unix: float) -> float:
 
 
 def ut1_utc(day: int) -> float:
-    """Seconds to add to UTC, as of 0h of a day since the Unix epoch: it moves by less than 3 ms a day."""
+    """Return UT1-UTC in seconds at 0h of a day since the Unix epoch; it changes by less than 3 ms a day."""
     return float(earth_rotation().ut1_utc(JD_OF_UNIX_EPOCH + day).value)
 
 
-@lru_cache(512)  # every gateway of a process reads the same sky
+@lru_cache(512)  # shared by all gateways of a process
 def day_table(part: str, day: int) -> DayTable:
-    """The table of a part: ``frame``, ``Sun``, ``Moon`` or a planet; of a day since the Unix epoch."""
+    """Return the table of a part (``frame``, ``Sun``, ``Moon`` or a planet) for a day since the Unix epoch."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", erfa.ErfaWarning)  # that nobody knows the leap seconds to come
+        warnings.simplefilter("ignore", erfa.ErfaWarning)  # future leap seconds are unknown
         return DayTable([tuple(row) for row in _rows(part, day).T.tolist()])
 
 
 @lru_cache(4)
 def _day(day: int) -> tuple[Any, Any]:
-    """The moments of the rows, and the rotation from J2000 to the equinox of date at each."""
+    """Return the times of the rows, and the rotation from J2000 to the equinox of date at each."""
     at = Time(JD_OF_UNIX_EPOCH, terrestrial(day * DAY) + _SECONDS / DAY, format="jd", scale="tt")
     axes = CartesianRepresentation(np.broadcast_to(np.eye(3)[:, :, np.newaxis], (3, 3, ROWS)))
     return at, GCRS(axes, obstime=at).transform_to(TETE(obstime=at)).cartesian.xyz.value
 
 
 def _rows(part: str, day: int) -> Any:
-    """One column for each row: sidereal time and rotation, or a vector of date."""
+    """Return one column per row of the table: sidereal time and rotation, or a vector of date."""
     at, matrices = _day(day)
     if part == "frame":
         return np.vstack([_sidereal_times(day), matrices.reshape(9, ROWS)])
@@ -104,9 +104,9 @@ def _rows(part: str, day: int) -> Any:
 
 
 def _sidereal_times(day: int) -> Any:
-    """Greenwich apparent sidereal time in degrees, less what the mean one goes on from the first row.
+    """Return Greenwich apparent sidereal time in degrees, less the increase of mean sidereal time since the first row.
 
-    By ERFA itself: `Time.sidereal_time` comes to UT1 by way of UTC, which ran at other rates before 1972.
+    It calls ERFA directly: `Time.sidereal_time` derives UT1 from UTC, which ran at other rates before 1972.
     """
     at, matrices = _day(day)
     ut1 = day + (ut1_utc(day) + _SECONDS) / DAY
@@ -116,12 +116,12 @@ def _sidereal_times(day: int) -> Any:
 
 
 def _from_earth(name: str, at: Any) -> Any:
-    """Where it was when its light left it, from the Earth's centre, in km: no aberration.
+    """Return the geocentric vector, in km, to where the body was when its light left it; without aberration.
 
-    The Moon shares the Earth's way around the Sun, so light time is all the aberration there is.
+    The Moon moves around the Sun with the Earth, so light time is its only aberration.
     """
     light = 0.0
-    for _ in range(3):  # the way the light goes, from nothing: each round is a thousand times nearer
+    for _ in range(3):  # iterate the light time: each round is a thousand times more exact
         sent = at - light * u.s
         viewer = get_body_barycentric("earth", sent if name == "Moon" else at, ephemeris="builtin")
         seen = (get_body_barycentric(name, sent, ephemeris="builtin") - viewer).xyz.to_value(u.km)

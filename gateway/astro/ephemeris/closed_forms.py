@@ -1,8 +1,8 @@
-"""The sky in closed forms: what can be said with `math` alone, at once and for any date.
+"""Closed formulas for the orientation of the Earth, Sun and Moon: `math` alone, at once and for any date.
 
-In the true equator and equinox of date: how the Earth is turned, where the Sun is, where the Moon is. They answer
-until astropy is loaded, and for ever if that fails. There are no planets: no closed form of them is short enough.
-How the Moon is turned, libration counted, is always told by these.
+Results are in the true equator and equinox of date. They are used until astropy is loaded, and permanently if that
+fails. There are no planets, because their formulas would be too long. The orientation of the Moon, with libration,
+always comes from this module.
 Greatest errors for 1900..2050: axes 0.4", sidereal time 0.03 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees,
 Moon 0.04 degrees and 150 km. They were measured against ERFA and against JPL's DE421.
 """
@@ -36,12 +36,12 @@ Frame = tuple[float, Matrix]
 
 
 def frame(unix: float) -> Frame:
-    """Precession of IAU 2006 and the great terms of nutation; sidereal time with UT1 = UTC."""
+    """Return the frame by IAU 2006 precession and the largest terms of nutation; sidereal time with UT1 = UTC."""
     return sidereal_time(unix, 0.0), _matrix_of_date(centuries(unix))
 
 
 def sun(unix: float) -> Vector:
-    """Apparent geocentric direction of date of the Sun (Meeus, chapter 25, low accuracy)."""
+    """Return the apparent geocentric direction of the Sun, of date (Meeus, chapter 25, low accuracy)."""
     t = centuries(unix)
     anomaly = math.radians(357.52911 + t * (35999.05029 - 0.0001537 * t))
     centre = (
@@ -53,7 +53,7 @@ def sun(unix: float) -> Vector:
 
 
 def moon(unix: float) -> Vector:
-    """Apparent geocentric place of the Moon of date, in km (Meeus, chapter 47, its greater terms)."""
+    """Return the apparent geocentric position of the Moon, of date, in km (Meeus, chapter 47, the larger terms)."""
     t = centuries(unix)
     angles = delaunay(t)
     longitude, latitude, distance = 218.3164477 + t * (481267.88123421 - 0.0015786 * t), 0.0, 385000.56
@@ -67,7 +67,7 @@ def moon(unix: float) -> Vector:
 
 
 def delaunay(t: float) -> tuple[float, float, float, float]:
-    """The Moon's elongation, the Sun's anomaly, the Moon's anomaly and its argument of latitude, in radians."""
+    """Return the Moon's elongation, the Sun's anomaly, the Moon's anomaly and argument of latitude, in radians."""
     return (
         math.radians(297.8501921 + t * (445267.1114034 - 0.0018819 * t)),
         math.radians(357.5291092 + t * (35999.0502909 - 0.0001536 * t)),
@@ -77,7 +77,7 @@ def delaunay(t: float) -> tuple[float, float, float, float]:
 
 
 def _from_ecliptic(t: float, longitude: float, latitude: float, distance: float) -> Vector:
-    """From the mean ecliptic and equinox of date to the true equator and equinox of date."""
+    """Convert from the mean ecliptic and equinox of date to the true equator and equinox of date."""
     in_longitude, in_obliquity = nutation(t)
     on_ecliptic = to_vector(wrap360(longitude + in_longitude), latitude)
     x, y, z = rotate(about_x(obliquity(t) + in_obliquity), on_ecliptic)
@@ -85,7 +85,7 @@ def _from_ecliptic(t: float, longitude: float, latitude: float, distance: float)
 
 
 def _matrix_of_date(t: float) -> Matrix:
-    """J2000 to true equator and equinox of date: the four angles of Fukushima and Williams (IAU 2006), and nutation."""
+    """Return the rotation from J2000 to date: the four angles of Fukushima and Williams (IAU 2006), and nutation."""
     node = t * (10.556403 + t * (0.4932044 - t * 0.00031238))
     tilt = 84381.406 + t * (-46.811015 + t * (0.0511269 + t * 0.00053289))
     along = t * (5038.481507 + t * (1.5584176 - t * 0.00018522))
@@ -95,12 +95,12 @@ def _matrix_of_date(t: float) -> Matrix:
 
 
 def moon_orientation(unix: float) -> Matrix:
-    """The rotation from selenographic axes to the true equator and equinox of date.
+    """Return the rotation from selenographic axes to the true equator and equinox of date.
 
-    Cassini's laws, which make the optical libration, plus the physical libration by Eckhardt's series (Meeus,
-    Astronomical Algorithms, chapter 53): within 0.03 degrees of JPL's DE421, which is half an arcsecond on the sky. All
-    is done with vectors, so what a site sees otherwise than the Earth's centre (up to a degree of libration) needs no
-    further formula.
+    Cassini's laws, which cause the optical libration, plus the physical libration by Eckhardt's series (Meeus,
+    Astronomical Algorithms, chapter 53): within 0.03 degrees of JPL's DE421, which is half an arcsecond on the sky. It
+    uses vectors, so the difference between a site and the Earth's centre (up to a degree of libration) needs no further
+    formula.
     """
     t = centuries(unix)
     node = 125.0445479 + t * (-1934.1362891 + 0.0020754 * t)
@@ -116,16 +116,15 @@ def moon_orientation(unix: float) -> Matrix:
 
 
 def place_on_moon(moon: Vector, unix: float, latitude: float, longitude: float) -> Vector:
-    """Where a selenographic place is, in km of date, for a Moon seen there (from the Earth's centre or a site).
-
-    Latitude counts north, longitude EAST (towards Mare Crisium), degrees.
+    """Return the vector to a selenographic position, of date, in km. ``moon`` is the Moon's own vector from the same
+    origin (the Earth's centre or a site). Latitude is positive north, longitude EAST (towards Mare Crisium), degrees.
     """
     x, y, z = rotate(moon_orientation(unix), to_vector(longitude, latitude))
     return moon[0] + _MOON_RADIUS * x, moon[1] + _MOON_RADIUS * y, moon[2] + _MOON_RADIUS * z
 
 
 def _physical(t: float, node: float, angles: tuple[float, ...]) -> tuple[float, float, float]:
-    """Eckhardt's physical libration: what is to be added to inclination, node and longitude, degrees."""
+    """Return Eckhardt's physical libration: the corrections of inclination, node and longitude, degrees."""
 
     def series(terms: tuple[tuple[tuple[int, int, int, int], float, float], ...]) -> float:
         total = 0.0
@@ -137,7 +136,7 @@ def _physical(t: float, node: float, angles: tuple[float, ...]) -> tuple[float, 
     turn = series(_TURN)
     for argument, sine in ((119.75 + 131.849 * t, 396), (72.56 + 20.186 * t, 23), (node, 196)):
         turn += sine * 1e-5 * math.sin(math.radians(argument))
-    # Eckhardt gives the node's part as the pole's displacement by it, which is as many times smaller.
+    # Eckhardt gives the node's part as the displacement of the pole, which is smaller by the sine of the inclination.
     return series(_TILT), series(_ALONG) / math.sin(math.radians(_INCLINATION)), turn
 
 

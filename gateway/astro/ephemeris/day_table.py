@@ -1,30 +1,30 @@
-"""A table of a day: one thing on the sky every three hours, and a cubic between.
+"""A table for one day: the values of one part of the sky every three hours, with cubic interpolation.
 
-Between the rows the cubic is within 0.004" of what astropy says (the Moon; the others far less), so a command costs
-microseconds whatever the rows have cost.
+The interpolation is within 0.004" of astropy's own result (for the Moon; the others far less). So a command takes
+microseconds, however long calculating the rows took.
 """
 
 from __future__ import annotations
 
 from operator import mul
 
-#: Of the sky; each has a table of its own for each day.
+#: Parts of the sky; each has a table of its own for each day.
 PARTS = ("frame", "Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 DAY = 86400.0
 STEP = 10800.0
-ROWS = 9  # from 0h to 24h, both counted: no row lies beyond a leap second at midnight
+ROWS = 9  # from 0h to 24h inclusive: no row lies beyond a leap second at midnight
 
 Row = tuple[float, ...]
 
 
 class DayTable:
-    """Rows that begin at 0h; ``at`` answers for seconds of the day."""
+    """Rows that begin at 0h."""
 
     def __init__(self, rows: list[Row]) -> None:
         self._rows = rows
 
     def at(self, seconds: float) -> Row:
-        """The numbers at a moment, by the four rows around it (Lagrange)."""
+        """Return the values at a second of the day, interpolated from the four nearest rows (Lagrange)."""
         first = min(max(int(seconds / STEP) - 1, 0), ROWS - 4)
         a = seconds / STEP - first
         b, c, d = a - 1.0, a - 2.0, a - 3.0

@@ -1,1 +1,1 @@
-"""Commands that look at ports, commands, tables and recordings."""
+"""Commands that inspect ports, this computer, command tables and recordings."""

@@ -1,6 +1,6 @@
-"""``detect``: which mount is on which serial port, and how to start a gateway with it.
+"""``detect``: finds which mount is on which serial port, and prints how to start a gateway with it.
 
-Exit code 0 when a mount was found, 1 when none was, 2 for a mistake.
+Exit code 0 if a mount was found, 1 if none was, 2 for a user's mistake.
 """
 
 from __future__ import annotations
@@ -83,14 +83,14 @@ def _detect(arguments: argparse.Namespace) -> int:
 
 
 def _advise(steps: list[str], json: bool) -> None:
-    """Say what to try next, where a person reads it."""
+    """Print what to try next, unless the output is for programs."""
     if steps and not json:
         sys.stdout.flush()
         print("What to try next:", *(f"  - {step}" for step in steps), sep="\n", file=sys.stderr)
 
 
 def _write(path: Path, mounts: list[Finding], force: bool, network: bool) -> None:
-    """Write the file whole or not at all. Raises UserError."""
+    """Write a gateway.toml for the only mount that was found. Raises UserError."""
     from gateway.diagnostics.detect.report import toml
 
     if len(mounts) > 1:
@@ -103,7 +103,7 @@ def _write(path: Path, mounts: list[Finding], force: bool, network: bool) -> Non
 
 
 def write_whole(path: Path, text: str, force: bool) -> None:
-    """Write a file whole or not at all, in the place of another one only by ``force``. Raises UserError."""
+    """Write a file whole or not at all; replace an existing one only with ``force``. Raises UserError."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     reserved = False
     try:

@@ -1,6 +1,6 @@
-"""``doctor``: one look at this computer, and what to do about everything that could keep a gateway from working.
+"""``doctor``: checks this computer, and says what to do about everything that could keep a gateway from working.
 
-Exit code 0 when nothing is to be mended, 1 when something is.
+Exit code 0 if nothing needs to be repaired, 1 if something does.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
 
 def lines(results: Sequence[Result]) -> list[str]:
-    """The results for a person, and how many of them ask for something."""
+    """Return the results as lines for the user, followed by the number of problems and of notes."""
     from gateway.diagnostics.doctor.facts import BAD, NOTE
 
     told: list[str] = []

@@ -1,6 +1,6 @@
-"""``decode``, ``replay`` and ``report``: a recording as a conversation in words, played once more, and as a page.
+"""``decode``, ``replay`` and ``report``: show a recording in words, replay it, or make a web page of it.
 
-``decode`` understands captures of a serial line as well. ``replay`` asks whether every client receives the same bytes.
+``decode`` understands captures of a serial line as well. ``replay`` checks whether every client gets the same bytes.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _decode(arguments: argparse.Namespace) -> int:
 
 
 def _guessed(capture: Capture, path: Path) -> str:
-    """The protocol of a capture, by what a client sent in it. Raises UserError."""
+    """Guess the protocol of a capture from the bytes that a client sent. Raises UserError."""
     from gateway.diagnostics.decode import is_text
 
     sample = capture.sample()
@@ -106,7 +106,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         print(recording.cut)
     if outcome.differences and outcome.guessed:
         print(f"the order of events was guessed, so that what is different may be due to that: {outcome.guessed}")
-    verdict = "the same bytes" if not outcome.differences else f"{len(outcome.differences)} were told something else"
+    verdict = "the same bytes" if not outcome.differences else f"{len(outcome.differences)} received different bytes"
     print(f"{outcome.clients} connections, {outcome.replies} replies, {outcome.requests} requests: {verdict}")
     return 1 if outcome.differences else 0
 
@@ -151,7 +151,7 @@ def _report(arguments: argparse.Namespace) -> int:
 
 
 def _is_report(path: Path) -> bool:
-    """Whether there is an older report, which a newer one may replace."""
+    """Whether a file is an older report, which may be replaced."""
     try:
         with path.open("rb") as file:
             return b"<title>The night of " in file.read(400)

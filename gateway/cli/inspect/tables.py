@@ -1,4 +1,4 @@
-"""``tables`` and ``explain``: what becomes of every command per model, and of one command in words and bytes."""
+"""``tables`` and ``explain``: the outcome of every command per model, and of one command in words and bytes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def add_tables(commands: Commands) -> None:
 
 
 def _model(words: str) -> str:
-    """A model by the word that is on the mount, as ``PROTOCOL:MODEL[/VERSION]``. Raises UserError."""
+    """Return ``PROTOCOL:MODEL[/VERSION]`` for a model as users write it. Raises UserError."""
     from gateway.app.config import parse_device
 
     known = parse_device(words)

@@ -1,1 +1,1 @@
-"""Commands that speak to a running gateway about its mount."""
+"""Commands that send requests about the mount to a running gateway."""

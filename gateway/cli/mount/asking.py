@@ -1,7 +1,7 @@
-"""What the commands share that speak to a running gateway: which gateway is meant, and what it answers.
+"""The common part of commands that ask a running gateway: choosing the gateway, sending the request, exit codes.
 
-The exit code is 0 when the request was carried out, 1 when the gateway refused it or none runs, and 2 when it cannot be
-done as typed.
+The exit code is 0 if the request was carried out, 1 if the gateway refused it or no gateway runs, and 2 for a mistake
+in what was typed.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError
 from gateway.system import streams
 
-#: Seconds within which a gateway has carried out whatever takes no time of its own.
+#: Timeout in seconds for the answer to a request, not counting the time of a ``move`` itself.
 ANSWERED = 15.0
-#: Seconds between two looks at what is under way.
+#: Seconds between two requests for the progress.
 EVERY = 1.0
 NOBODY = (
     "no gateway runs here{which}; mount-gateway run starts one, and --state PATH names the folder of one that "
@@ -27,48 +27,49 @@ NOBODY = (
 
 
 def add_which(command: argparse.ArgumentParser, which: str = "which one, where several run") -> None:
-    """The flags that say which gateway is meant."""
+    """Add the flags that choose a gateway."""
     command.add_argument("--mount", metavar="NAME", help=f"{which}: its name, its endpoint, or the part behind @")
     command.add_argument(
         "--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its state"
     )
 
 
-def found(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
-    """The gateways that run and are meant, or ``all_of_them`` that could be."""
-    from gateway.app.control.exchange import listened
+def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
+    """Return the running gateways that the flags choose, or ``all_of_them`` whatever ``--mount`` says."""
+    from gateway.app.control.exchange import is_listening
     from gateway.app.reach import look, scope_of
 
     only = None if all_of_them else arguments.mount
     return [
-        door
-        for _, door in look(scope_of(arguments.state)).gateways
-        if listened(door) and (only is None or only in (door.name, door.mount, door.mount.partition("@")[2]))
+        endpoint
+        for _, endpoint in look(scope_of(arguments.state)).gateways
+        if is_listening(endpoint)
+        and (only is None or only in (endpoint.name, endpoint.mount, endpoint.mount.partition("@")[2]))
     ]
 
 
-def the_one(arguments: argparse.Namespace) -> ControlEndpoint | None:
-    """The gateway that is meant; None where none runs, which is said. Raises UserError where it could be several."""
-    doors = found(arguments)
-    if len(doors) > 1:
-        raise UserError(f"{len(doors)} mounts run here; say which one is meant: {_flags(doors)}")
-    if not doors:
-        nobody(arguments)
+def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
+    """Return the chosen gateway; None, with a message, if none runs. Raises UserError if it could be several."""
+    endpoints = chosen_gateways(arguments)
+    if len(endpoints) > 1:
+        raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {_flags(endpoints)}")
+    if not endpoints:
+        report_no_gateway(arguments)
         return None
-    return doors[0]
+    return endpoints[0]
 
 
-def _flags(doors: Iterable[ControlEndpoint]) -> str:
-    """What names each of these gateways."""
-    return " or ".join(sorted(f"--mount {door.name or door.mount}" for door in doors))
+def _flags(endpoints: Iterable[ControlEndpoint]) -> str:
+    """Return the flags that choose each of these gateways."""
+    return " or ".join(sorted(f"--mount {endpoint.name or endpoint.mount}" for endpoint in endpoints))
 
 
-def nobody(arguments: argparse.Namespace) -> None:
-    """Say that no gateway runs."""
+def report_no_gateway(arguments: argparse.Namespace) -> None:
+    """Report that no gateway runs, or none with the mount that was named."""
     from gateway.app.reach import scope_of, unseen
     from gateway.system.runtime_folders import user_name
 
-    others = found(arguments, all_of_them=True) if arguments.mount else []
+    others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
     if others:
         streams.warn(f"no gateway runs here for {arguments.mount}; write {_flags(others)}", streams.ERROR)
         return
@@ -83,20 +84,20 @@ def nobody(arguments: argparse.Namespace) -> None:
         )
 
 
-async def wished(door: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
-    """What the gateway answers to a request, ``failed REASON`` where nobody does."""
+async def send_request(endpoint: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
+    """Send a request and return the gateway's answer, or ``failed REASON`` if there is none."""
     from gateway.app.reach import ask
 
-    answer = await ask(door, f"wish {line}", seconds)
+    answer = await ask(endpoint, f"wish {line}", seconds)
     if answer is None:
         return "failed the gateway has ended"
     if answer.startswith("failed this gateway knows no order"):
-        return "failed this gateway is of an older version, and takes no wishes from the command line; start it anew"
+        return "failed this gateway is of an older version, and takes no requests from the command line; restart it"
     return answer
 
 
-def told(answer: str) -> int:
-    """Say what came of a request -> the exit code."""
+def report(answer: str) -> int:
+    """Print the result of a request and return the exit code."""
     how, _, words = answer.partition(" ")
     plain = "".join(letter if letter.isprintable() else "?" for letter in words)
     if how == "failed":
@@ -107,22 +108,22 @@ def told(answer: str) -> int:
     return 0
 
 
-def carried_out(
+def run_with_gateway(
     arguments: argparse.Namespace, work: Callable[[ControlEndpoint, asyncio.Event], Coroutine[object, object, int]]
 ) -> int:
-    """Run something with the one gateway that is meant, and an event which Ctrl-C sets -> the exit code."""
-    door = the_one(arguments)
-    if door is None:
+    """Run ``work`` with the chosen gateway and an event that Ctrl-C sets; return the exit code."""
+    endpoint = chosen_gateway(arguments)
+    if endpoint is None:
         return 1
 
     async def run() -> int:
-        return await work(door, until_signal())
+        return await work(endpoint, until_signal())
 
     return asyncio.run(run())
 
 
-async def over(done: asyncio.Event) -> bool:
-    """Let the time to the next look pass -> whether Ctrl-C has come."""
+async def cancelled_while_waiting(done: asyncio.Event) -> bool:
+    """Wait until the next request for the progress; return whether the user pressed Ctrl-C meanwhile."""
     with contextlib.suppress(TimeoutError):
         await asyncio.wait_for(done.wait(), EVERY)
     return done.is_set()

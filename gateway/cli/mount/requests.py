@@ -1,8 +1,8 @@
-"""``goto``, ``sync``, ``move``, ``park``, ``unpark``: what a person asks of the mount, through the gateway that runs.
+"""``goto``, ``sync``, ``move``, ``park``, ``unpark``: the user's requests to the mount, through the running gateway.
 
-Each is one request to that gateway, whose limits hold; what it refuses is said in words, with exit code 1. Ctrl-C takes
-the request back: what it began is stopped. A place is two angles, of date as the mount and ``status`` tell them unless
-they are said to be of 2000 as a catalogue's are, or the name of an object.
+Each is one request to that gateway, whose limits apply; a refusal is explained in words, with exit code 1. Ctrl-C
+cancels the request: the motion that it began is stopped. A place is two angles or the name of an object; angles are of
+the equinox of date, as the mount and ``status`` show them, or with ``--j2000`` of J2000.
 """
 
 from __future__ import annotations
@@ -14,18 +14,26 @@ import sys
 from collections.abc import Callable
 from typing import TypeAlias
 
-from gateway.app.control import commands as wishes
-from gateway.app.control.exchange import ControlEndpoint, draw
+from gateway.app.control import request_types
+from gateway.app.control.exchange import ControlEndpoint, new_number
 from gateway.cli.command_line import Commands, Parser
-from gateway.cli.mount.asking import ANSWERED, add_which, carried_out, over, told, wished
+from gateway.cli.mount.asking import (
+    ANSWERED,
+    add_which,
+    cancelled_while_waiting,
+    report,
+    run_with_gateway,
+    send_request,
+)
 from gateway.cli.serve.signals import unless
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
-#: A request, made of the arguments and of the number by which it is known from then on. Raises UserError.
+#: Makes a request from the arguments and its number. Raises UserError.
 Make: TypeAlias = Callable[
-    [argparse.Namespace, str], "wishes.Goto | wishes.Sync | wishes.Park | wishes.Unpark | wishes.Move"
+    [argparse.Namespace, str],
+    "request_types.Goto | request_types.Sync | request_types.Park | request_types.Unpark | request_types.Move",
 ]
 
 GOTO = """\
@@ -60,7 +68,7 @@ def add_goto(commands: Commands) -> None:
     )  # fmt: skip
     add_place(goto)
     _add_wait(goto)
-    _requests(goto, lambda arguments, number: wishes.Goto(number, place(arguments)))
+    _add_request(goto, lambda arguments, number: request_types.Goto(number, place(arguments)))
 
 
 def add_sync(commands: Commands) -> None:
@@ -71,7 +79,7 @@ def add_sync(commands: Commands) -> None:
         epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
     )  # fmt: skip
     add_place(sync)
-    _requests(sync, lambda arguments, number: wishes.Sync(number, place(arguments)))
+    _add_request(sync, lambda arguments, number: request_types.Sync(number, place(arguments)))
 
 
 def add_move(commands: Commands) -> None:
@@ -91,7 +99,7 @@ def add_move(commands: Commands) -> None:
         help="as the hand control's keys: 1 is slowest, 9 is fastest (5)",
     )
     move.add_argument("--seconds", type=float, default=1.0, metavar="S", help="for how long (1)")
-    _requests(move, _move)
+    _add_request(move, _move)
 
 
 def add_park(commands: Commands) -> None:
@@ -102,7 +110,7 @@ def add_park(commands: Commands) -> None:
         epilog="Example:\n  mount-gateway park --wait\n",
     )  # fmt: skip
     _add_wait(park)
-    _requests(park, lambda _, number: wishes.Park(number))
+    _add_request(park, lambda _, number: request_types.Park(number))
 
 
 def add_unpark(commands: Commands) -> None:
@@ -111,84 +119,84 @@ def add_unpark(commands: Commands) -> None:
         description="Takes the mount of the gateway that runs here up again: it tracks from now on.",
         epilog="Example:\n  mount-gateway unpark\n",
     )  # fmt: skip
-    _requests(unpark, lambda _, number: wishes.Unpark(number))
+    _add_request(unpark, lambda _, number: request_types.Unpark(number))
 
 
 def _add_wait(command: Parser) -> None:
     command.add_argument("--wait", action="store_true", help="wait until it is there; Ctrl-C stops it")
 
 
-def _requests(command: Parser, make: Make) -> None:
-    """Which gateway is meant, and what the command asks of it."""
+def _add_request(command: Parser, make: Make) -> None:
+    """Add the flags that choose a gateway, and the function that makes the request."""
     add_which(command)
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
 
 
-def _move(arguments: argparse.Namespace, number: str) -> wishes.Move:
+def _move(arguments: argparse.Namespace, number: str) -> request_types.Move:
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
-    return wishes.Move(number, Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
+    return request_types.Move(number, Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
 
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
-    """Have the request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
-    wish = make(arguments, draw())
-    lasting = wish.seconds if isinstance(wish, wishes.Move) else 0.0
+    """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
+    request = make(arguments, new_number())
+    lasting = request.seconds if isinstance(request, request_types.Move) else 0.0
 
-    async def work(door: ControlEndpoint, done: asyncio.Event) -> int:
-        answer = await unless(done, wished(door, wishes.written(wish), lasting + ANSWERED))
+    async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
+        answer = await unless(done, send_request(endpoint, request_types.encode(request), lasting + ANSWERED))
         if answer is not None and answer.startswith("done ") and arguments.wait:
             if sys.stdout.isatty():
-                told(answer)
-            answer = await _followed(door, wish.number, done)
+                report(answer)
+            answer = await _follow(endpoint, request.number, done)
         if answer is not None:
-            return told(answer)
-        told(await wished(door, wishes.written(wishes.End(wish.number))))
+            return report(answer)
+        report(await send_request(endpoint, request_types.encode(request_types.End(request.number))))
         return 1
 
-    return carried_out(arguments, work)
+    return run_with_gateway(arguments, work)
 
 
-async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
-    """What came of it in the end; None when Ctrl-C came first. A line on a terminal tells how it goes meanwhile."""
+async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
+    """Return the final result of a request, or None after Ctrl-C. Meanwhile a line on the terminal shows progress."""
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
-    line = wishes.written(wishes.Follow(number))
+    line = request_types.encode(request_types.Follow(number))
     try:
         while True:
-            answer = await unless(done, wished(door, line))
+            answer = await unless(done, send_request(endpoint, line))
             if answer is None or not answer.startswith("under way"):
                 return answer
             screen.show(answer)
-            if await over(done):
+            if await cancelled_while_waiting(done):
                 return None
     finally:
         screen.clear()
 
 
 def add_place(command: argparse.ArgumentParser) -> None:
-    """The arguments."""
+    """Add the arguments for a place on the sky."""
     command.add_argument("place", nargs="+", metavar="PLACE", help="RA DEC, or the name of an object: see below")
     command.add_argument("--j2000", action="store_true", help="RA and DEC are of 2000, as catalogues have them")
 
 
-def place(arguments: argparse.Namespace) -> wishes.Where:
-    """What was typed. Raises UserError that says what would be right."""
+def place(arguments: argparse.Namespace) -> request_types.Where:
+    """Return the target that the user typed. Raises UserError that says what would be right."""
     words = [word.strip() for word in arguments.place]
     if len(words) != 2 or not words[0][:1].isdecimal():
-        from gateway.app.control import objects  # the catalogues: neither two angles nor another command needs them
+        from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
         return objects.find(" ".join(words))
     ra, dec = words
     degrees = ":" not in ra and "h" not in ra.lower()
     right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
     up = _angle(dec, "a declination", 90.0, -90.0)
-    return wishes.Spot(right if degrees else right * 15.0, up, arguments.j2000)
+    return request_types.Spot(right if degrees else right * 15.0, up, arguments.j2000)
 
 
 def _angle(text: str, what: str, most: float, least: float) -> float:
-    """Whole units and their fraction. Raises UserError."""
+    """Parse an angle; return it in hours or degrees, as it was typed. Raises UserError."""
     plain = re.sub(r"[hdms°'\"′″*]", ":", text.lower()).rstrip(":")
     try:
         value = sexagesimal.parse(plain.encode(), least=1)

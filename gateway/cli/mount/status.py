@@ -1,6 +1,6 @@
-"""``status`` and ``watch``: what is wanted of the mounts, what is allowed, and what is seen, by the gateways that run.
+"""``status`` and ``watch``: show the state of mounts, as running gateways know it.
 
-``status`` tells everything once, of every gateway; ``watch`` tells of one mount every second until Ctrl-C, on one line.
+``status`` shows everything once, for every gateway; ``watch`` shows one mount on one line, every second until Ctrl-C.
 """
 
 from __future__ import annotations
@@ -12,11 +12,19 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from gateway.app.control.commands import See, written
 from gateway.app.control.exchange import ControlEndpoint
+from gateway.app.control.request_types import See, encode
 from gateway.app.status import OLD, Rate, State, does, status, where
 from gateway.cli.command_line import Commands
-from gateway.cli.mount.asking import add_which, carried_out, found, nobody, over, told, wished
+from gateway.cli.mount.asking import (
+    add_which,
+    cancelled_while_waiting,
+    chosen_gateways,
+    report,
+    report_no_gateway,
+    run_with_gateway,
+    send_request,
+)
 from gateway.cli.serve.signals import unless
 from gateway.system import streams
 
@@ -37,7 +45,7 @@ def add_status(commands: Commands) -> None:
     )  # fmt: skip
     command.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
     add_which(command)
-    command.set_defaults(run=lambda arguments: asyncio.run(_tell_once(arguments)))
+    command.set_defaults(run=lambda arguments: asyncio.run(_show_once(arguments)))
 
 
 def add_watch(commands: Commands) -> None:
@@ -48,52 +56,52 @@ def add_watch(commands: Commands) -> None:
         epilog="Example:\n  mount-gateway watch\n",
     )  # fmt: skip
     add_which(command)
-    command.set_defaults(run=lambda arguments: carried_out(arguments, _keep_telling))
+    command.set_defaults(run=lambda arguments: run_with_gateway(arguments, _watch))
 
 
-async def _state(door: ControlEndpoint) -> State | str:
-    """What a gateway knows of its mount; a sentence that begins with ``failed`` where it does not say."""
-    answer = await wished(door, written(See()))
+async def _state(endpoint: ControlEndpoint) -> State | str:
+    """Return what a gateway knows of its mount; if it does not answer, a sentence that begins with ``failed``."""
+    answer = await send_request(endpoint, encode(See()))
     try:
         return msgspec.json.decode(answer, type=State)
     except msgspec.MsgspecError:
         return answer
 
 
-async def _tell_once(arguments: argparse.Namespace) -> int:
-    doors = found(arguments)
-    answers = await asyncio.gather(*map(_state, doors))
+async def _show_once(arguments: argparse.Namespace) -> int:
+    endpoints = chosen_gateways(arguments)
+    answers = await asyncio.gather(*map(_state, endpoints))
     states = [answer for answer in answers if isinstance(answer, State)]
-    for door, answer in zip(doors, answers, strict=True):
+    for endpoint, answer in zip(endpoints, answers, strict=True):
         if isinstance(answer, str):
-            streams.warn(f"{door.name or door.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
+            streams.warn(f"{endpoint.name or endpoint.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
     streams.tolerate()
     if arguments.json:
         streams.say(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:
         streams.say("\n\n".join("\n".join(lines(state)) for state in states))
-    if not doors:
-        nobody(arguments)
-    return 0 if doors and len(states) == len(doors) else 1
+    if not endpoints:
+        report_no_gateway(arguments)
+    return 0 if endpoints and len(states) == len(endpoints) else 1
 
 
-async def _keep_telling(door: ControlEndpoint, done: asyncio.Event) -> int:
+async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen, rate = Screen(find_terminal()), Rate()
     streams.tolerate()
     now = asyncio.get_running_loop().time
     try:
-        while (answer := await unless(done, _state(door))) is not None:
+        while (answer := await unless(done, _state(endpoint))) is not None:
             if isinstance(answer, str):
                 screen.clear()
-                return told(answer)
+                return report(answer)
             look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
             if screen.terminal is not None:
                 screen.show(status([look], screen.columns))
             else:
                 streams.say(status([look]))
-            if await over(done):
+            if await cancelled_while_waiting(done):
                 break
     finally:
         screen.clear()
@@ -101,20 +109,20 @@ async def _keep_telling(door: ControlEndpoint, done: asyncio.Event) -> int:
 
 
 def lines(state: State) -> Iterator[str]:
-    """A mount's state for a person."""
+    """Yield the lines that show a mount's state to the user."""
     look = state.look
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
-    seen = where(look)  # with its age, where it is old
+    seen = where(look)  # includes the age of an old position
     if look.position is not None and look.age <= OLD:
         seen += f", {look.age:.0f} s ago"
-    doing = "" if look.state in ("opening", "down") else does(look)  # nobody knows what it does now
+    doing = "" if look.state in ("opening", "down") else does(look)  # not known now
     rows = {
         "mount": [state.found or "has not said yet which one it is"],
         "seen": [f"{seen}; {doing}" if doing else seen],
         "wanted": state.wanted or ["no motion"],
         "allowed": ["; ".join(state.allowed)],
-        "site": [state.site or "not known: altitudes cannot be reckoned"],
+        "site": [state.site or "not known: altitudes cannot be computed"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
         "programs": [", ".join(_counted(state.programs)) or "none"],
@@ -126,5 +134,5 @@ def lines(state: State) -> Iterator[str]:
 
 
 def _counted(names: Iterable[str]) -> Iterator[str]:
-    """Every name once, with how often where that is more."""
+    """Return every name once, with its count if it is there several times."""
     return (f"{name} ({often} times)" if often > 1 else name for name, often in Counter(names).items())

@@ -1,7 +1,7 @@
-"""``stop``: end every motion of every mount here, with or without a running gateway; hold the mounts, let them go.
+"""``stop``: stops every mount of this computer, with or without a running gateway; holds and releases mounts.
 
-One line for each mount. Exit code 0 says that each was seen at rest, or that there is none; 1 that one could not be
-stopped or seen, or that it cannot be known what runs. Fit for systemd's ``ExecStopPost``.
+It prints one line for each mount. Exit code 0: each was seen at rest, or there is none; 1: one could not be stopped or
+seen, or some gateways cannot be asked. It is fit for systemd's ``ExecStopPost``.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def _stop(arguments: argparse.Namespace) -> int:
 
 
 def _as_gateways_have_it(mount: str | None) -> str | None:
-    """A mount that was named by what its owner calls it, as the gateway calls it; any other text as it is."""
+    """Return the endpoint of a mount as its gateway writes it; a text that is no endpoint is returned unchanged."""
     from gateway.app.config import parse_endpoint
 
     if mount is None or "@" not in mount:
@@ -93,7 +93,7 @@ NOTHING = {
 
 
 def _on_disk(folder: Path, word: str) -> tuple[str, str]:
-    """Hold or release what is started later on a state folder -> what was done, and what could not be."""
+    """Hold or release gateways that are started later with a state folder; return (what was done, what failed)."""
     from gateway.app.state.file import HOLD, hold_folder, release_folder
 
     try:

@@ -1,4 +1,4 @@
-"""``demo``: a simulated mount to play with."""
+"""``demo``: runs a gateway with a simulated mount, so that programs can be tried without a telescope."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
 
 DEMO_PORT = 4030
-#: The port for any program stands so far behind it.
+#: The number of the port for any program is so much higher.
 APART = ANY_PORT - DEMO_PORT
-#: So many ports and names are tried after the first.
+#: So many ports and names are tried.
 OTHERS = 50
-#: The keys that the demo has as well.
+#: The keys of the configuration that are flags of the demo, too.
 SHOWN = ("log", "night")
 
 
@@ -92,7 +92,7 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 
 def free_port(first: int) -> int:
-    """The first of some ports that nobody listens on; the first of all where all are taken."""
+    """Return the first free port from ``first`` on; ``first`` itself if all that were tried are in use."""
     for port in range(first, min(first + OTHERS, 65536)):
         with socket.socket() as tried:
             if os.name == "posix":
@@ -105,7 +105,7 @@ def free_port(first: int) -> int:
 
 
 def free_name(path: str) -> str:
-    """The first of this name and those with a number behind it that nobody has; the name itself where all are taken."""
+    """Return this name, or the first free one with a number appended; the name itself if all are in use."""
     from gateway.transport.device_link import is_free
 
     names = [path, *(f"{path}-{number}" for number in range(2, OTHERS))]

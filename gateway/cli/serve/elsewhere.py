@@ -1,7 +1,7 @@
-"""Where a gateway that serves is shown besides its surfaces: on the console's page, and on an MQTT broker.
+"""Opens the console and the connection to an MQTT broker for a gateway that serves.
 
-No program waits for either: the console is opened once the surfaces are ready, and the broker is connected to beside
-all else. What is not wanted is not loaded.
+No program waits for either: the console is opened once the surfaces are ready, and the broker is connected in the
+background. Modules that are not needed are not loaded.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 
 async def open_console(config: Config, gateways: Sequence[Gateway], screen: Screen) -> Console | None:
-    """Open the page and say where it is; None where there is to be none, or where it cannot be opened."""
+    """Open the console and print its address; return None if it is off or cannot be opened."""
     if config.page is None:
         return None
-    console = await asyncio.to_thread(_made_ready)  # a quarter of a second that nobody is to wait for
+    console = await asyncio.to_thread(_made_ready)  # loading takes a quarter of a second, and clients must not wait
     page = console(gateways, _access(config.page), config.page.pin or "", config.page.names, _doors(gateways))
     host, port = split_address(config.page.at)
     try:
@@ -48,7 +48,7 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
 
 
 def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
-    """The surfaces of programs that speak HTTP, which the console's server answers by the console's rules."""
+    """Return the surfaces of the HTTP protocols, which the console's server serves by the console's rules."""
     page = config.page
     if page is None:
         return []
@@ -61,7 +61,7 @@ def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 
 
 def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
-    """The ports of surfaces where browsers come in, too, and who may do what there."""
+    """Return the ports of surfaces that browsers can use, too, and the access rules of each."""
     return {
         split_address(port.where)[1]: reception.access
         for gateway in gateways
@@ -71,7 +71,7 @@ def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
 
 
 def _made_ready() -> type[Console]:
-    """The web server, loaded."""
+    """Load the web server."""
     made: type[Console] = import_module("gateway.console.server").Console
     return made
 
@@ -84,14 +84,14 @@ def _access(page: ConsoleConfig) -> Access:
 
 
 def offer(page: Console) -> Offer:
-    """The console as something to be found on the network."""
+    """Return the console as an offer for announcements on the network."""
     from gateway.app.discovery.offer import Offer
 
     return Offer("http", "mount-gateway", "tcp", page.host, page.port)
 
 
 def to_be_found(page: Console | None) -> list[Offer]:
-    """The same server as programs that speak HTTP look for it."""
+    """Return the console's server as offers of the HTTP protocols, for their own discovery."""
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
@@ -99,12 +99,12 @@ def to_be_found(page: Console | None) -> list[Offer]:
 
 
 def announced(page: Console | None) -> list[Offer]:
-    """What is told on the network of a console: nothing of one that only this computer reaches."""
+    """Return the offers to announce for a console: none if only this computer reaches it."""
     return [found] if page is not None and (found := offer(page)).wide else []
 
 
 def from_elsewhere(page: Console) -> list[str]:
-    """What to type on a phone, and the same as a QR code, where other computers reach the page."""
+    """Return lines with the address for a phone and its QR code, if other computers reach the page."""
     from gateway.app.discovery.offer import to_type
 
     found = offer(page)
@@ -117,7 +117,7 @@ def from_elsewhere(page: Console) -> list[str]:
 
 
 def qr_code(address: str) -> list[str]:
-    """An address as a QR code of block characters, where a terminal shows it and the library is there."""
+    """Return an address as a QR code in block characters; empty without a terminal or the library."""
     import sys
 
     if not sys.stdout.isatty():
@@ -134,7 +134,7 @@ def qr_code(address: str) -> list[str]:
 
 
 def let_in(config: Config) -> brokers.Access | None:
-    """What the broker asks for; None where there is to be none. Raises UserError for what is missing."""
+    """Return the credentials for the broker; None if none is configured. Raises UserError for what is missing."""
     mqtt = config.mqtt
     if mqtt is None:
         return None
@@ -146,7 +146,7 @@ def let_in(config: Config) -> brokers.Access | None:
 def open_broker(
     config: Config, access: brokers.Access | None, gateways: Sequence[Gateway], screen: Screen
 ) -> Station | None:
-    """Show the mounts on the broker, as soon as it is there and for as long as the gateway runs."""
+    """Publish the mounts on the broker, as long as the gateway runs; return None if none is configured."""
     if access is None or config.mqtt is None:
         return None
     from gateway.fleet.station import Station

@@ -1,6 +1,6 @@
-"""Finding the mount of one gateway: how long it is waited for, and what is said meanwhile and where there is none.
+"""Waits for the mount of one gateway to answer, and explains to the user if it does not.
 
-What is said tells what was asked, what came, what that means, and what helps.
+A message says what was asked, what was received, what that means, and what to do.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from gateway.protocols.registry import PROTOCOLS
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
-#: How long a mount may take to say its first word (a hand control's worst), the first that makes sense where bytes
-#: come, and all that it is asked.
+#: Seconds until the first bytes (a hand control's worst case), until the first valid reply once bytes came, and until
+#: the mount is identified.
 FIRST_WORD, FIRST_SENSE, FIND_MOUNT = 4.0, 10.0, 20.0
-#: What every mount talks at that nobody has set to anything else, baud.
+#: The default rate of every mount, baud.
 USUAL = 9600
-#: With --wait, how long the ready lines wait for the mount to say what fits it.
+#: With --wait, seconds that the ready lines wait for the identification of the mount.
 QUICK = 0.5
-#: How the reason begins of a line whose port cannot be opened.
+#: The beginning of the line's reason if its port cannot be opened.
 CANNOT_OPEN = "cannot open"
-#: Seconds after which it is said what is waited for.
+#: Seconds after which a message says what the gateway waits for.
 SAID_AFTER = 1.0
 
 
@@ -36,7 +36,7 @@ async def serve(
     ready: Callable[[Gateway], None],
     warn: Callable[[str], None],
 ) -> None:
-    """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
+    """Wait for one mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``."""
     if not patient:
         await _find(gateway, warn)
     start_sky()
@@ -49,23 +49,23 @@ async def serve(
 
 
 async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
-    """Wait for the mount -> whether it is there; False as soon as there is little hope."""
+    """Wait for the mount and return whether it answers; give up early if there is little hope."""
     line, now = gateway.controller.line, asyncio.get_running_loop().time
     began, said = now(), False
     while now() < began + FIND_MOUNT:
         if await gateway.found(0.1):
             return True
-        hope = FIRST_SENSE if line.talk.heard_ever else FIRST_WORD
+        hope = FIRST_SENSE if line.transaction.heard_ever else FIRST_WORD
         if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):
             break
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
             warn(waiting(gateway))
-    return gateway.controller.context.met.is_set()  # what tells where it points is a mount
+    return gateway.controller.context.met.is_set()  # a device that reports a position is a mount
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
-    """Wait for the mount; raise UserError that says what is there instead."""
+    """Wait for the mount. Raises UserError that says what was found instead."""
     if await _found(gateway, warn):
         return
     line, words = gateway.controller.line, not_found(gateway)
@@ -85,14 +85,14 @@ async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
 
 
 async def _answers_at(where: str, baud: int) -> bool:
-    """Whether a mount answers at this rate; asked twice, for it may still make out what came at another one."""
+    """Whether a mount answers at this rate; try twice, because bytes sent at another rate may still disturb it."""
     from gateway.diagnostics.detect import who_answers
 
     return bool(await who_answers(where, baud) or await who_answers(where, baud))
 
 
 def _instead(gateway: Gateway, reason: str) -> str:
-    """What to do about a mount's port that cannot be opened."""
+    """Return what to do about a mount's port that cannot be opened."""
     if "in use" not in reason:
         return where_else(gateway.mount.where)
     from gateway.diagnostics.detect.ports import holder
@@ -108,25 +108,25 @@ def _instead(gateway: Gateway, reason: str) -> str:
 
 
 def waiting(gateway: Gateway) -> str:
-    """What is waited for, and how long it may take."""
+    """Return the message that says what the gateway waits for, and how long it may take."""
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.takes[gateway.mount.model is None]
     if gateway.controller.context.met.is_set():
         return (
-            f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
-            f"it {takes} s to say"
+            f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "
+            "model"
         )
     return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest} may take {takes} s"
 
 
 def not_found(gateway: Gateway) -> str:
-    """Why no mount was found, and what to do; the cable is only doubted where nothing ever came."""
-    talk, where = gateway.controller.line.talk, gateway.mount.where
+    """Return why no mount was found, and what to do; suspect the cable only if no byte was received."""
+    transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     rest = f"{look}, --wait keeps trying"
-    if not talk.heard_ever:
+    if not transaction.heard_ever:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"
-    asked, came = talk.trouble
+    asked, came = transaction.trouble
     answer = f"it answered {show(came)}" if came else "it did not answer that"
     kind = PROTOCOLS[gateway.mount.protocol].mounts
     return (
@@ -137,7 +137,7 @@ def not_found(gateway: Gateway) -> str:
 
 
 def where_else(where: str) -> str:
-    """What to look at when a mount's port or address cannot be opened."""
+    """Return what to check if a mount's port or address cannot be opened."""
     if where.startswith(("socket://", "rfc2217://")):
         return "is it switched on, in the same network, and is the number of its port right?"
     return "mount-gateway detect shows which ports there are"

@@ -1,6 +1,6 @@
-"""What is shown of a running gateway: a line on the terminal, and the state that systemd is told.
+"""Shows the state of a running gateway: a line on the terminal, and the status that systemd gets.
 
-Both use what is known already and cost the mount no exchange. Without a terminal and without systemd nothing is done.
+Both use cached readings and cost the mount no exchange. Without a terminal and without systemd nothing is done.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from gateway.system.systemd import notify, wanted, watchdog
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
-#: Seconds between two looks, for the terminal and for systemd.
+#: Seconds between two updates, for the terminal and for systemd.
 EVERY, SELDOM = 1.0, 5.0
 
 
 class Screen:
-    """Where lines for a person go, and under them one that is rewritten in place, where there is a terminal for it.
+    """Prints lines for the user, and below them, on a terminal, a status line that is rewritten in place.
 
-    With ``as_json`` warnings have the form of the log for programs, which is on the same stream.
+    With ``as_json`` warnings are written as JSON, like the log for programs, which uses the same stream.
     """
 
     def __init__(self, terminal: TextIO | None, night: bool = False, as_json: bool = False) -> None:
@@ -42,14 +42,14 @@ class Screen:
 
     @property
     def columns(self) -> int:
-        """The room for a line that does not wrap."""
+        """The maximum length of a line that does not wrap."""
         assert self.terminal is not None
         with contextlib.suppress(OSError, ValueError):
             return (os.get_terminal_size(self.terminal.fileno()).columns or 80) - 1
         return 79
 
     def show(self, text: str) -> None:
-        """Rewrite the line; not while somebody else has the terminal."""
+        """Rewrite the status line, unless another program is in the terminal's foreground."""
         if self.terminal is not None and _in_front(self.terminal):
             from gateway.diagnostics.log.layout import painted
 
@@ -58,7 +58,7 @@ class Screen:
             self._shown = len(text)
 
     def clear(self) -> None:
-        """Take the line away, so that another one can be written in its place."""
+        """Erase the status line, so that another line can be written in its place."""
         if self.terminal is not None and self._shown:
             self._write(f"\r{' ' * min(self._shown, self.columns)}\r")
             self._shown = 0
@@ -71,12 +71,12 @@ class Screen:
             self.terminal.flush()
 
     def say(self, text: str) -> None:
-        """A line on stdout."""
+        """Print a line on stdout."""
         self.clear()
         streams.say(text)
 
     def warn(self, text: str) -> None:
-        """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
+        """Print a warning on stderr; ignore errors, because a closed terminal must not keep a mount moving."""
         self.clear()
         if self._as_json:
             streams.tell(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
@@ -85,40 +85,40 @@ class Screen:
 
 
 def find_terminal() -> TextIO | None:
-    """stderr, else stdout, where it is a terminal that can go back to the beginning of a line."""
+    """Return stderr, else stdout, if it is a terminal on which a line can be rewritten; else None."""
     if os.environ.get("TERM") == "dumb":
         return None
     return next((stream for stream in (sys.stderr, sys.stdout) if stream.isatty()), None)
 
 
 def _in_front(terminal: TextIO) -> bool:
-    """Whether this program has the terminal: one that was started with ``&`` lets others write."""
+    """Whether this program is in the terminal's foreground, not started with ``&``."""
     with contextlib.suppress(OSError, ValueError, AttributeError):  # not our terminal; Windows has no such thing
         return os.tcgetpgrp(terminal.fileno()) == os.getpgrp()
     return True
 
 
 class Onlooker:
-    """Looks at gateways, as often as it is asked to."""
+    """Makes the status line of gateways, with their rates of exchanges."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
         self._gateways = [(gateway, Rate()) for gateway in gateways]
 
     def line(self, columns: int | None = None) -> str:
-        """How they all are, on one line."""
+        """Return the status of all gateways on one line."""
         try:
             return status([look(gateway, rate) for gateway, rate in self._gateways], columns)
-        except ValueError as error:  # a mount may say anything; the watchdog is fed all the same
+        except ValueError as error:  # a mount may report any value, and systemd's watchdog must be fed
             return str(error)[:columns]
 
     @property
     def served(self) -> bool:
-        """Whether the line of every mount has somebody who works on it."""
+        """Whether the I/O task of every mount's line still runs."""
         return all(gateway.controller.line.served for gateway, _ in self._gateways)
 
 
 def look(gateway: Gateway, rate: Rate) -> StatusLine:
-    """What is known of a mount, without asking it."""
+    """Return what is known of a mount, without asking it."""
     from gateway.app.control import gather
 
     here = len(gateway.programs())
@@ -126,7 +126,7 @@ def look(gateway: Gateway, rate: Rate) -> StatusLine:
 
 
 def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:
-    """Begin to show and to report, where somebody wants it; the tasks are to be cancelled at the end."""
+    """Begin to update the terminal and systemd, if there are any; the caller must cancel the tasks at the end."""
     work: list[Coroutine[object, object, None]] = []
     if screen.terminal is not None:
         work.append(_show(Onlooker(gateways), screen))
@@ -142,7 +142,7 @@ async def _show(onlooker: Onlooker, screen: Screen) -> None:
 
 
 async def _report(onlooker: Onlooker, screen: Screen) -> None:
-    """systemd hears that all is well as long as it is: this loop runs, and so does the worker of every line."""
+    """Feed systemd's watchdog as long as this event loop and the I/O task of every line run, and report the status."""
     patience = watchdog()
     said, served = "", True
     while True:

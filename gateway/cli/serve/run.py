@@ -1,4 +1,4 @@
-"""``run`` and ``config``: connect programs to mounts as flags and ``gateway.toml`` say, or print what they say."""
+"""``run`` and ``config``: run a gateway by flags and ``gateway.toml``, or print the configuration in effect."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def add_run(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     config, _ = settings(arguments)
-    watchdog = start_watchdog(config)  # before anything heavy is imported
+    watchdog = start_watchdog(config)  # before large modules are imported
     return with_loop(
         arguments.loop == "fast",
         lambda: serve_mounts(config, watchdog=watchdog),

@@ -1,9 +1,9 @@
-"""``service``: a systemd unit that fits this installation and its configuration.
+"""``service``: prints a systemd unit that fits this installation and its configuration.
 
-The user is a normal one, not a dynamic one: a virtual serial port belongs to whoever opens it, and a dynamic user has
-a /tmp of its own, so that no program would ever see /tmp/lx200. The kernel follows a link in /tmp only for its owner,
-so by default it is the user who runs the programs. The rest of the system is closed to it, as far as a serial port
-allows: ``PrivateDevices`` and ``ProtectClock`` would hide the ports, ``PrivateTmp`` the links.
+The unit has a normal user, not a dynamic one: a virtual serial port belongs to the user who opens it, and a dynamic
+user has a /tmp of its own, so that no program would see /tmp/lx200. The kernel follows a link in /tmp only for its
+owner, so the default is the user who runs the programs. The unit denies access to the rest of the system as far as
+serial ports allow: ``PrivateDevices`` and ``ProtectClock`` would hide the ports, ``PrivateTmp`` the links.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gateway.app.config import Config
 
 DEFAULT = Path("/etc/mount-gateway.toml")
-#: Who may open serial ports: Debian and most others; Arch.
+#: The groups that may open serial ports: on Debian and most others, and on Arch.
 GROUPS = ("dialout", "uucp")
 
 UNIT = """\
@@ -32,7 +32,7 @@ UNIT = """\
 [Unit]
 Description=Gateway between LX200 and NexStar programs and mounts
 After=network.target
-# A mistake in the configuration does not heal by itself, an address that is not there yet does.
+# Give up after some restarts: a wrong configuration stays wrong, but a network address may only be missing at first.
 StartLimitIntervalSec=300
 StartLimitBurst=20
 
@@ -41,18 +41,18 @@ Type=notify
 User={user}
 SupplementaryGroups={group}
 ExecStart={program} run --wait --config {config}
-# Whatever it ended by, the mount does not go on moving.
+# However the gateway ended, the mount is stopped.
 {stop}
 StateDirectory=mount-gateway
 SyslogIdentifier=mount-gateway
-# Nobody watches the mount while the gateway hangs: it is ended then, the mount stopped, and the gateway started again.
+# If the gateway hangs, systemd ends it, the mount is stopped, and the gateway is started again.
 WatchdogSec=20
 Restart=on-failure
 RestartSec=5
-# Motion is stopped and tracking put back before it ends; a hand control answers within seconds.
+# Before it ends, the gateway stops motion and resumes tracking; a hand control answers within seconds.
 TimeoutStopSec=30
 
-# Closed, but for serial ports and the links of virtual ones in /tmp.
+# No access except to serial ports and the links of virtual ones in /tmp.
 NoNewPrivileges=yes
 CapabilityBoundingSet=
 ProtectSystem=strict
@@ -126,7 +126,7 @@ def _service(arguments: argparse.Namespace) -> int:
 
 
 def reached_from_elsewhere(at: str) -> bool:
-    """Whether a surface is for more than the programs on this computer: on the network, or on a real serial port."""
+    """Whether other computers reach a surface: it is on the network, or on a real serial port."""
     from gateway.transport.tcp import exposed
 
     where = at.partition("@")[2]
@@ -134,7 +134,7 @@ def reached_from_elsewhere(at: str) -> bool:
 
 
 def unit(config: Config, path: Path, user: str, run: list[str]) -> str:
-    """The unit that runs the words ``run`` with the configuration that was read from a path. Raises UserError."""
+    """Return the unit for the program ``run`` with the configuration file at ``path``. Raises UserError."""
     program = " ".join([word(run[0], variables=False), *map(word, run[1:])])
     states = {None if mount.state is None else absolute(mount.state, path) for mount in config.mount}
     stop = [
@@ -153,7 +153,7 @@ def unit(config: Config, path: Path, user: str, run: list[str]) -> str:
 
 
 def folders(config: Config, path: Path) -> set[Path]:
-    """Where the gateway must write, beside its StateDirectory: links of virtual ports and their locks, recordings."""
+    """Return where the gateway writes besides its StateDirectory: virtual ports and their locks, recordings."""
     found = {Path("/tmp")}
     for surface in config.surface:
         _, _, where = surface.at.partition("@")
@@ -166,21 +166,21 @@ def folders(config: Config, path: Path) -> set[Path]:
 
 
 def absolute(name: str, path: Path) -> Path:
-    """A path from a file, that means the same wherever the gateway is started. Raises UserError."""
+    """Return an absolute path from a configuration file. Raises UserError for a relative one."""
     if not os.path.isabs(name):
         raise UserError(f"{path}: {name!r}: a service needs whole paths, that begin with /")
     return Path(name)
 
 
 def word(text: str, variables: bool = True) -> str:
-    """One word of a line of a unit, as systemd.service(5) wants it written. The program's name has no variables."""
+    """Escape one word of a line as systemd.service(5) requires; in the program's name ``$`` is not escaped."""
     text = text.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%")
     text = text.replace("$", "$$") if variables else text
     return f'"{text}"' if set(text) & set(" \t'\"\\;") else text
 
 
 def program() -> list[str]:
-    """How this program was started, as words that start it from anywhere."""
+    """Return the words that start this program from any folder."""
     if in_one_file():
         return own_words()
     given, beside = sys.argv[0], str(Path(sys.executable).with_name("mount-gateway"))
@@ -192,7 +192,7 @@ def program() -> list[str]:
 
 
 def _user() -> str:
-    """Who asks; behind sudo, who really asks. Raises UserError for root, as whom nobody should run this."""
+    """Return the user of this command, or the one who called sudo. Raises UserError for root."""
     import getpass
 
     try:

@@ -1,4 +1,4 @@
-"""Serves until a signal comes: the event loop, the signals, and one gateway per mount.
+"""Runs one gateway per mount on one event loop, until a signal ends the process.
 
 If a mount does not answer, the program ends and says why. With several mounts, or with --wait, a warning is printed and
 the gateway keeps trying; the other mounts are unaffected.
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
 
-#: How long a stop may take before the process is suspended.
+#: Timeout in seconds for a stop before the process is suspended.
 SUSPEND = 4.0
 
 
 def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], recorded: bool = False) -> int:
-    """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
+    """Run on uvloop if ``fast`` and it is installed, else on asyncio's loop; ``recorded``: on a ``TurnLoop``."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
     if fast and not recorded:
         try:
@@ -53,7 +53,7 @@ def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], r
 
 
 def start_watchdog(config: Config) -> Watchdog | None:
-    """The process that stops the mounts when this one cannot; None where it is not wanted, needed or possible."""
+    """Start the watchdog process; return None if it is turned off, not needed or not possible."""
     from gateway.app.watchdog.client import Watchdog, available
 
     real = any(parse_endpoint(mount.at).where != "sim" for mount in config.mount)
@@ -61,9 +61,9 @@ def start_watchdog(config: Config) -> Watchdog | None:
 
 
 async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | None = None) -> int:
-    """Serve every mount until a signal comes -> the exit code. ``banner`` is said once the ports are open.
+    """Serve every mount until a signal comes; return the exit code. ``banner`` is printed once the ports are open.
 
-    Raises UserError for a port that cannot be opened, and when no mount is found.
+    Raises UserError if a port cannot be opened, or if no mount is found.
     """
     from gateway.app.discovery.announcing import Announcement
     from gateway.app.discovery.offer import offered
@@ -74,7 +74,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     access = let_in(config)
     done, sky = until_signal(), Sky()
-    # beside the conversation of --log a line that is rewritten would only be in the way
+    # no status line together with the output of --log, which would be disturbed by it
     terminal = find_terminal() if config.status and not config.log else None
     screen = Screen(terminal, config.night, as_json.wanted(config.log))
     if watchdog is not None:
@@ -125,7 +125,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             for gateway in gateways:
                 gateway.wire_log.note("mount", SKY_READY)
 
-        # once, when the first mount is found or not waited for
+        # only once, when the first mount is found or is not waited for
         start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))
         to_be_ready = list(gateways)
 
@@ -145,7 +145,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         garbage.started()
         if not done.is_set():
             console = await open_console(config, gateways, screen)
-            garbage.started()  # the web server as well
+            garbage.started()  # again, for the objects of the web server
             if console is not None:
                 web.open(console.serve)
             else:
@@ -153,7 +153,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         pages = announced(console) if config.discovery else []
         if config.discovery:
             await announcement.let_find([*surfaces(), *to_be_found(console)])
-        announcement.publish([*offers(), *pages])  # by now it is known which model fits the mount
+        announcement.publish([*offers(), *pages])  # only now, when the presented model is known
         await done.wait()
     finally:
         notify("STOPPING=1")
@@ -178,15 +178,14 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
 
 def _from_elsewhere(names: Sequence[str]) -> list[str]:
-    """What to type on a phone or on another computer to reach these surfaces; nothing for those that only this one
-    reaches."""
+    """Return lines with the addresses of surfaces for phones and other computers; none for local surfaces."""
     from gateway.app.discovery.offer import in_words, offered, to_type
 
     return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
 
 
 async def _introduce(gateway: Gateway, screen: Screen, several: bool) -> None:
-    """Once the mount has said who, where and when it is: what a person should know of that."""
+    """Print the first messages, once the mount has reported its identity, site and clock."""
     from gateway.app.control.first_words import first_words
 
     await gateway.controller.settled.wait()
@@ -195,7 +194,7 @@ async def _introduce(gateway: Gateway, screen: Screen, several: bool) -> None:
 
 
 def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
-    """At the end: what was done, and how the mount was left."""
+    """Print the last message: what was done at the end, and how the mount was left."""
     from gateway.app.control.first_words import last_words
 
     said = last_words(gateway.controller, moved) if gateway.prepared else None
@@ -204,12 +203,12 @@ def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
 
 
 def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
-    """Where programs reach a mount, numbered in this order."""
+    """Return the surfaces of a mount, in the order in which they are numbered."""
     return [*config.of(mount), *answered_there(config, mount)]
 
 
 def _log(config: Config, mount: MountConfig) -> Sink:
-    """What shows the conversation of one mount, or as much of it as is asked for."""
+    """Return the sink that shows the conversation with one mount, or the part of it that the user chose."""
     from gateway.diagnostics.log.printing import Rows, printer
 
     surfaces = [parse_endpoint(surface.at).protocol for surface in _surfaces(config, mount)]
@@ -220,7 +219,7 @@ def _log(config: Config, mount: MountConfig) -> Sink:
 
 
 async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
-    """Before this process is suspended: stop what moves, and say what was done."""
+    """Stop all moving mounts before this process is suspended, and print what was done."""
     moving = [gateway for gateway in gateways if gateway.busy]
     try:
         async with asyncio.timeout(SUSPEND):
@@ -230,22 +229,22 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
         outcome = "the mount has not acknowledged the stop; look at it"
     for gateway in gateways:
         if gateway.watched is not None:
-            gateway.watched.renew()  # else the watchdog process, which hears no more now, takes it for moving
-    screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway goes on (fg, or bg)")
+            gateway.watched.renew()  # else the watchdog process, which gets no heartbeats now, would stop it again
+    screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway continues (fg, or bg)")
 
 
 def _programs(config: Config) -> int:
-    """How many programs may be connected at a time."""
+    """Return how many programs may be connected at a time."""
     return sum(surface.max_clients if "://" in parse_endpoint(surface.at).where else 1 for surface in config.surface)
 
 
 def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
-    """What another thread may call to have something done on this one, as long as there is a loop."""
+    """Return a function that another thread calls to run ``work`` on this event loop, unless it is closed."""
     loop = asyncio.get_running_loop()
     todo = (lambda: loop.enter(work)) if isinstance(loop, TurnLoop) else work
 
     def call() -> None:
-        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody wants to know
+        with contextlib.suppress(RuntimeError):  # the loop is closed: the work is not needed any more
             loop.call_soon_threadsafe(todo)
 
     return call

@@ -1,7 +1,7 @@
-"""Flags and ``gateway.toml`` as one: every key of ``[mount]`` is a flag of the same name, and flags win.
+"""Merges flags and ``gateway.toml``: every key of ``[mount]`` has a flag of the same name, and flags win.
 
-So is every key of a surface, where there is one surface that it can be meant for. Without a file and without a mount
-the gateway.toml of the folder one is in is read.
+A key of a surface has a flag, too, which may be used if only one surface can be meant. If neither a file nor a mount is
+named, the gateway.toml of the current folder is read.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.app.config.keys import OFF
 from gateway.core.errors import UserError
 from gateway.system import streams
 
-#: The flags of ``--help`` by what they are about; a key that is in none of them is about the mount.
+#: The groups of flags in ``--help``; a key that is in none of them belongs to the group of the mount.
 GROUPS = {
     "safety": (
         "lowest",
@@ -39,12 +39,12 @@ GROUPS = {
 }
 MOUNT = "about the mount"
 SURFACE = "about the surface, where there is one (where there are several: in the file)"
-#: Keys that only a surface on a network can be meant by.
+#: Keys that only apply to surfaces on a network.
 OF_NETWORK = ("allow", "max-clients")
-#: A flag that may be true or a list stands for true with this.
+#: The value that means true for a flag that may be true or a list.
 ALL = "all"
-#: Tables that have flags of their own: what they are about, and each flag with the key that it stands for. What else
-#: there is to say of them stands in the file.
+#: Tables with flags of their own: the title of the group, and the key of each flag. Their other keys can only be set in
+#: the file.
 SHOWN = {
     "console": ("the console, a page in the browser", {"console": "at"}),
     "mqtt": (
@@ -52,18 +52,18 @@ SHOWN = {
         {"mqtt": "at", "mqtt-id": "id"},
     ),
 }
-#: The file that is looked for where none is named.
+#: The file that is read if none is named.
 HERE = Path("gateway.toml")
 
 
 def of_surface() -> list[Key]:
-    """The keys of a surface that no mount has as well."""
+    """Return the keys of a surface that have flags: those whose names no other table uses for flags."""
     others = {key.name for key in (*keys("mount"), *keys(""))} | {"mount"}
     return [key for key in keys("surface") if key.name not in others]
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Give a command the flags for everything that can be configured."""
+    """Add the flags for everything that can be configured to a command."""
     ends = parser.add_argument_group("what is connected: these, or the same in a file")
     ends.add_argument(
         "--mount",
@@ -100,7 +100,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def add_shown(parser: argparse.ArgumentParser, table: str) -> None:
-    """The flags of a table by which a gateway is shown elsewhere."""
+    """Add the flags of a table of ``SHOWN``."""
     about, flags = SHOWN[table]
     group, known = parser.add_argument_group(about), {key.name: key for key in keys(table)}
     for flag, name in flags.items():
@@ -110,7 +110,7 @@ def add_shown(parser: argparse.ArgumentParser, table: str) -> None:
 
 
 def put_shown(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
-    """What the flags say of that table."""
+    """Put the values of the flags of a table of ``SHOWN`` into the tables."""
     for flag, name in SHOWN[table][1].items():
         value, there = getattr(arguments, flag.replace("-", "_")), tables.get(table, {})
         if value is not None and isinstance(there, dict):
@@ -119,7 +119,7 @@ def put_shown(arguments: argparse.Namespace, table: str, tables: dict[str, objec
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
-    """The flag of a key. One that is true, false or one of some words may stand alone or have ``=WORD`` behind it."""
+    """Add the flag of a key. A flag for true, false or one of some words needs no value, or has ``=WORD``."""
     words = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
         group.add_argument(f"--{key.name}", nargs="?", const=True, metavar=key.shown, help=words)
@@ -134,7 +134,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
 
 @contextlib.contextmanager
 def of_flag(flag: str) -> Iterator[None]:
-    """A mistake in what a flag is set to is told with the flag."""
+    """Put the name of a flag before the message of a UserError about its value."""
     try:
         yield
     except UserError as error:
@@ -142,7 +142,7 @@ def of_flag(flag: str) -> Iterator[None]:
 
 
 class Once(argparse.Action):
-    """A flag that may be given once; ``because``: what else is right."""
+    """A flag that may be given only once; ``because`` says what to write instead."""
 
     def __init__(self, *arguments: Any, because: str, **others: Any) -> None:
         super().__init__(*arguments, **others)
@@ -161,7 +161,7 @@ class Once(argparse.Action):
 
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
-    """The file and the flags as one, and where every value comes from. Raises UserError."""
+    """Return the merged configuration, and the source of its values. Raises UserError."""
     tables: dict[str, object] = {}
     source = Source("command line")
     path = _file(arguments)
@@ -175,7 +175,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
 
 
 def _file(arguments: argparse.Namespace) -> Path | None:
-    """The file to read: the one that is named, else the one that is here if no mount is named. Raises UserError."""
+    """Return the file to read: the named one, else ``HERE`` if it exists and no mount is named. Raises UserError."""
     given: Path | None = arguments.config
     alone: Path | None = arguments.file
     if alone is not None:
@@ -188,7 +188,7 @@ def _file(arguments: argparse.Namespace) -> Path | None:
 
 
 def _given(arguments: argparse.Namespace, known: Iterable[Key]) -> dict[str, Any]:
-    """The values of those keys whose flags were written. Raises UserError."""
+    """Return the values of the keys whose flags were given. Raises UserError."""
     given = {}
     for key in known:
         if (text := getattr(arguments, key.name.replace("-", "_"))) is not None:
@@ -222,11 +222,11 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
 
 
 def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
-    """What the flags say of the one surface that they can be meant for. Raises UserError where there are several."""
+    """Put the flags of a surface into the only table they can be meant for. Raises UserError if there are several."""
     given = _given(arguments, of_surface())
     surfaces = tables.get("surface", [])
     if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):
-        return  # that is told by whoever reads the tables
+        return  # ``make_config`` reports it
     for name, value in given.items():
         meant = [
             number
@@ -247,12 +247,12 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
 
 
 def _on_network(surface: dict[str, object]) -> bool:
-    """Whether programs come to a surface from hosts."""
+    """Whether a surface is on a network."""
     return str(surface.get("at")).partition("@")[2].startswith(("tcp://", "rfc2217://"))
 
 
 def _value(key: Key, text: Any) -> Any:
-    """A flag's text as the value that the file would have. Raises UserError."""
+    """Convert a flag's text to the value that the file would have. Raises UserError."""
     if key.name == "site":
         with of_flag("--site"):
             return list(parse_site(text))

@@ -1,7 +1,7 @@
-"""Signals: what ends the process, and what suspends it.
+"""Handles the signals that end or suspend the process.
 
-SIGINT, SIGTERM and the closing of the terminal end it in order; a second Ctrl-C ends it at once. Ctrl-Z suspends it
-only after the mount was stopped: nobody looks after a mount that moves while its gateway is suspended.
+SIGINT, SIGTERM and closing the terminal end it after an orderly shutdown; a second Ctrl-C ends it at once. Ctrl-Z
+suspends it only after the mount was stopped, because a suspended gateway cannot supervise a moving mount.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from collections.abc import Awaitable, Callable, Coroutine
 from typing import TypeVar
 
 _T = TypeVar("_T")
-#: A wrapper that passes a Ctrl-C on delivers it twice within this time, in seconds; a person does not.
+#: Two SIGINTs within so many seconds count as one: a wrapper that passes Ctrl-C on delivers it twice, a user is slower.
 TWICE = 0.1
 
 
 def until_signal() -> asyncio.Event:
-    """An event that SIGINT, SIGTERM and the closing of the terminal set; a second Ctrl-C ends the process at once."""
+    """Return an event that SIGINT, SIGTERM and closing the terminal set; a second Ctrl-C ends the process at once."""
     done = asyncio.Event()
     loop = asyncio.get_running_loop()
     asked = 0.0
@@ -45,7 +45,7 @@ def until_signal() -> asyncio.Event:
 
 
 async def unless(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
-    """What some work comes to; None when the end came first, which cancels it. Raises what the work raises."""
+    """Return the result of ``work``; if ``done`` is set first, cancel it and return None. Raises what it raises."""
     working, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
     await asyncio.wait((working, end), return_when=asyncio.FIRST_COMPLETED)
     for future in (end, working):
@@ -56,7 +56,7 @@ async def unless(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
 
 
 def before_suspension(prepare: Callable[[], Coroutine[object, object, None]]) -> None:
-    """Have something done on Ctrl-Z before the process is suspended; a second one suspends it at once."""
+    """Run ``prepare`` on Ctrl-Z before the process is suspended; a second Ctrl-Z suspends it at once."""
     if sys.platform == "win32" or signal.getsignal(signal.SIGTSTP) is signal.SIG_IGN:
         return
     loop = asyncio.get_running_loop()

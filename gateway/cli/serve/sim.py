@@ -1,4 +1,4 @@
-"""``sim``: a simulated mount for other programs."""
+"""``sim``: runs a simulated mount to which other programs connect."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _flag(name: str) -> str:
 
 
 def _switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
-    """What is switched on of this protocol's simulated mount. Raises UserError for what only another one has."""
+    """Return the switches of this protocol's simulator that were given. Raises UserError for those of another one."""
     chosen = {}
     for spec in PROTOCOLS.values():
         for name in spec.simulator_switches:
@@ -91,7 +91,7 @@ def _epilog() -> str:
 
 
 def models() -> str:
-    """Every model of every protocol, and the versions it was made with."""
+    """Return the list of all models of all protocols, and the versions that they were made with."""
     lines = [
         "models, and versions of the hand control (the last number is the default; others are possible, and",
         "nexstar:starsense is a StarSense hand control on the default model):",
@@ -157,7 +157,7 @@ async def _serve(
 
 
 def _open(path: str) -> TextIO:
-    """A file that is new or emptied; whoever reads along sees whole lines. Raises UserError."""
+    """Open a new or emptied file that is flushed after each line, for programs that follow it. Raises UserError."""
     try:
         return open(path, "w", encoding="ascii", buffering=1)
     except OSError as error:
@@ -165,7 +165,7 @@ def _open(path: str) -> TextIO:
 
 
 async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -> None:
-    """Until a signal comes. Raises UserError when the file takes no more: half a truth would pass for a whole one."""
+    """Write the truth file until a signal comes. Raises UserError on a write error: a part could pass for the whole."""
     from gateway.protocols.mechanics.truth import sample
 
     try:

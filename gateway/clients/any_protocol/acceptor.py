@@ -1,9 +1,9 @@
-"""Accepts the connections of a port for every protocol, and hears each until it is known what its program speaks.
+"""Accepts connections on a port for every protocol, and finds out which protocol each client speaks.
 
-For each protocol there is an acceptor, as behind a port of its own; from the decision on what the port feeds is that
-acceptor's connection, and nothing is left in between. A program that says nothing for some seconds is spoken to as one
-that waits for the first word; its first byte ends that, and decides. Half a command that is not continued within a
-second decides nothing. Who may come in, and how many, holds for all of them together.
+Each protocol has an acceptor, like behind a port of its own. Once the protocol is known, the port feeds that acceptor's
+connection directly. A client that sends nothing for some seconds gets the greeting of the protocol whose clients wait
+for one; its first byte ends that and decides. An incomplete command that is not continued within a second decides
+nothing. Access rules and the maximum number of clients apply to all protocols together.
 """
 
 from __future__ import annotations
@@ -12,167 +12,169 @@ from collections.abc import Callable, Mapping
 
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Admission
-from gateway.clients.any_protocol.deciding import HTTP, decide, undecided, waiting
+from gateway.clients.any_protocol.deciding import HTTP, decide, protocol_that_waits, shared_prefix
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.handler import ConnectionHandler, HandOver, HangUp, Taker, Write
 
-#: Seconds after which a program that has said nothing is spoken to, and after which half a command is given up.
-SILENCE, QUIET = 3.0, 1.0
-#: Idle bytes that are kept in front of the first command.
-MOST_IDLE = 64
+#: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
+GREET_AFTER, INCOMPLETE_FOR = 3.0, 1.0
+#: Idle bytes that are kept before the first command.
+MAX_IDLE = 64
 
 
 class AnyConnection:
-    """``left`` is called at its end; the rest is what the acceptors of all protocols are given for it."""
+    """A connection to such a port. ``left`` is called at its end; the other arguments are those of an acceptor."""
 
     def __init__(self, port: AnyAcceptor, name: str, host: str, write: Write, left: Callable[[], None]) -> None:
-        self._speaking, self._web, self._controller, self._left = port.speaking, port.web, port.controller, left
+        self._acceptors, self._web, self._controller, self._left = port.acceptors, port.web, port.controller, left
         self._name, self._host, self._write = name, host, write
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
-        #: Who answers, and in which protocol; for now only, where that is not decided.
-        self._guest: ConnectionHandler | None = None
+        #: The connection that answers, and its protocol; preliminary while the protocol is undecided.
+        self._handler: ConnectionHandler | None = None
         self._protocol = ""
-        #: What has come and has not been given to anybody.
+        #: Received bytes that no connection has got yet.
         self.sent = b""
-        #: What was answered before it was decided.
-        self._said = b""
-        self._heard = -1e9
-        #: It waits for the web.
-        self._browses = False
-        self.feed: Callable[[bytes], None] = self._hear
-        self._silence = port.controller.loop.call_later(SILENCE, self._speak_first)
+        #: Bytes that were answered before the decision.
+        self._answered_bytes = b""
+        self._last_received = -1e9
+        #: Whether it waits for the web server.
+        self._waits_for_web = False
+        self.feed: Callable[[bytes], None] = self._recognise
+        self._silence = port.controller.loop.call_later(GREET_AFTER, self._greet)
 
     @property
     def decided(self) -> bool:
-        """Whether it is known what is spoken, or at least somebody answers."""
-        return self._guest is not None
+        """Whether the protocol is known, at least preliminarily."""
+        return self._handler is not None
 
     @property
     def ended(self) -> bool:
-        return self._guest is not None and self._guest.ended
+        return self._handler is not None and self._handler.ended
 
     @property
     def answered(self) -> bool:
-        return not self._browses if self._guest is None else self._guest.answered
+        return not self._waits_for_web if self._handler is None else self._handler.answered
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
-        """There is no serial port behind it."""
+        """Do nothing: there is no serial port."""
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         self._hang_up, self._hand_over = hang_up, hand_over
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         self._silence.cancel()
-        if self._guest is not None:
-            self._guest.gone()
+        if self._handler is not None:
+            self._handler.peer_closed()
 
     def close(self) -> None:
         self._silence.cancel()
         self.feed = lambda data: None
         self._web.leave(self)
-        if self._guest is not None:
-            self._guest.close()
+        if self._handler is not None:
+            self._handler.close()
         self._left()
 
-    # --- who it is --------------------------------------------------------------------------------------------------
+    # --- recognising the protocol -----------------------------------------------------------------------------------
 
-    def _speak_first(self) -> None:
-        """Nothing has been said: a program that waits for the first word."""
-        protocol = waiting()
+    def _greet(self) -> None:
+        """Answer a silent client in the protocol whose clients wait for a greeting."""
+        protocol = protocol_that_waits()
         if protocol is not None:
-            self._speak(protocol, f"because the program has said nothing for {SILENCE:g} s")
+            self._answer_in(protocol, f"because the program has said nothing for {GREET_AFTER:g} s")
 
-    def _hear(self, data: bytes) -> None:
+    def _recognise(self, data: bytes) -> None:
         self._silence.cancel()
         now = self._controller.now()
-        if now - self._heard >= QUIET and (half := self.sent.lstrip(IDLE)):
+        if now - self._last_received >= INCOMPLETE_FOR and (half := self.sent.lstrip(IDLE)):
             self._controller.wire_log.put(self._name, "x", half, "half a command, whose rest did not come in a second")
             self.sent = b""
-        self._heard = now
+        self._last_received = now
         self.sent += data
-        waits = self._guest is not None and PROTOCOLS[self._protocol].waits
+        waits = self._handler is not None and PROTOCOLS[self._protocol].waits
         while rest := self.sent.lstrip(IDLE):
             verdict = decide(rest)
             if verdict is None:
                 break
             waits = False
             if verdict.protocol == HTTP:
-                self._speak_http(rest)
+                self._pass_to_web(rest)
                 return
-            self._speak(verdict.protocol, verdict.why)
-            assert self._guest is not None
-            count = undecided(verdict.protocol, rest)
+            self._answer_in(verdict.protocol, verdict.why)
+            assert self._handler is not None
+            count = shared_prefix(verdict.protocol, rest)
             if not count:
-                self._settle()
+                self._decide()
                 return
             common, self.sent = rest[:count], rest[count:]
-            self._said += common
-            self._guest.feed(common)
+            self._answered_bytes += common
+            self._handler.feed(common)
         if waits:
-            self._part()  # the first byte is not of that protocol, or not yet
+            self._close_handler()  # the first byte does not decide for that protocol
         if not rest:
-            self.sent = self.sent[-MOST_IDLE:]
+            self.sent = self.sent[-MAX_IDLE:]
 
-    def _speak(self, protocol: str, why: str = "") -> None:
-        """Have an acceptor of this protocol answer from now on."""
+    def _answer_in(self, protocol: str, why: str = "") -> None:
+        """Let the acceptor of this protocol answer from now on."""
         if protocol == self._protocol:
             return
-        self._part()
+        self._close_handler()
         self._protocol = protocol
         self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
-        self._guest = self._speaking[protocol].take(self._name, self._host, self._write, said=self._said)
+        self._handler = self._acceptors[protocol].create_silently(
+            self._name, self._host, self._write, said=self._answered_bytes
+        )
         if self._hang_up is not None:
-            self._guest.network(self._hang_up)
+            self._handler.network(self._hang_up)
 
-    def _part(self) -> None:
-        """Whoever has answered until now does not any more."""
-        guest, self._guest, self._protocol = self._guest, None, ""
-        if guest is not None:
-            guest.close()
+    def _close_handler(self) -> None:
+        """Close the connection that has answered until now."""
+        handler, self._handler, self._protocol = self._handler, None, ""
+        if handler is not None:
+            handler.close()
 
-    def _settle(self) -> None:
-        assert self._guest is not None
-        self.feed = self._guest.feed
+    def _decide(self) -> None:
+        assert self._handler is not None
+        self.feed = self._handler.feed
         sent, self.sent = self.sent, b""
         self.feed(sent)
 
     # --- the web ----------------------------------------------------------------------------------------------------
 
-    def _speak_http(self, sent: bytes) -> None:
-        self._part()
-        self.sent, self.feed, self._browses = sent, self._wait_for_web, True
+    def _pass_to_web(self, sent: bytes) -> None:
+        self._close_handler()
+        self.sent, self.feed, self._waits_for_web = sent, self._wait_for_web, True
         words = "speaks HTTP: for the console, the mount hears nothing of it"
         self._controller.wire_log.note_once(self._name, words, of=self._host)
         self._web.enter(self)
 
     def _wait_for_web(self, data: bytes) -> None:
         self.sent += data
-        self._web.more(self)
+        self._web.received_more(self)
 
     def hand_over(self, take: Taker) -> None:
-        """Somebody else has the connection from now on. A replay has none."""
+        """Give the connection to another owner. In a replay there is none to give."""
         if self._hand_over is not None:
             self._hand_over(take)
 
     def hang_up(self, last: bytes) -> None:
-        """Say this, and that it was the last."""
+        """Send the last bytes and close the connection."""
         if self._hang_up is not None:
             self._hang_up(last)
 
 
 class AnyAcceptor:
-    """``speaking`` are the acceptors by protocol, and ``web`` has what speaks HTTP."""
+    """Accepts the connections of one port. ``acceptors``: the acceptors by protocol; ``web`` takes HTTP connections."""
 
-    #: Each protocol's programs are presented one of their own.
+    #: None, because each protocol presents a model of its own.
     model: str | None = None
 
-    def __init__(self, speaking: Mapping[str, ConnectionAcceptor], web: Web) -> None:
-        self.speaking, self.web = speaking, web
-        first = next(iter(speaking.values()))
+    def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: Web) -> None:
+        self.acceptors, self.web = acceptors, web
+        first = next(iter(acceptors.values()))
         self.controller, self.number, self.access = first.controller, first.number, first.access
         self._admission = Admission(self.access, self.number, self.controller.wire_log)
         self._connections: set[AnyConnection] = set()
@@ -180,14 +182,14 @@ class AnyAcceptor:
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """A new connection. Raises ConnectionRefused."""
         self.admit(name, host)
-        return self.come(name, host, write)
+        return self.create(name, host, write)
 
     def admit(self, name: str, host: str) -> None:
-        """See whether a connection may be. Raises ConnectionRefused."""
+        """Check whether a connection is allowed. Raises ConnectionRefused."""
         unknown = sum(not connection.decided for connection in self._connections)
-        self._admission.check(name, host, unknown + sum(one.clients() for one in self.speaking.values()))
+        self._admission.check(name, host, unknown + sum(one.clients() for one in self.acceptors.values()))
 
-    def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
         wire_log = self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
 
@@ -199,14 +201,14 @@ class AnyAcceptor:
         self._connections.add(connection)
         return connection
 
-    def here(self) -> list[str]:
-        connected = [host for one in self.speaking.values() for host in one.connected()]
-        between = {host for one in self.speaking.values() for host in one.between()}
+    def present_hosts(self) -> list[str]:
+        connected = [host for one in self.acceptors.values() for host in one.connected_hosts()]
+        between = {host for one in self.acceptors.values() for host in one.reconnecting_hosts()}
         return connected + sorted(between.difference(connected))
 
     def connections(self) -> list[ClientConnection]:
-        return [visit for one in self.speaking.values() for visit in one.connections()]
+        return [connection for one in self.acceptors.values() for connection in one.connections()]
 
-    def located(self, where: str) -> None:
-        for one in self.speaking.values():
-            one.located(where)
+    def set_address(self, where: str) -> None:
+        for one in self.acceptors.values():
+            one.set_address(where)

@@ -1,8 +1,9 @@
-"""Which protocol a program speaks, by the first bytes of its connection.
+"""Decides from the first bytes of a connection which protocol the client speaks.
 
-The protocols' own specifications and tables decide: a protocol is spoken where a whole command of it has come, or where
-nothing else can become of what has come. HTTP is told by its methods; a letter that may become one of them is waited
-for. What is no protocol's, or more than one's, is taken for the first protocol's, and the log is told why.
+The decision follows from the protocols' specifications and command tables: a whole command of a protocol has arrived,
+or the bytes can only become a command of one protocol. HTTP is recognised by its methods; bytes that may become a
+method are not decided yet. Bytes of no protocol, or of more than one, count as the first protocol's, and the log says
+why.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ from gateway.clients.strangers import IDLE, greetings
 from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import load
 
-#: In the place of a protocol: the connection is a web browser's, or another program's that speaks HTTP.
+#: Stands for a protocol: the client is a web browser or another program that speaks HTTP.
 HTTP = "http"
 
 
 class Verdict(NamedTuple):
-    """What is spoken, and the reason where a person may want to know it."""
+    """The protocol, and the reason if the user may want to know it."""
 
     protocol: str
     why: str = ""
 
 
 def decide(sent: bytes) -> Verdict | None:
-    """Told by these bytes, which begin with no idle ones; None where more must be heard."""
+    """Return the verdict for these bytes, which do not begin with idle bytes; None if more bytes are needed."""
     if any(sent.startswith(method) for method in _methods()):
         return Verdict(HTTP)
     spoken = streams()
@@ -42,21 +43,21 @@ def decide(sent: bytes) -> Verdict | None:
     return Verdict(begun[0]) if begun else Verdict(spoken[0], "because no protocol's commands begin so")
 
 
-def undecided(protocol: str, sent: bytes) -> int:
-    """How many of these bytes are commands of the protocol that programs of other protocols begin with as well."""
+def shared_prefix(protocol: str, sent: bytes) -> int:
+    """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
     pattern = PROTOCOLS[protocol].also_others
     found = pattern.match(sent) if pattern is not None else None
     return found.end() if found is not None else 0
 
 
 def may_change(protocol: str, sent: bytes) -> bool:
-    """Whether a program that this was taken for, by these bytes, may still turn out to speak another protocol."""
+    """Whether a client that was taken for this protocol by these bytes may still turn out to speak another one."""
     rest = sent.lstrip(IDLE)
-    return PROTOCOLS[protocol].waits or (bool(rest) and undecided(protocol, rest) == len(rest))
+    return PROTOCOLS[protocol].waits or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 
 
-def waiting() -> str | None:
-    """The protocol of programs that wait for the first word."""
+def protocol_that_waits() -> str | None:
+    """Return the protocol whose clients wait for a greeting."""
     return next((name for name in streams() if PROTOCOLS[name].waits), None)
 
 
@@ -66,5 +67,5 @@ def _ambiguous(protocols: list[str]) -> str:
 
 @cache
 def _methods() -> tuple[bytes, ...]:
-    """What HTTP begins with. Each of these bytes has one value only."""
+    """Return the beginnings of HTTP requests; each of their octets has a single value."""
     return tuple(bytes(next(iter(octet)) for octet in greeting.first) for greeting in greetings() if greeting.http)

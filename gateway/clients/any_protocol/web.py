@@ -1,7 +1,7 @@
-"""Where connections go that speak HTTP on a port for every protocol: to a web server, as soon as there is one.
+"""Passes HTTP connections on a port for every protocol to the web server, as soon as there is one.
 
-The web server is opened when the surfaces are ready, and may never be: until it is known what becomes of it,
-connections wait, for some seconds at most. Where there is none, and where it is late, a short answer says so.
+The web server opens when the surfaces are ready, or never. Until then connections wait for some seconds at most. If
+there is no server, or it opens too late, they get a short answer that says this.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Protocol
 
 from gateway.transport.handler import Taker
 
-#: Gives a connection, of which these bytes have come already, to the web server.
+#: Gives a connection to the web server, together with the bytes that were received already.
 Serve = Callable[[asyncio.Transport, bytes], None]
-#: Connections that may wait, bytes of each, and seconds.
-MOST, LONGEST, PATIENCE = 64, 8192, 5.0
+#: Connections that may wait, bytes of each, and seconds that each may wait.
+MAX_WAITING, MAX_BYTES, TIMEOUT = 64, 8192, 5.0
 
 NONE = (
     "404 Not Found",
@@ -29,9 +29,9 @@ LATE = (
 
 
 class Browser(Protocol):
-    """A connection that waits."""
+    """A connection that waits for the web server."""
 
-    #: What has come of it.
+    #: The bytes received so far.
     sent: bytes
 
     def hand_over(self, take: Taker) -> None: ...
@@ -39,7 +39,7 @@ class Browser(Protocol):
 
 
 class Web:
-    """Who serves HTTP. ``later`` calls a function after some seconds; without it nobody serves, ever."""
+    """Serves or holds HTTP connections. ``later`` calls a function after some seconds; None: there is no server."""
 
     def __init__(self, later: Callable[[float, Callable[[], None]], object] | None = None) -> None:
         self._later = later
@@ -51,14 +51,14 @@ class Web:
             self._hand_over(browser, self._serve)
         elif self._later is None:
             browser.hang_up(answer(*NONE))
-        elif len(self._waiting) >= MOST:
+        elif len(self._waiting) >= MAX_WAITING:
             browser.hang_up(answer(*LATE))
         else:
             self._waiting.append(browser)
-            self._later(PATIENCE, lambda: self._give_up(browser))
+            self._later(TIMEOUT, lambda: self._give_up(browser))
 
-    def more(self, browser: Browser) -> None:
-        if len(browser.sent) > LONGEST:
+    def received_more(self, browser: Browser) -> None:
+        if len(browser.sent) > MAX_BYTES:
             self._give_up(browser)
 
     def leave(self, browser: Browser) -> None:
@@ -66,14 +66,14 @@ class Web:
             self._waiting.remove(browser)
 
     def open(self, serve: Serve) -> None:
-        """There is a web server from now on."""
+        """The web server is open from now on."""
         self._serve = serve
         waiting, self._waiting = self._waiting, []
         for browser in waiting:
             self._hand_over(browser, serve)
 
     def close(self) -> None:
-        """There is none any more, or there will be none."""
+        """The web server has closed, or will never open."""
         self._serve = self._later = None
         waiting, self._waiting = self._waiting, []
         for browser in waiting:

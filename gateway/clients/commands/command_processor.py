@@ -1,9 +1,9 @@
 """Answers one connection: bytes in, replies out, in the order of the commands.
 
-What can be answered from the readings cache is answered within the call that delivered the bytes. The rest waits in a
-task of this connection's own, so that no client waits for another. A reply made of cached readings alone is reused as
-long as they are valid. A reply stands in its command's place or is left out: what is not answered in time is never
-answered, and the commands behind it are. What it asked for is still done, unless it would start a motion that late.
+Commands that can be answered from the readings cache are answered within the call that delivered the bytes. The others
+wait in a task of this connection, so that no client waits for another. A reply made only of cached readings is reused
+while they are valid. Replies keep the order of the commands: one that is not ready in time is never sent, and the next
+commands are answered. What that command requested is still done, unless it would start a motion that late.
 """
 
 from __future__ import annotations
@@ -29,67 +29,69 @@ from gateway.transport.handler import Write
 
 
 class CommandProcessor:
-    """Answers one connection. ``write`` takes reply bytes."""
+    """Answers one connection. ``write`` sends reply bytes."""
 
     def __init__(
         self,
         name: str,
         controller: MountController,
-        face: SurfaceBinding,
+        binding: SurfaceBinding,
         session: Session,
         write: Write,
-        life: HostActivity,
+        activity: HostActivity,
     ) -> None:
-        self.life = life
-        self.controller, self.surface, self.session = controller, face.surface, session
+        self.activity = activity
+        self.controller, self.surface, self.session = controller, binding.surface, session
         self._wanted = controller.wanted
-        self.framer, self.write = face.framing(), write
+        self.framer, self.write = binding.framing(), write
         self.log = ClientLog(name, controller.wire_log)
         self._inbox = Inbox(self.log)
-        self.runner = TurnRunner(controller, face.surface, session, life, self.log)
+        self.runner = TurnRunner(controller, binding.surface, session, activity, self.log)
         self._cache = self.runner.cache
-        #: The command that waits for the mount; those that nobody waits for any more.
+        #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
-        self._late: set[asyncio.Task[None]] = set()
-        #: What that is; and whether it is waited for until the next command comes.
+        self._detached: set[asyncio.Task[None]] = set()
+        #: The command that waits for the mount; and whether its reply may take until the next command.
         self._turn: Turn | None = None
         self._lasting = False
-        #: When the bytes came that are being fed, loop time.
-        self.came: Callable[[], float] = controller.now
+        #: Returns when the bytes being processed arrived, loop time.
+        self.arrival: Callable[[], float] = controller.now
         self.open = True
-        #: Whether the last bytes did nothing but end motions without a reply.
+        #: Whether the last bytes only ended motions and need no reply.
         self.ended = False
-        #: Whether what comes next is the beginning of a command.
+        #: Whether the next byte begins a command.
         self._idle = True
         self._pushes: Pushes | None = None
-        #: Where the connection is a serial port: its baud rate.
+        #: The baud rate, if the connection is a serial port.
         self.rate: BaudTrial | None = None
 
     @property
     def busy(self) -> bool:
-        """Whether anything it has asked for is still under way."""
-        return self._task is not None or bool(self._late) or bool(self.runner.begun)
+        """Whether an operation of this client is still under way."""
+        return self._task is not None or bool(self._detached) or bool(self.runner.background)
 
     @property
     def answered(self) -> bool:
-        """Whether nothing waits here for its turn or for the mount's answer."""
+        """Whether no command waits for its turn or for the mount."""
         return self._task is None and not self._inbox
 
     # --- bytes in ---------------------------------------------------------------------------------------------------
 
     def feed(self, data: bytes, stops: int | None = None) -> None:
-        """Take bytes as they arrived; ``stops`` is the controller's count of stops then, where that was some time
-        ago."""
-        self.life.heard |= stops != LONG_AGO
+        """Process received bytes.
+
+        If they arrived earlier, ``stops`` is the controller's count of stops at that time.
+        """
+        self.activity.heard |= stops != LONG_AGO
         if self.log.sinks:
             self.log.put("raw", data)
-        if self._idle and self._task is None and self._repeated(data):
+        if self._idle and self._task is None and self._answer_from_cache(data):
             return
-        frames = self.framer.feed(data, self.came())
+        frames = self.framer.feed(data, self.arrival())
         if self.log.sinks:
-            self._tell_dropped()
-        self._idle = self.framer.idle  # else what comes next may belong to what came before
-        ended: set[bytes] = set()  # by what stands here since anything else was asked for: the same again is no news
+            self._log_dropped()
+        self._idle = self.framer.idle  # else the next bytes may belong to these
+        ended: set[bytes] = set()  # by these frames, with no other command since: a repetition does nothing
         self.ended = bool(frames)
         for frame in frames:
             if isinstance(frame, Unterminated):
@@ -105,24 +107,24 @@ class CommandProcessor:
                 self.ended = False
             else:
                 ended.add(frame)
-                self._end(frame, ending)
+                self._end_motion(frame, ending)
             steps = self.surface.handle(self.session, frame)
             before = self._wanted.value.stops if stops is None else stops
-            self._inbox.add(Turn(frame, steps, before, ending, self.came()))
+            self._inbox.add(Turn(frame, steps, before, ending, self.arrival()))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
             self._pump()
 
-    def _repeated(self, data: bytes) -> bool:
-        """Give the same reply to the same question again, where it is good again -> whether that was so."""
+    def _answer_from_cache(self, data: bytes) -> bool:
+        """Send a cached reply to the same command again if it is still valid. Return whether it was."""
         controller = self.controller
         now = controller.now()
         found = self._cache.reply(data, controller.version, now)
         if found is None:
             return False
         reply, kinds = found
-        controller.touch(kinds, now)  # whoever is served so polls what the reply was made of all the same
+        controller.touch(kinds, now)  # a cached reply counts as interest in its readings
         self.session.last = data
         if self.log.sinks:
             self.log.put(">", data)
@@ -130,61 +132,61 @@ class CommandProcessor:
         self.write(reply)
         return True
 
-    def _end(self, frame: bytes, ending: Ending) -> None:
-        """End a motion before everything that waits here, and take back what would begin it."""
+    def _end_motion(self, frame: bytes, ending: Ending) -> None:
+        """End a motion before all waiting commands, and remove those that would begin it."""
         self._inbox.take_back(ending.takes_back, frame)
         if isinstance(ending.operation, AbortMotion):
             self.controller.begin_stop()
         else:
-            self.runner.begun.begin(ending.operation, self._wanted.value.stops)
+            self.runner.background.start(ending.operation, self._wanted.value.stops)
 
-    def _tell_dropped(self) -> None:
+    def _log_dropped(self) -> None:
         for why, data in self.framer.dropped.items():
             self.log.put("x", bytes(data), why)
 
-    # --- commands in their order ------------------------------------------------------------------------------------
+    # --- commands in order ------------------------------------------------------------------------------------------
 
     def _pump(self) -> None:
-        """Answer what waits, until something must be waited for, or the gateway ends."""
+        """Answer waiting commands until one must wait for the mount, or the gateway closes."""
         while self._inbox and not self.controller.context.closed:
             turn = self._inbox.take()
             try:
                 wanted = self.runner.advance(turn, None)
             except StopIteration as end:
-                again = self._inbox.take_repeated(turn.frame) if turn.halting else 0
+                again = self._inbox.take_repeated(turn.frame) if turn.ended_motion else 0
                 self._answer(turn, end.value * (1 + again) if end.value else None)
                 continue
             except Exception as error:  # a defect must cost one command, never the client's connection
                 self.runner.defect(turn.frame, error)
                 continue
             self._task, self._turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn
-            until = turn.came + WAIT_FOR_MOUNT
+            until = turn.arrived + WAIT_FOR_MOUNT
             if self.controller.now() < until:
                 turn.timer = self.controller.loop.call_at(until, self._give_up, turn)
                 return
-            self._forget(turn)
+            self._detach(turn)
 
     def _give_up(self, turn: Turn) -> None:
-        """The mount has not answered in time: those behind it have their turn, and this one has no reply any more."""
+        """The mount has not answered in time: leave this command without a reply and continue with the next."""
         self._lasting = turn.lasting and not self._inbox
         if turn is self._turn and not self._lasting:
-            self._forget(turn)
+            self._detach(turn)
             self._pump()
 
-    def _forget(self, turn: Turn) -> None:
-        """Nobody waits for the outcome of what is under way: it is answered as where the mount does not answer."""
+    def _detach(self, turn: Turn) -> None:
+        """Detach the task under way from this command, and answer as if the mount does not respond."""
         assert self._task is not None
-        self._late.add(self._task)
-        self._task.add_done_callback(self._late.discard)
+        self._detached.add(self._task)
+        self._task.add_done_callback(self._detached.discard)
         self._task, self._turn, turn.late = None, None, True
         reply = self.surface.unanswered(turn.frame, NoAnswer())
         if not reply:
-            self._too_late(turn.frame)
+            self._log_no_reply(turn.frame)
         self._answer(turn, reply)
 
     async def _wait(self, turn: Turn, wanted: Operation) -> None:
-        """Finish a command that needs the mount, then the ones that came meanwhile."""
-        turn.plain = False
+        """Finish a command that needs the mount, then continue with the commands that arrived meanwhile."""
+        turn.reusable = False
         reply = None
         try:
             reply = await self.runner.finish(turn, wanted)
@@ -197,7 +199,7 @@ class CommandProcessor:
                 if turn.timer is not None:
                     turn.timer.cancel()
         if turn.late:
-            self._say_refused(turn.frame)
+            self._log_refused(turn.frame)
             return
         self._answer(turn, reply)
         self._pump()
@@ -207,24 +209,24 @@ class CommandProcessor:
     def _answer(self, turn: Turn, reply: bytes | None) -> None:
         frame, now = turn.frame, self.controller.now()
         self.session.last = frame
-        self._say_refused(frame)
-        if not (turn.plain and turn.spent):
+        self._log_refused(frame)
+        if not (turn.reusable and turn.readings):
             self._cache.clear()
         elif reply:
-            until = self.controller.fresh_until(turn.spent)
-            self._cache.remember(frame, reply, turn.spent, self.controller.version, now, until)
-        if reply and now - turn.came > ANSWER_WITHIN and not turn.lasting:
+            until = self.controller.fresh_until(turn.readings)
+            self._cache.remember(frame, reply, turn.readings, self.controller.version, now, until)
+        if reply and now - turn.arrived > ANSWER_WITHIN and not turn.lasting:
             reply = None
-            self._too_late(frame)
+            self._log_no_reply(frame)
         if reply:
             self.log.put("<", reply)
             self.write(reply)
         elif self.log.sinks:
-            self._explain(frame)
+            self._log_silence(frame)
         if turn.baud is not None and self.rate is not None:
             self.rate.begin(turn.baud)
 
-    def _too_late(self, frame: bytes) -> None:
+    def _log_no_reply(self, frame: bytes) -> None:
         found = self.surface.protocol.find(frame)
         if found is not None and not found[0].replies:
             return
@@ -233,37 +235,37 @@ class CommandProcessor:
             f"{ANSWER_WITHIN} s, and a later answer would be taken for the reply to another command"
         )
 
-    def _say_refused(self, frame: bytes) -> None:
+    def _log_refused(self, frame: bytes) -> None:
         if self.session.refused:
             why, self.session.refused = self.session.refused, ""
             sent = show(frame.removesuffix(b"\n"))
             self.log.refused_once(f"`{sent}` refused: {why}")
 
-    def _explain(self, frame: bytes) -> None:
-        """Leave a reason for a silence, once for every command of every host."""
+    def _log_silence(self, frame: bytes) -> None:
+        """Log why there is no reply, once for every command of every host."""
         if why := self.surface.silence(self.session, frame):
             self.log.note_once(f"no reply to {frame!r}: {why}")
 
     def push(self) -> None:
-        """Begin to tell the client what its surface tells without being asked."""
+        """Start the subscriptions of this client, if its surface sends data without being asked."""
         if subscriptions := self.surface.subscriptions(self.session):
             unsent, spawn = (lambda: self.write(b"") or 0), self.controller.spawn
             self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, spawn)
 
     def _send(self, data: bytes) -> None:
-        """Bytes that nobody has asked for."""
+        """Send bytes that are not a reply."""
         self.log.put("<", data)
         self.write(data)
 
     def close(self) -> None:
-        """The connection is gone: what it asked for is still done, the replies go nowhere."""
+        """The connection is closed: its operations continue, their replies are dropped."""
         self.open = False
         self.write = lambda data: None
         if self._pushes is not None:
             self._pushes.close()
-        for frame in self.framer.end():  # the next connection must not build on what was before half a command
+        for frame in self.framer.end():  # the next connection must not continue an incomplete command
             self.log.note(frame.words)
             deque(self.surface.handle(self.session, frame), 0)
-        self._tell_dropped()
+        self._log_dropped()
         if self.rate is not None:
             self.rate.end()

@@ -1,8 +1,8 @@
-"""Carrying out the subscriptions of one connection: readings are taken, and their bytes sent, without being asked for.
+"""Runs the subscriptions of one connection: readings are sent to the client without a request.
 
-Each subscription has its own clock, so that a slow reading keeps no other one back. What the mount cannot tell now is
-passed over until the next time. A program that does not read gets nothing on top of what waits for it: when it reads
-again, it gets the newest.
+Each subscription has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot
+give now is skipped. A client that does not read gets nothing more while sent bytes are pending; when it reads again, it
+gets the newest reading.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gateway.protocols.base.wants import Subscription
 
 
 class Pushes:
-    """``read`` takes a reading as this client is told it, ``send`` writes bytes, ``unsent`` tells how many wait."""
+    """``read`` takes a reading in this client's form, ``send`` writes bytes, ``unsent`` counts pending bytes."""
 
     def __init__(
         self,
@@ -30,7 +30,7 @@ class Pushes:
         self._tasks = [spawn(self._serve(subscription)) for subscription in subscriptions]
 
     async def _serve(self, subscription: Subscription) -> None:
-        """Until it is cancelled. A time that has passed meanwhile is not made up for."""
+        """Run until cancelled. Times that were missed are skipped."""
         now = asyncio.get_running_loop().time
         last, due = b"", now() + subscription.after
         if subscription.after:
@@ -42,7 +42,7 @@ class Pushes:
             await asyncio.sleep(due - now())
 
     async def _push(self, subscription: Subscription, last: bytes) -> bytes:
-        """One reading -> the bytes that were sent last."""
+        """Send one reading. Return the bytes that were sent last."""
         try:
             data = subscription.encode(await self._read(subscription.operation))
         except Fault:

@@ -1,7 +1,7 @@
-"""What one connection has to do and has done: the commands that wait for their turn, and what it was told.
+"""The state of one connection: the commands that wait for their turn, and the replies and readings it was sent.
 
-A command has a reply within a limited time or none. A reply that was made of readings at hand alone is good again for
-as long as they are: until one of them is renewed, which ``version`` counts, or grows old.
+A command is answered within a limited time or never. A reply that was made only of cached readings is valid as long as
+they are: until one of them is renewed, which increments ``version``, or expires.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from gateway.core.wire_log import ClientLog
 from gateway.protocols.base.surface import Ending
 from gateway.protocols.base.wants import Handling
 
-#: In the place of the count of stops: it was sent before all of them, and nobody may be there any more who sent it. It
-#: begins no motion and holds none.
+#: Used as a count of stops: sent before all of them, by a client that may be gone. Such a command begins no motion and
+#: keeps none alive.
 LONG_AGO = -1
-#: Seconds after which a reply is not given any more: programs have gone on by then, and would take it for that of the
-#: next (NexStar protocol: the hand control answers within 3.5 s). The mount is waited for a little less long, so that
-#: what came together with a command which it does not answer is answered itself.
+#: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
+#: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
+#: commands which arrived together with one that it does not answer are still answered.
 ANSWER_WITHIN, WAIT_FOR_MOUNT = 3.5, 3.4
-#: A motion that is not begun so many seconds after it was asked for is refused, while that can still be said.
-NO_IN_TIME = 3.0
-#: Commands that may wait in one connection; of more than that the oldest are dropped.
+#: Seconds after which a motion that has not begun is refused, while a reply is still possible.
+REFUSE_AFTER = 3.0
+#: Commands that may wait in one connection; beyond that the oldest are dropped.
 INBOX = 256
 
 
 class Turn(Struct, eq=False):
-    """A command and the ``steps`` that carry it out; it ``came`` at this loop time, after so many stops.
+    """A command and the ``steps`` that carry it out; it ``arrived`` at this loop time, after ``stops`` stops.
 
-    ``ending`` is what it has ended already, when it came. ``plain`` and ``spent`` say whether its reply may be
-    repeated, ``halting`` that it has ended a motion last, ``baud`` the rate to go on with after its answer. It is
-    ``late`` once nobody waits for its reply any more.
+    ``ending`` is the motion that it ended on arrival. ``reusable``: its reply depends only on the cached
+    ``readings``. ``ended_motion``: the last thing it did was to end a motion. ``lasting``: its reply may take until the
+    next command. ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply.
     """
 
     frame: bytes
     steps: Handling
     stops: int
     ending: Ending | None
-    came: float
-    spent: list[type[Operation]] = []
-    plain: bool = True
-    halting: bool = False
+    arrived: float
+    readings: list[type[Operation]] = []
+    reusable: bool = True
+    ended_motion: bool = False
     lasting: bool = False
     late: bool = False
     baud: int | None = None
@@ -53,26 +53,26 @@ class Turn(Struct, eq=False):
 
 
 class Inbox(deque[Turn]):
-    """What waits, in the order in which it came. Whatever leaves it other than by ``take`` is told to the log."""
+    """The commands that wait, in the order of arrival. Commands that are removed other than by ``take`` are logged."""
 
     def __init__(self, log: ClientLog) -> None:
         super().__init__(maxlen=INBOX)
         self._log = log
 
     def add(self, turn: Turn) -> None:
-        """The newest; the oldest makes room for it."""
+        """Add a command; if the inbox is full, the oldest is dropped."""
         if len(self) == INBOX:
             self._log.put("x", self[0].frame, f"more than {INBOX} commands wait")
         self.append(turn)
 
     def take(self) -> Turn:
-        """The oldest, which there must be."""
+        """Remove and return the oldest command. There must be one."""
         turn = self.popleft()
         self._log.put(">", turn.frame)
         return turn
 
     def take_repeated(self, frame: bytes) -> int:
-        """How often this follows at once; what is done for one of them does for all."""
+        """Remove the repetitions of this command that follow directly, and return their number."""
         count = 0
         while self and self[0].frame == frame:
             self.take()
@@ -80,7 +80,7 @@ class Inbox(deque[Turn]):
         return count
 
     def take_back(self, frames: frozenset[bytes], by: bytes) -> None:
-        """Whatever would begin what ``by`` ends is not done any more."""
+        """Remove the commands that would begin what ``by`` ends."""
         for turn in [turn for turn in self if turn.frame in frames]:
             self.remove(turn)
             self._log.put("x", turn.frame, f"taken back by {by!r}, which came before its turn")
@@ -88,14 +88,14 @@ class Inbox(deque[Turn]):
 
 Kinds = list[type[Operation]]
 
-#: Different commands whose replies are remembered.
-MEMO = 32
-#: A half that is asked for within this many seconds of the other one belongs to the same instant.
-PAIR = 1.0
+#: Different commands whose replies are cached.
+MAX_REPLIES = 32
+#: Seconds within which two coordinates that are requested one by one are taken from the same reading.
+SAME_INSTANT = 1.0
 
 
-class _Told(NamedTuple):
-    """What was told by a read, when, and the version then."""
+class _SentReading(NamedTuple):
+    """A reading as it was sent, its time, and the version at that time."""
 
     value: object
     at: float
@@ -103,33 +103,33 @@ class _Told(NamedTuple):
 
 
 class ReplyCache:
-    """Replies by command, readings by kind. Times are those of the event loop."""
+    """Caches replies by command and readings by kind. Times are those of the event loop, seconds."""
 
     def __init__(self) -> None:
         self._replies: dict[bytes, tuple[bytes, Kinds]] = {}
         self._version, self._until = -1, 0.0
-        self._told: dict[type[Operation], _Told] = {}
+        self._readings: dict[type[Operation], _SentReading] = {}
 
     def reply(self, command: bytes, version: int, now: float) -> tuple[bytes, Kinds] | None:
-        """The reply to this command where it is good again, and the kinds of readings it was made of."""
+        """Return the cached reply to this command and the kinds of readings it was made of; None if it is not valid."""
         return self._replies.get(command) if self._version == version and now < self._until else None
 
     def remember(self, command: bytes, reply: bytes, kinds: Kinds, version: int, now: float, until: float) -> None:
-        """A reply that is good until this time."""
-        if self._version != version or now >= self._until or len(self._replies) >= MEMO:
+        """Cache a reply that is valid until this time."""
+        if self._version != version or now >= self._until or len(self._replies) >= MAX_REPLIES:
             self._replies.clear()
             self._version, self._until = version, float("inf")
         self._replies[command] = reply, kinds
         self._until = min(self._until, until)
 
     def clear(self) -> None:
-        """No reply is good any more: something was done, or may have been."""
+        """Forget all replies, because something was changed or may have been."""
         self._replies.clear()
 
-    def told(self, operation: Operation, value: object, now: float, version: int) -> None:
-        self._told[type(operation)] = _Told(value, now, version)
+    def remember_reading(self, operation: Operation, value: object, now: float, version: int) -> None:
+        self._readings[type(operation)] = _SentReading(value, now, version)
 
-    def again(self, operation: Operation, now: float) -> tuple[object, int] | None:
-        """The reading it was told a moment ago, and the version then; None when that is too long ago."""
-        told = self._told.get(type(operation))
-        return None if told is None or now - told.at >= PAIR else (told.value, told.version)
+    def recent_reading(self, operation: Operation, now: float) -> tuple[object, int] | None:
+        """Return the reading that was sent a moment ago, and the version at that time; None if that is too long ago."""
+        sent = self._readings.get(type(operation))
+        return None if sent is None or now - sent.at >= SAME_INSTANT else (sent.value, sent.version)

@@ -20,7 +20,7 @@ from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import Values
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.detect.port_listener import PortListener
-from gateway.mount.link.driver_runner import carry_out
+from gateway.mount.link.driver_runner import run_driver
 from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.registry import PROTOCOLS
@@ -63,22 +63,22 @@ class _Talk:
 
     async def perform(self, operation: op.Operation[_T]) -> _T:
         """Return the operation's answer. Raises Fault."""
-        return await carry_out(self.driver.perform(operation), self._exchange, lambda later: None)
+        return await run_driver(self.driver.perform(operation), self._exchange, lambda later: None)
 
     async def _exchange(self, ask: Send) -> Values:
         if ask.patience is not None and self.took:
             ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
-            self.took.append(self.line.talk.times.took)
+            self.took.append(self.line.transaction.times.last_rtt)
         return answer
 
 
 async def identify(protocol: str, ear: PortListener, model: str | None = None, version: str | None = None) -> Mount:
     """Let the protocol's driver identify the mount on an open port. Raises Fault if it cannot."""
     now = asyncio.get_running_loop().time
-    driver, _, dialogue = make_driver(Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
-    line = MountLink(ear, dialogue, WireLog(time.time))
+    driver, _, reply_rules = make_driver(Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
+    line = MountLink(ear, reply_rules, WireLog(time.time))
     talk = _Talk(driver, line)
     line.start()
     try:

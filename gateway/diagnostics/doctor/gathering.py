@@ -19,7 +19,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from gateway import __version__
-from gateway.app.control.exchange import listened
+from gateway.app.control.exchange import is_listening
 from gateway.app.reach import Scope, look, reachable, unseen
 from gateway.diagnostics.detect.ports import here, holder
 from gateway.diagnostics.doctor import installed
@@ -107,9 +107,9 @@ def unwritable(folder: Path) -> str:
 
 def running(scope: Scope) -> Iterator[Running]:
     """List the gateways that can be queried, and those that are only visible as processes."""
-    for _, door in look(scope).gateways:
-        if listened(door):
-            yield Running(door.pid, door.name or door.mount)
+    for _, endpoint in look(scope).gateways:
+        if is_listening(endpoint):
+            yield Running(endpoint.pid, endpoint.name or endpoint.mount)
     for process in unseen(scope):
         yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
 

@@ -54,7 +54,7 @@ class Side:
 
     def __init__(self, protocol: str) -> None:
         self._now = 0.0
-        framing, self._dialogue = speech(protocol)
+        framing, self._reply_rules = speech(protocol)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
@@ -155,7 +155,7 @@ class Side:
 
     def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
         try:
-            return self._dialogue.take(ask, data)
+            return self._reply_rules.take(ask, data)
         except ValueError as error:
             return Refused(f"garbled: {error}"), len(data)
 

@@ -28,7 +28,7 @@ _ASIDE = (
     "the mount tells no time",
     "astronomy ",
     "not aligned: positions",
-    "the hand control does not tell how it tracks",
+    "the hand control does not report its tracking mode",
 )
 
 

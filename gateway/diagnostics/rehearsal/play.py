@@ -39,7 +39,7 @@ PATIENCE = 30.0
 #: How long a command that may change the mount is observed after its reply, seconds; a setting may wait for another.
 WATCHED, WATCHED_SETTING = 2.0, 8.0
 #: How long a command without a reply may take to reach the mount, seconds.
-BEGUN = 1.0
+MAX_BACKGROUND = 1.0
 #: By what factor rehearsed slews are faster than real ones.
 HURRY = 10.0
 #: How long a slew before the command may take, seconds.
@@ -154,11 +154,11 @@ class Player:
         for said in before.after:
             visitor.tell(said)
             await self._settled(visitor, 0.0)
-            await asyncio.sleep(BEGUN)
+            await asyncio.sleep(MAX_BACKGROUND)
             await self._at_rest()
         for said in before.during:
             visitor.tell(said)
-            await self._settled(visitor, BEGUN)
+            await self._settled(visitor, MAX_BACKGROUND)
         self._session, self._before = None, ""
         known, wire = self._known(), len(self.stage.wire)
         self._events.clear()

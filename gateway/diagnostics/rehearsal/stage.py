@@ -75,12 +75,12 @@ class Stage:
         self.remember()
         self.wire: list[bytes] = []
         wire = SimulatedTransport("sim", self._listening(self.sim.connection), latency)
-        self.gateway.prepare(lambda dialogue, wire_log: MountLink(wire, dialogue, wire_log))
+        self.gateway.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         self.controller = self.gateway.controller
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
         [made] = self.gateway.receptions
         assert isinstance(made, ConnectionAcceptor)
-        self.face, self.shared = made.face, made.shared
+        self.face, self.shared = made.binding, made.shared
         self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
     def remember(self) -> None:

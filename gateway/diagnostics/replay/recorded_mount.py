@@ -115,16 +115,18 @@ class RecordedWire:
 class RecordedQueue(RequestQueue):
     """Releases each recorded request at its recorded moment."""
 
-    def __init__(self, wire: RecordedWire, dialogue: ReplyRules) -> None:
+    def __init__(self, wire: RecordedWire, reply_rules: ReplyRules) -> None:
         super().__init__()
-        self._recorded, self._dialogue = wire, dialogue
+        self._recorded, self._reply_rules = wire, reply_rules
 
     def allow(self, requests: int) -> None:
         """Release the next requests."""
         self._recorded.granted += requests
         self.wake()
 
-    async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
+    async def next(
+        self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
+    ) -> Request | None:
         if answered:
             await self._what_follows()
         if self._recorded.granted > self._recorded.written and self._recorded.script:
@@ -137,6 +139,6 @@ class RecordedQueue(RequestQueue):
 
     def _bytes(self, ask: Send) -> bytes:
         try:
-            return self._dialogue.encode(ask)
+            return self._reply_rules.encode(ask)
         except Fault:
             return b""

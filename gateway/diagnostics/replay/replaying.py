@@ -110,9 +110,9 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
     gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
     queues: list[RecordedQueue] = []
 
-    def line(dialogue: ReplyRules, wire_log: WireLog) -> MountLink:
-        queues.append(RecordedQueue(wire, dialogue))
-        return MountLink(wire, dialogue, wire_log, queues[0])
+    def line(reply_rules: ReplyRules, wire_log: WireLog) -> MountLink:
+        queues.append(RecordedQueue(wire, reply_rules))
+        return MountLink(wire, reply_rules, wire_log, queues[0])
 
     gateway.prepare(line)
     clients = _Clients(gateway)
@@ -164,7 +164,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
     gateway.wire_log.sinks.append(put)
     simulator = make_simulator(gateway.mount, clock=gateway.clock, site=gateway.config.site or DEFAULT_SITE)
     gateway.prepare(
-        lambda dialogue, wire_log: MountLink(SimulatedTransport("sim", simulator.connection), dialogue, wire_log)
+        lambda reply_rules, wire_log: MountLink(SimulatedTransport("sim", simulator.connection), reply_rules, wire_log)
     )
     gateway.sky.load()
     clients = _Clients(gateway)

@@ -54,7 +54,7 @@ class Retracing:
         """Replay the recording as far as it goes. Raises UserError."""
         self._host = float(recording.settings["began"])
         self._loop.elapsed = float(recording.settings.get("elapsed", 0.0))
-        self.gateway.prepare(lambda dialogue, wire_log: MountLink(self.wire, dialogue, wire_log))
+        self.gateway.prepare(lambda reply_rules, wire_log: MountLink(self.wire, reply_rules, wire_log))
         try:
             await self._loop.follow(turns(recording), self._begin, self._play)
             self._compare()
@@ -135,7 +135,7 @@ class Retracing:
             case "o":
                 self._tasks.append(self._loop.create_task(stopped(gateway.controller)))
             case "c":
-                wish = gateway.desk.carry_out(event.data.decode("latin-1"))
+                wish = gateway.request_handler.carry_out(event.data.decode("latin-1"))
                 self._tasks.append(self._loop.create_task(wish))
             case "h" | "u":
                 gateway.controller.hold.on = event.arrow == "h"

@@ -38,7 +38,7 @@ class Told:
         """Connect as in a recorded event, under another ``name`` if one is given. Raises UserError."""
         number, host = surface_and_host(event)
         reception = gateway.receptions[number - 1]
-        self.guest = reception.come(name or self.name, host, self.now.extend)  # it was accepted when it was recorded
+        self.guest = reception.create(name or self.name, host, self.now.extend)  # it was accepted when it was recorded
         if networked(gateway.endpoints[number - 1].where):
             self.guest.network(lambda last: None)  # bytes of refused connections are not recorded
 
@@ -48,7 +48,7 @@ class Told:
         if event.arrow == ">":
             self.guest.feed(event.data)
         elif event.arrow == "e":
-            self.guest.gone()
+            self.guest.peer_closed()
         else:
             self.guest.close()
 

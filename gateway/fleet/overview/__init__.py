@@ -1,1 +1,1 @@
-"""A page for the browser with all mounts on a broker, and STOP for each of them and for all."""
+"""A web page with all mounts on a broker, and STOP for each of them and for all."""

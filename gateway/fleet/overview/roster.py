@@ -1,6 +1,6 @@
-"""What is known of all mounts on a broker: their newest states, which gateways are there, what an order has come to.
+"""Collects what is known of all mounts on a broker: newest states, connected gateways, results of orders.
 
-What comes from a broker may come from anybody: it has the form that is expected, or it is left out.
+Anyone may publish on a broker: a message that does not have the expected form is ignored.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from gateway.fleet.topics import ONLINE, Heard, Topics
 
 #: Gateway and mount.
 _Name = tuple[str, str]
-#: Mounts that are kept; characters of a text that is shown.
+#: The maximum number of mounts; the maximum length of a text that is shown.
 MOST, LONGEST = 5000, 200
-#: Kinds of events that tell what has become of an order.
+#: Kinds of events that report the result of an order.
 ENDS = ("done", "failed", "refused")
 
 
 class State(Struct, frozen=True):
-    """Of a state, what is shown."""
+    """The shown part of a mount's state."""
 
     online: bool = False
     does: str = ""
@@ -38,7 +38,7 @@ class State(Struct, frozen=True):
 
 
 class Event(Struct, frozen=True):
-    """Of an event, what is shown."""
+    """The shown part of an event."""
 
     kind: str
     who: str = ""
@@ -46,7 +46,7 @@ class Event(Struct, frozen=True):
 
 
 class Roster:
-    """``clock`` gives Unix seconds."""
+    """The mounts on a broker. ``clock`` returns Unix seconds."""
 
     def __init__(self, prefix: str, clock: Callable[[], float]) -> None:
         self._topics, self._clock = Topics(prefix, "+"), clock
@@ -56,12 +56,12 @@ class Roster:
 
     @property
     def subscriptions(self) -> list[str]:
-        """Where all of that is told."""
+        """The topics to subscribe to."""
         topics = self._topics
         return [topics.availability, topics.of("+", "state"), topics.of("+", "event")]
 
     def hear(self, heard: Heard) -> None:
-        """Something was told on the broker."""
+        """Take a message of the broker."""
         match self._topics.parts(heard.topic):
             case [gateway, "availability"] if gateway in self._available or len(self._available) < MOST:
                 self._available[gateway] = heard.payload == ONLINE
@@ -72,7 +72,7 @@ class Roster:
 
     def _put(self, known: dict[_Name, tuple[Any, float]], of: _Name, heard: Heard, kind: Any) -> None:
         if not heard.payload:
-            known.pop(of, None)  # that is how a retained message is taken away
+            known.pop(of, None)  # an empty payload deletes a retained message
             return
         try:
             value = msgspec.json.decode(heard.payload, type=kind)
@@ -85,7 +85,7 @@ class Roster:
             known[of] = value, then
 
     def mounts(self) -> list[dict[str, Any]]:
-        """As the page shows them, by name. ``age`` is how long ago the state was told, seconds."""
+        """Return the mounts as the page shows them, sorted by name. ``age`` is that of the state, in seconds."""
         now, found = self._clock(), []
         for (gateway, mount), (state, then) in sorted(self._states.items()):
             event, at = self._ends.get((gateway, mount), (None, 0.0))

@@ -1,7 +1,8 @@
-"""The web server of the overview: its page, what it shows, and STOP.
+"""The web server of the overview: the page, its data, and STOP.
 
-Whatever comes in passes the console's gate: an address or name of this computer, the page itself, and the token that
-only the served page holds. A stop counts as sent when the broker has passed it on, which is heard here.
+A request is served only if it names this computer as its host, comes from the page itself, and has the token that only
+the served page holds; the console has the same rules. A stop counts as sent when the broker has passed it on: this
+server subscribes to it, too.
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ from gateway.fleet.topics import Heard, Message, Topics
 from gateway.system.own_names import known_host
 
 OWN = Path(__file__).parent / "page"
-#: What is taken from the console's page.
+#: Files that are shared with the console's page.
 SHARED = ("css/tokens.css", "css/base.css", "js/first.js", "js/core/dom.js", "icon.svg")
-#: Seconds within which a broker passes a message on; messages a second of 1,000 mounts, and some.
+#: Seconds within which a broker passes a message on; messages per second, more than 1,000 mounts send.
 PASSED_ON, FLOOD = 3.0, 5000
-#: Said where a stop did not get through.
+#: The message if a stop was not passed on.
 UNSENT = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which mount; both empty: all of them."""
+    """A request to stop one mount; both fields empty: all mounts."""
 
     gateway: str = ""
     mount: str = ""
 
 
 class Overview:
-    """Serves until it is closed. ``warn`` is told when the broker comes and goes."""
+    """Serves the page until it is closed. ``told`` is called when the broker is connected, and when it is lost."""
 
     def __init__(
         self,
@@ -63,7 +64,7 @@ class Overview:
         self.where = ""
 
     async def open(self, port: int) -> None:
-        """Listen on this computer. Raises OSError."""
+        """Listen on a port of this computer only. Raises OSError."""
         app = web.Application(middlewares=[guarded(self._refused)], client_max_size=1024)
         app.add_routes([
             web.get("/", self._index), web.get("/fleet.json", self._mounts), web.post("/stop", self._stop),
@@ -79,7 +80,7 @@ class Overview:
         self._link.start()
 
     async def close(self) -> None:
-        """Nobody is shown anything any more."""
+        """Stop serving, and disconnect from the broker."""
         if self._runner is not None:
             await self._runner.cleanup()
         await self._link.close()
@@ -97,7 +98,7 @@ class Overview:
             self._roster.hear(heard)
 
     async def send_stop(self, stop: Stop) -> str:
-        """Tell one mount, or all -> why it was not sent; nothing where it was."""
+        """Send a stop to one mount or all; return why it was not sent, or an empty text."""
         topics = Topics(self._prefix, stop.gateway)
         topic = topics.of(stop.mount, "command") if stop.mount else topics.everyone
         if not self._there:
@@ -117,7 +118,7 @@ class Overview:
     # --- the gate ---------------------------------------------------------------------------------------------------
 
     def _refused(self, request: web.Request) -> str:
-        """Why a request is not served: it comes from elsewhere, or lacks the token for what only the page may have."""
+        """Return why a request is refused (it is not from the page, or lacks the token), or an empty text."""
         headers = request.headers
         ours = known_host(headers.get("Host"), "127.0.0.1") and of_the_page(headers, request.path)
         private = request.path in ("/fleet.json", "/stop")

@@ -48,11 +48,11 @@ class HibernationGate:
         """Whether a read would be refused now."""
         return self._driver.asleep and self._now() < self._next and not self._wanted.waking
 
-    def admit(self, ask: Send, rank: int) -> None:
+    def admit(self, ask: Send, priority: int) -> None:
         """Check that a command may be sent to the hibernating mount now. Raises Asleep if not."""
-        if rank == STOP or self._answered_asleep(ask) or self._wanted.waking:
+        if priority == STOP or self._answered_asleep(ask) or self._wanted.waking:
             return
-        if self.closed or rank != POSITION:
+        if self.closed or priority != POSITION:
             raise Asleep
         self._next = self._now() + TRY_AGAIN
 
@@ -84,11 +84,11 @@ class DriverRunner:
         #: ``Driver.position_reads`` requests: a position read cannot be older than that.
         self.exchanges, self.asked_at = 0, 0.0
 
-    async def perform(self, operation: Operation, rank: int) -> Any:
+    async def perform(self, operation: Operation, priority: int) -> Any:
         """Have the driver carry out an operation and return its answer. Raises Fault."""
-        return await self.drive(self._context.driver.perform(operation), rank)
+        return await self.drive(self._context.driver.perform(operation), priority)
 
-    async def drive(self, steps: Steps, rank: int, since: float | None = None) -> Any:
+    async def drive(self, steps: Steps, priority: int, since: float | None = None) -> Any:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts more than ``AT_ONCE``
         seconds after ``since`` (loop time of the order), or if the line delayed the start of a motion by hand as long.
         """
@@ -96,7 +96,7 @@ class DriverRunner:
         self.exchanges = exchanges = 0
         asked: list[float] = []
         late = since is not None and now() - since > AT_ONCE
-        if rank == MOTION:
+        if priority == MOTION:
             self.stirs.emit(None)
 
         async def exchange(ask: Send) -> Mapping[str, Any]:
@@ -105,8 +105,8 @@ class DriverRunner:
                 raise Busy(LATE)
             began = now()
             if driver.asleep:
-                self._gate.admit(ask, rank)
-            heard, times = await self._verifier.exchange(ask, rank)
+                self._gate.admit(ask, priority)
+            heard, times = await self._verifier.exchange(ask, priority)
             late = late or now() - began > AT_ONCE
             if driver.asleep:
                 self._gate.answered(ask)
@@ -115,19 +115,19 @@ class DriverRunner:
             return heard.values
 
         try:
-            value = await carry_out(steps, exchange, self.scheduled.emit, self._context.note_once)
+            value = await run_driver(steps, exchange, self.scheduled.emit, self._context.note_once)
             self.exchanges, self.asked_at = exchanges, min(asked[-driver.position_reads :], default=math.inf)
             return value
         except (Fault, asyncio.CancelledError):
             raise
         except Exception as error:  # a defect in a driver may fail one operation, but never the gateway
             self._context.note(f"internal error, please report it: {error!r}")
-            if rank != STOP:  # a failed stop is retried anyway
+            if priority != STOP:  # a failed stop is retried anyway
                 self.broken.emit(None)
             raise Refused(f"Internal error: {error!r}") from error
 
 
-async def carry_out(
+async def run_driver(
     steps: Generator[Step, Any, _T],
     exchange: Callable[[Send], Awaitable[Mapping[str, object]]],
     plan: Callable[[Schedule], object],

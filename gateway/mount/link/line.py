@@ -38,13 +38,13 @@ class MountLink:
     ``exchanged`` with the outcome of every exchange."""
 
     def __init__(
-        self, wire: Transport, dialogue: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
+        self, wire: Transport, reply_rules: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
     ) -> None:
-        self.dialogue, self.wire_log = dialogue, wire_log
+        self.reply_rules, self.wire_log = reply_rules, wire_log
         self.queue = RequestQueue() if queue is None else queue  # `or` would replace an empty queue
-        self.talk = Transaction(wire, self.queue, dialogue, wire_log)
+        self.transaction = Transaction(wire, self.queue, reply_rules, wire_log)
         #: Emitted when the port is lost, perhaps in the middle of an exchange.
-        self.lost = self.talk.wire_lost
+        self.lost = self.transaction.wire_lost
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
         self.exchanged: Signal[dict[str, Any] | Fault] = Signal()
@@ -64,16 +64,16 @@ class MountLink:
     @property
     def wire(self) -> Transport:
         """The transport to the mount; it may be replaced until the line is started."""
-        return self.talk.wire
+        return self.transaction.wire
 
     @wire.setter
     def wire(self, wire: Transport) -> None:
-        self.talk.wire = wire
+        self.transaction.wire = wire
 
     @property
     def state(self) -> str:
         """``opening``, ``up``, ``busy`` or ``down``."""
-        return "busy" if self._state == "up" and self.talk.busy else self._state
+        return "busy" if self._state == "up" and self.transaction.busy else self._state
 
     @property
     def served(self) -> bool:
@@ -85,29 +85,29 @@ class MountLink:
         return self.state == "up" and self.served
 
     @property
-    def typical(self) -> float:
+    def typical_rtt(self) -> float:
         """The average reply time in seconds."""
-        return self.talk.times.typical
+        return self.transaction.times.typical_rtt
 
     @property
     def occupied(self) -> bool:
         """Whether the mount works on a long operation and accepts nothing but a stop."""
-        return self.state == "busy" or self.talk.long
+        return self.state == "busy" or self.transaction.long
 
     @property
     def overdue(self) -> bool:
         """Whether a reply is missing for so long that the mount may not be listening."""
         if self._silent_since is None or self.occupied:
             return False
-        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical)
+        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical_rtt)
 
     def worked_after(self, when: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
-        return self.occupied or self.talk.long_until >= when
+        return self.occupied or self.transaction.long_until >= when
 
     @property
     def answers(self) -> int:
-        return self.talk.times.answers
+        return self.transaction.times.answers
 
     async def close(self) -> None:
         """End the worker and close the wire; waiting and later requests fail with NoAnswer."""
@@ -123,21 +123,21 @@ class MountLink:
         self._spoken_on = True
         self.queue.wake()
 
-    async def exchange(self, ask: Send, rank: int = READ) -> dict[str, Any]:
+    async def exchange(self, ask: Send, priority: int = READ) -> dict[str, Any]:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
-        return (await self.timed(ask, rank))[0]
+        return (await self.timed(ask, priority))[0]
 
-    async def timed(self, ask: Send, rank: int) -> tuple[dict[str, Any], float]:
+    async def timed(self, ask: Send, priority: int) -> tuple[dict[str, Any], float]:
         """Like `exchange`, and return the seconds that the reply took too. Raises Fault with ``took`` set."""
         if self.state == "down":
             unheard = NoAnswer()
             unheard.sent = False
             raise unheard
-        if self.state == "busy" and rank != STOP:
+        if self.state == "busy" and priority != STOP:
             raise Busy
-        outcome = self.queue.add(ask, rank)
-        if rank == STOP or self.talk.long:
-            self.talk.nudge(rank == STOP)
+        outcome = self.queue.add(ask, priority)
+        if priority == STOP or self.transaction.long:
+            self.transaction.wake(priority == STOP)
         return await outcome
 
     # --- the worker -----------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ class MountLink:
         failures = 0
         while True:
             try:
-                await self.wire.open(*self.talk.opening())
+                await self.wire.open(*self.transaction.opening())
             except Exception as error:  # pyserial raises more than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.wire_log.put("mount", "v", note=reason)
@@ -156,8 +156,8 @@ class MountLink:
                 continue
             failures = 0
             self.wire_log.put("mount", "^")
-            self.talk.drop("came before the line was lost")
-            if self.talk.wrote > 0:  # a request was sent before the loss: its reply may still arrive
+            self.transaction.discard("came before the line was lost")
+            if self.transaction.wrote > 0:  # a request was sent before the loss: its reply may still arrive
                 await self._reopened()
             else:
                 self._up()
@@ -171,32 +171,32 @@ class MountLink:
 
     async def _reopened(self) -> None:
         """Send an owed stop first, then check that the line is in step. Half a command may wait on the other side: it
-        is closed by ``dialogue.closing``, or the mount gets time to forget it.
+        is closed by ``reply_rules.closing``, or the mount gets time to forget it.
         """
         words: list[bytes] = []
         self.reopened.emit(words)
-        half, self.talk.half = self.talk.half, False
-        if half and not (words and (self.dialogue.closing or len(self.talk.request) == 1)):
-            await asyncio.sleep(max(0.0, self.talk.wrote + HALF_COMMAND - self._now()))
+        half, self.transaction.half = self.transaction.half, False
+        if half and not (words and (self.reply_rules.closing or len(self.transaction.request) == 1)):
+            await asyncio.sleep(max(0.0, self.transaction.wrote + HALF_COMMAND - self._now()))
         for number, word in enumerate(words):
-            if not self.talk.send((self.dialogue.closing if half and not number else b"") + word):
+            if not self.transaction.send((self.reply_rules.closing if half and not number else b"") + word):
                 return
             await asyncio.sleep(BLIND)
         await self._recover()
 
     async def _serve(self) -> None:
         answered = False
-        while not self.talk.lost:
+        while not self.transaction.lost:
             if self._spoken_on:
                 self._spoken_on = False
                 await self._recover()
-            request = await self.queue.next(self.typical, self.talk.gap, answered)
+            request = await self.queue.next(self.typical_rtt, self.transaction.quiet_needed, answered)
             answered = False
             if request is None:
                 continue
             self._silent_since = self._silent_since or self._now()
             try:
-                outcome = await self.talk.carry_out(request.ask, request.rank == STOP)
+                outcome = await self.transaction.carry_out(request.ask, request.priority == STOP)
             except BaseException:  # the worker is ending: let the caller not wait for ever
                 request.fail(NoAnswer())
                 raise
@@ -205,14 +205,14 @@ class MountLink:
                 self._silent_since = None
             if not request.future.done():
                 if isinstance(outcome, Fault):
-                    outcome.took = self.talk.times.took
+                    outcome.took = self.transaction.times.last_rtt
                     request.future.set_exception(outcome)
                 else:
-                    request.future.set_result((outcome, self.talk.times.took))
+                    request.future.set_result((outcome, self.transaction.times.last_rtt))
                 answered = True
-            if isinstance(outcome, Silence) and self.dialogue.expected(request.ask).leaves_open:
-                self.talk.send(self.dialogue.closing)
-                await self.talk.drain(max(QUIET, 2.0 * self.talk.times.typical))
+            if isinstance(outcome, Silence) and self.reply_rules.expected(request.ask).leaves_open:
+                self.transaction.send(self.reply_rules.closing)
+                await self.transaction.drain(max(QUIET, 2.0 * self.transaction.times.typical_rtt))
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
@@ -220,23 +220,23 @@ class MountLink:
     async def _recover(self) -> None:
         """Bring the line into step again, however long that takes; return early if the wire is lost."""
         began = self._now()
-        while not self.talk.lost:
+        while not self.transaction.lost:
             if await self._prove():
                 self._up()
                 return
             self._down("the mount does not answer")
             if self._now() - began > MUTE:
-                self.talk.lose("mute")
+                self.transaction.connection_lost("mute")
             else:
                 await asyncio.sleep(1.0)
 
     async def _prove(self) -> bool:
         """Drain the wire, then check that the line is in step, several times if need be; return whether it is."""
         for attempt in range(PROOFS):
-            await self.talk.drain(QUIET * QUIETER**attempt)
-            if not self.talk.lost and await self.in_step():
+            await self.transaction.drain(QUIET * QUIETER**attempt)
+            if not self.transaction.lost and await self.in_step():
                 return True
-            if self.talk.lost:
+            if self.transaction.lost:
                 return False
             if self.state == "up":
                 self._down("the mount does not answer")
@@ -245,14 +245,14 @@ class MountLink:
     async def in_step(self) -> bool:
         """Whether every check command is answered as it should be, and nothing follows the last reply."""
         self._proofs += 1
-        for ask in self.dialogue.proof(self._proofs):
-            await asyncio.sleep(self.talk.gap(ask))
-            outcome = await self.talk.exchange(ask, proof=True)
+        for ask in self.reply_rules.resync_commands(self._proofs):
+            await asyncio.sleep(self.transaction.quiet_needed(ask))
+            outcome = await self.transaction.exchange(ask, resync=True)
             if isinstance(outcome, Busy):
                 continue  # this is a reply as well
-            if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
+            if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(ask, outcome):
                 return False
-        return not await self.talk.drain(QUIET)
+        return not await self.transaction.drain(QUIET)
 
     def _up(self) -> None:
         """Note that the line is in step, and emit ``came_up`` if it was not up before."""

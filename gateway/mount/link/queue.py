@@ -43,10 +43,10 @@ Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 class Request:
     """A command that waits for its turn; ``number`` is its sequence number."""
 
-    __slots__ = ("ask", "asked", "chosen", "future", "number", "rank")
+    __slots__ = ("ask", "asked", "chosen", "future", "number", "priority")
 
-    def __init__(self, ask: Send, rank: int, number: int, future: Outcome) -> None:
-        self.ask, self.rank, self.number, self.future = ask, rank, number, future
+    def __init__(self, ask: Send, priority: int, number: int, future: Outcome) -> None:
+        self.ask, self.priority, self.number, self.future = ask, priority, number, future
         self.asked = future.get_loop().time()
         #: It was this request's turn and it only waits for quiet on the line: a read that comes now goes after it.
         self.chosen = False
@@ -70,10 +70,10 @@ class RequestQueue:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def add(self, ask: Send, rank: int) -> Outcome:
+    def add(self, ask: Send, priority: int) -> Outcome:
         """Queue a command and return the future of its outcome."""
         future: Outcome = self._loop.create_future()
-        self._waiting.append(Request(ask, rank, next(self._numbers), future))
+        self._waiting.append(Request(ask, priority, next(self._numbers), future))
         self._wake.set()
         return future
 
@@ -88,7 +88,7 @@ class RequestQueue:
     @property
     def stop_waits(self) -> bool:
         for request in self._waiting:  # noqa: SIM110  # called in every iteration, and faster than a generator
-            if request.rank == STOP and not request.future.done():
+            if request.priority == STOP and not request.future.done():
                 return True
         return False
 
@@ -102,11 +102,13 @@ class RequestQueue:
         self._wake.clear()
         return await self._wake.within(seconds)
 
-    async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
+    async def next(
+        self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
+    ) -> Request | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
-        ``typical`` is the average reply time in seconds, ``gap`` returns the seconds of quiet still needed before a
-        command. If a client was ``answered`` just now, it may queue its next request first.
+        ``typical_rtt`` is the average reply time, ``quiet_needed`` returns the quiet needed before a command, both in
+        seconds. If a client was ``answered`` just now, it may queue its next request first.
         """
         if answered:
             await self._what_follows()
@@ -119,12 +121,12 @@ class RequestQueue:
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
         first = self.in_turn()[0]
-        pause = held_back(first, now, self._urgent[0] if self._urgent else None, typical)
+        pause = held_back(first, now, self._urgent[0] if self._urgent else None, typical_rtt)
         if pause is not None:
             if not await self.woken(pause):
                 heapq.heappop(self._urgent)
             return None
-        quiet = 0.0 if first.rank == STOP else gap(first.ask)
+        quiet = 0.0 if first.priority == STOP else quiet_needed(first.ask)
         if quiet > 0:
             first.chosen = True
             await self.woken(quiet)
@@ -137,8 +139,8 @@ class RequestQueue:
 
     def take(self, first: Request) -> None:
         self._waiting.remove(first)
-        self._motions = self._motions + 1 if first.rank == MOTION else 0
-        self._passed_over = 0 if first.rank == SETTING else self._passed_over + 1
+        self._motions = self._motions + 1 if first.priority == MOTION else 0
+        self._passed_over = 0 if first.priority == SETTING else self._passed_over + 1
 
     @types.coroutine
     def _what_follows(self) -> Iterator[None]:
@@ -154,12 +156,12 @@ class RequestQueue:
         ``send`` returns whether a stop was sent, or None if it needs a reply. Once the mount counts as ``busy``, all
         other requests are refused.
         """
-        sent, waiting = 0, sorted(self._waiting, key=lambda request: (request.rank, request.number))
+        sent, waiting = 0, sorted(self._waiting, key=lambda request: (request.priority, request.number))
         self._waiting = []
         for request in waiting:
             if request.future.done():
                 continue
-            if request.rank == STOP and (there := send(request.ask)) is not None:
+            if request.priority == STOP and (there := send(request.ask)) is not None:
                 sent += there
                 request.future.set_result(({}, 0.0))
             elif busy:
@@ -170,7 +172,7 @@ class RequestQueue:
 
     def fail_all(self) -> None:
         """Fail all waiting requests with NoAnswer: the line is lost."""
-        for request in sorted(self._waiting, key=lambda request: (request.rank, request.number)):
+        for request in sorted(self._waiting, key=lambda request: (request.priority, request.number)):
             request.fail(NoAnswer())
         self._waiting.clear()
 
@@ -191,20 +193,20 @@ def in_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: i
     risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= PASSED_OVER else SETTING}
 
     def turn(one: Request) -> tuple[float, int, int]:
-        if one.chosen and one.rank in READS:
-            return POSITION - 0.5, one.rank, one.number
-        aged = now - one.asked > AGED.get(one.rank, 1e9)
-        return min(one.rank, risen[one.rank]) if aged else one.rank, one.rank, one.number
+        if one.chosen and one.priority in READS:
+            return POSITION - 0.5, one.priority, one.number
+        aged = now - one.asked > AGED.get(one.priority, 1e9)
+        return min(one.priority, risen[one.priority]) if aged else one.priority, one.priority, one.number
 
     return sorted(waiting, key=turn)
 
 
-def held_back(first: Request, now: float, urgent: float | None, typical: float) -> float | None:
+def held_back(first: Request, now: float, urgent: float | None, typical_rtt: float) -> float | None:
     """Return the seconds that a read waits for something due at loop time ``urgent``; None if it need not wait.
 
-    ``typical`` is the average reply time in seconds.
+    ``typical_rtt`` is the average reply time in seconds.
     """
-    if urgent is None or first.rank not in READS or urgent - now >= BEFORE_URGENT * typical:
+    if urgent is None or first.priority not in READS or urgent - now >= BEFORE_URGENT * typical_rtt:
         return None
     return max(0.0, urgent - now) + AFTER_DUE
 

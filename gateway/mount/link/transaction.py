@@ -15,8 +15,8 @@ from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import WireLog
-from gateway.mount.link.answers import LATEST, AnswerTimes, LateReplies
 from gateway.mount.link.queue import RequestQueue
+from gateway.mount.link.reply_times import LATEST, LateReplies, ReplyTimes
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import Expected, ReplyRules
 from gateway.transport.wires import Transport
@@ -47,9 +47,9 @@ class Transaction:
     some mounts need after a command.
     """
 
-    def __init__(self, wire: Transport, queue: RequestQueue, dialogue: ReplyRules, wire_log: WireLog) -> None:
+    def __init__(self, wire: Transport, queue: RequestQueue, reply_rules: ReplyRules, wire_log: WireLog) -> None:
         self.wire, self._queue = wire, queue
-        self.dialogue, self.wire_log = dialogue, wire_log
+        self.reply_rules, self.wire_log = reply_rules, wire_log
         self.lost = False
         self.wire_lost: Signal[None] = Signal()
         #: The line was lost during an exchange: the mount may have received half a command.
@@ -60,8 +60,8 @@ class Transaction:
         self.long, self.busy, self.long_until = False, False, -1e9
         #: Loop time of the last write; long ago if there was none.
         self.wrote = -1e9
-        self.times = AnswerTimes()
-        self.late = LateReplies(dialogue.alike)
+        self.times = ReplyTimes()
+        self.late = LateReplies(reply_rules.ambiguous_with)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
         self.heard_ever = False
@@ -82,22 +82,22 @@ class Transaction:
 
         def on_data(data: bytes) -> None:
             if opening == self._opened:
-                self._hear(data)
+                self._receive(data)
 
         def on_lost(reason: str) -> None:
             if opening == self._opened:
-                self.lose(reason)
+                self.connection_lost(reason)
 
         return on_data, on_lost
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self.heard_ever = True
         self._heard = self._now()
         self._arrived.set()
 
-    def lose(self, reason: str) -> None:
+    def connection_lost(self, reason: str) -> None:
         """Note that the wire is lost, and end the exchange under way; further calls change nothing."""
         if not self.lost:
             self.wire_log.put("mount", "v", note=reason)
@@ -106,7 +106,7 @@ class Transaction:
         self._arrived.set()
         self._queue.wake()
 
-    def nudge(self, stop: bool) -> None:
+    def wake(self, stop: bool) -> None:
         """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
         self._hurried |= stop
         if self.long or (stop and self._settling):
@@ -119,13 +119,13 @@ class Transaction:
         try:
             self.wire.write(request)
         except Exception as error:  # the port was lost during the write; drivers raise various exceptions
-            self.lose(str(error))
+            self.connection_lost(str(error))
             return False
         return True
 
     # --- one exchange -----------------------------------------------------------------------------------------------
 
-    def gap(self, ask: Send) -> float:
+    def quiet_needed(self, ask: Send) -> float:
         """Return the seconds of quiet still needed before a command, so that the rest of the last reply is not taken
         for its own.
         """
@@ -134,9 +134,9 @@ class Transaction:
         if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
         if not self._buffer:
-            if self._last is None or not self.dialogue.alike(self._last, ask):
+            if self._last is None or not self.reply_rules.ambiguous_with(self._last, ask):
                 return 0.0
-            if now > self._stray + UNRULY and not self.dialogue.expected(ask).bare:
+            if now > self._stray + UNRULY and not self.reply_rules.expected(ask).unterminated:
                 return 0.0
         return left
 
@@ -147,28 +147,30 @@ class Transaction:
         hurried, self._cut_short = self._cut_short, False
         try:
             outcome = await self.exchange(ask, firm=hurried, stop=stop)
-            if hurried and stop and self.dialogue.expected(ask).pace:
+            if hurried and stop and self.reply_rules.expected(ask).delay_after:
                 outcome = await self.exchange(ask, stop=True)  # without the pause the mount may have missed the first
             return outcome
         finally:
             self.busy = False
 
-    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False, stop: bool = False) -> Answer:
+    async def exchange(self, ask: Send, firm: bool = False, resync: bool = False, stop: bool = False) -> Answer:
         """Send a request and return the fields of its reply, or the Fault that came instead. A ``firm`` pause after it
-        is not cut short; a ``proof`` has the protocol's timeout, not a shorter one. A ``stop`` does not wait for quiet.
+        is not cut short; a ``resync`` has the full timeout of the protocol. A ``stop`` does not wait for quiet.
         """
         try:
-            request = self.dialogue.encode(ask)
+            request = self.reply_rules.encode(ask)
         except Fault as fault:
             return fault
-        expected = self.dialogue.expected(ask)
-        settle = GAP if stop and self.gap(ask) else SETTLE  # a request that skipped the quiet must wait after the reply
-        self.drop("unsolicited")
+        expected = self.reply_rules.expected(ask)
+        settle = (
+            GAP if stop and self.quiet_needed(ask) else SETTLE
+        )  # a request that skipped the quiet must wait after the reply
+        self.discard("unsolicited")
         self._arrived.clear()
         self._last = ask
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = ask.long, 0, False
-        taken = await self._reply(ask, expected, began, settle, proof) if self.send(request) else None
+        taken = await self._reply(ask, expected, began, settle, resync) if self.send(request) else None
         self.long, self.long_until = False, self._now() if ask.long else self.long_until
         if taken is None:
             return self._unanswered(ask, expected, began)
@@ -177,19 +179,19 @@ class Transaction:
             outcome = Garbled()
         if isinstance(outcome, Garbled):
             self._distrust(ask, expected, began)
-            self.drop("garbled")
+            self.discard("garbled")
             return outcome
         if ask.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length]}
         self._cut(length)
         self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not ask.long)
-        if expected.pace and await self._pause(expected.pace, firm):
+        if expected.delay_after and await self._pause(expected.delay_after, firm):
             outcome = self._objection(ask) or outcome
         return outcome
 
     def _send_unanswered(self, ask: Send) -> bool | None:
         """Send a command if it needs no reply, and return whether it was sent; return None if it needs a reply."""
-        return self.send(self.dialogue.encode(ask)) if self.dialogue.expected(ask).silent else None
+        return self.send(self.reply_rules.encode(ask)) if self.reply_rules.expected(ask).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
         """Give the mount time after a command without a reply. Return False if a stop cut the pause short, which it
@@ -203,13 +205,13 @@ class Transaction:
             await self._queue.woken(left)
         return True
 
-    async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, proof: bool) -> Taken | None:
+    async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, resync: bool) -> Taken | None:
         """Return the reply and its length when it is complete; None if it is not in time, or the wire was lost.
 
         A reply without a terminator is complete when nothing follows it for ``settle`` seconds.
         """
-        place = expected.kind == "position" and not proof
-        deadline, busy_at = began + (ask.patience or self.times.timeout(expected.timeout, place)), began + BUSY_AFTER
+        position = expected.answer_kind == "position" and not resync
+        deadline, busy_at = began + (ask.patience or self.times.timeout(expected.timeout, position)), began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
@@ -222,7 +224,7 @@ class Transaction:
                 self._cut(taken[1], "busy: the mount refused the stop")
                 self._arrived.set()
             elif taken is not None:
-                if taken[1] and expected.bare and not self._hurried:
+                if taken[1] and expected.unterminated and not self._hurried:
                     self._settling = True
                     if await self._arrived.within(settle):
                         taken = self._take(ask) or taken
@@ -241,7 +243,7 @@ class Transaction:
             return Silence()
         self._distrust(ask, expected, began)
         half = bool(self._buffer)
-        self.drop("no complete answer")
+        self.discard("no complete answer")
         return Garbled() if half and ask.patience is not None else NoAnswer()
 
     def _distrust(self, ask: Send, expected: Expected, began: float) -> None:
@@ -261,7 +263,7 @@ class Transaction:
     def _take(self, ask: Send) -> Taken | None:
         """Return the reply if it is complete. Bytes that the parser fails on are a garbled reply."""
         try:
-            return self.dialogue.take(ask, self._buffer)
+            return self.reply_rules.take(ask, self._buffer)
         except Exception:  # a parser's defect must not end the line
             return Garbled(), len(self._buffer)
 
@@ -269,7 +271,7 @@ class Transaction:
         self.wire_log.put("mount", "<", self._buffer[:length], note)
         self._buffer = self._buffer[length:]
 
-    def drop(self, why: str) -> None:
+    def discard(self, why: str) -> None:
         if self._buffer:
             self._stray = self._now()
             self._cut(len(self._buffer), f"dropped: {why}")
@@ -286,5 +288,5 @@ class Transaction:
         if anything and self._unanswered_since is not None:
             self.times.came_late(self._heard - self._unanswered_since)
         self._unanswered_since = None
-        self.drop("drained")
+        self.discard("drained")
         return anything

@@ -64,16 +64,16 @@ class ReplyVerifier:
 
     def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
-        self._late = line.talk.late
+        self._late = line.transaction.late
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
-    async def exchange(self, ask: Send, rank: int) -> tuple[Heard, int]:
+    async def exchange(self, ask: Send, priority: int) -> tuple[Heard, int]:
         """Return a verified reply, and how many exchanges that took. Raises Fault."""
-        kind = self._line.dialogue.expected(ask).kind
+        kind = self._line.reply_rules.expected(ask).answer_kind
         if kind is None:
             asked = self._now()
-            return Heard(await self._order(ask, rank), None, asked, self._now()), 1
+            return Heard(await self._order(ask, priority), None, asked, self._now()), 1
         key = (ask.command, ask.raw, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
         row: list[Heard] = []
         longest = slow = strangers = 0
@@ -81,14 +81,14 @@ class ReplyVerifier:
         while times < TRIES:
             times += 1
             strangers = max(strangers, self._late.count(ask, self._now()))
-            heard = await self._hear(ask, rank)
+            heard = await self._hear(ask, priority)
             mute = isinstance(heard.fault, Silence)  # which always takes its whole timeout
             if mute and not ask.raw:
                 break  # the driver asked for this answer by ``patience``
             if ask.light:
                 break
             took = heard.came - heard.asked
-            if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical:
+            if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical_rtt:
                 slow += 1
                 continue
             if not (row and self._agree(kind, row[-1], heard)):
@@ -113,34 +113,34 @@ class ReplyVerifier:
         if len(self._known) > KNOWN:
             del self._known[next(iter(self._known))]
 
-    async def _order(self, ask: Send, rank: int) -> Mapping[str, Any]:
+    async def _order(self, ask: Send, priority: int) -> Mapping[str, Any]:
         """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
 
         A stop never waits: it is sent until one of its acknowledgements must be its own.
         """
-        if rank != STOP:
+        if priority != STOP:
             try:
                 async with asyncio.timeout(AT_ONCE if ask.prompt else DOUBTFUL):
                     while (left := self._late.until(ask, self._now()) - self._now()) > 0:
                         await asyncio.sleep(max(left, TICK))
             except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
                 raise NoAnswer from None
-            return await self._line.exchange(ask, rank)
+            return await self._line.exchange(ask, priority)
         times = 0
         while True:
             strangers = self._late.count(ask, self._now())
-            answer = await self._line.exchange(ask, rank)
+            answer = await self._line.exchange(ask, priority)
             times += 1
             if times > min(strangers, MOST_STRANGERS):
                 return answer
 
-    async def _hear(self, ask: Send, rank: int) -> Heard:
+    async def _hear(self, ask: Send, priority: int) -> Heard:
         """Return one reply; if it is garbled, ask again. Raises NoAnswer and Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Mapping[str, Any] = {}
             fault: Fault | None = None
             try:
-                values, took = await self._line.timed(ask, rank)
+                values, took = await self._line.timed(ask, priority)
             except Garbled:
                 if attempt == GARBLED_TRIES - 1:
                     raise
@@ -180,7 +180,7 @@ class ReplyVerifier:
 
     def _reach(self, before: Heard, after: Heard) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
-        took = min(before.came - before.asked, 2.5 * self._line.typical)
+        took = min(before.came - before.asked, 2.5 * self._line.typical_rtt)
         return NEAR + self._fastest * (after.came - before.came + took)
 
     def _distance(self, before: Heard, after: Heard, poleward: float = 0.0) -> float:

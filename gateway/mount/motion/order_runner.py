@@ -60,8 +60,8 @@ class OrderRunner:
             await self.announce()
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
-        rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
-        return operation, await self._runner.drive(self._driver.perform(operation), rank, since)
+        priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
+        return operation, await self._runner.drive(self._driver.perform(operation), priority, since)
 
     async def go_on_alone(self, stop: Callable[[], object]) -> None:
         """After the end of one axis, check that the other may move on alone; if not, call ``stop``."""

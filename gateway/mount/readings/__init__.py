@@ -1,1 +1,1 @@
-"""What is told of where a mount points: what it said last, and where that leads until now while it moves."""
+"""The readings of a mount: cached, polled, shared by all clients, and extrapolated while the mount moves."""

@@ -1,8 +1,4 @@
-"""What the mount said last, when it said it, and who has been asking.
-
-``FRESH`` is how old an answer may be before it must be asked anew, ``RENEW`` how often it is renewed while anybody
-polls.
-"""
+"""The cache of the mount's last readings, with the time of each, and of when clients asked for them."""
 
 from __future__ import annotations
 
@@ -16,82 +12,86 @@ from gateway.core.signals import Signal
 
 Kind = type[op.Operation]
 
-#: Nothing yet, or no longer fresh: the answer must be waited for.
-MISSING: Any = object()
+#: Returned for a reading that is not cached or no longer fresh: it must be requested from the mount.
+NOT_CACHED: Any = object()
 
-FRESH: dict[Kind, float] = {
+#: The age in seconds up to which a reading is fresh.
+MAX_AGE: dict[Kind, float] = {
     op.Position: 0.5, op.HorizontalPosition: 0.5, op.AxisPosition: 0.5, op.Slewing: 1.0, op.GetStatus: 6.0,
     op.GetIdentity: 1e9, op.PierSide: 5.0,
 }  # fmt: skip
-RENEW: dict[Kind, float] = {
+#: The period in seconds at which a reading is renewed while clients poll it.
+POLL_PERIOD: dict[Kind, float] = {
     op.Position: 0.4, op.HorizontalPosition: 0.45, op.AxisPosition: 0.45, op.Slewing: 0.5, op.GetStatus: 2.5,
 }  # fmt: skip
-#: A client that asked within this time is still polling.
+#: A reading counts as polled if a client asked for it within this many seconds.
 POLLING = 3.0
-#: The last position is still told this long after the line went down.
+#: Seconds for which clients still get the last position after the line went down.
 LAST_POSITION = 10.0
 
 
-class Seen(Struct):
-    """An answer and the loop time at which it came."""
+class CachedValue(Struct):
+    """A reading and the loop time at which it arrived."""
 
     value: Any
     at: float
 
 
 class ReadingsCache:
-    """Answers by kind of read. ``changed`` is emitted with the kind whose answer has come or was forgotten."""
+    """The last readings by kind. ``changed`` is emitted with the kind whose reading was stored or forgotten."""
 
     def __init__(self) -> None:
-        self._seen: dict[Kind, Seen] = {}
+        self._values: dict[Kind, CachedValue] = {}
         self._asked: dict[Kind, float] = {}
         self.changed: Signal[Kind] = Signal()
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
-        """The mount has told this, or what it has acknowledged says so."""
-        self._seen[kind] = Seen(value, now)
+        """Store a reading that the mount reported, or that follows from a command that it acknowledged."""
+        self._values[kind] = CachedValue(value, now)
         self.changed.emit(kind)
 
     def forget(self, *kinds: Kind) -> None:
-        """What was told of these is not true any more."""
+        """Forget the readings of these kinds: they are no longer true."""
         for kind in kinds:
-            self._seen.pop(kind, None)
+            self._values.pop(kind, None)
             self.changed.emit(kind)
 
     def clear(self) -> None:
-        """It may be another mount."""
-        self.forget(*self._seen)
+        """Forget everything: after a reconnect it may be another mount."""
+        self.forget(*self._values)
 
     def touch(self, kinds: Iterable[Kind], now: float) -> None:
         for kind in kinds:
             self._asked[kind] = now
 
     def value(self, kind: Kind) -> Any:
-        """The last answer, however old; None before the first."""
-        seen = self._seen.get(kind)
-        return None if seen is None else seen.value
+        """Return the last reading, however old; None before the first."""
+        cached = self._values.get(kind)
+        return None if cached is None else cached.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
-        """The answer if it may still be told, else MISSING; on a slow or a lost line it lives longer."""
-        seen = self._seen.get(kind)
-        if seen is None or now - seen.at > (LAST_POSITION if down else max(FRESH[kind], patience)):
-            return MISSING
-        return seen.value
+        """Return the reading if it is fresh, else NOT_CACHED. It is fresh for longer if the line is slow (``patience``,
+        seconds) or ``down``.
+        """
+        cached = self._values.get(kind)
+        if cached is None or now - cached.at > (LAST_POSITION if down else max(MAX_AGE[kind], patience)):
+            return NOT_CACHED
+        return cached.value
 
     def asked(self, kind: Kind, now: float) -> Any:
-        """Somebody asks for this -> the answer where it is new enough on any line, else MISSING."""
+        """Note that a client asks, and return the reading if it is fresh whatever the line, else NOT_CACHED."""
         self._asked[kind] = now
-        seen = self._seen.get(kind)
-        return MISSING if seen is None or now - seen.at > min(FRESH[kind], LAST_POSITION) else seen.value
+        cached = self._values.get(kind)
+        return NOT_CACHED if cached is None or now - cached.at > min(MAX_AGE[kind], LAST_POSITION) else cached.value
 
     def until(self, kinds: list[Kind]) -> float:
-        """The loop time until which the answers of these kinds may be told."""
-        return min(self._seen[kind].at + FRESH[kind] if kind in self._seen else 0.0 for kind in kinds)
+        """Return the loop time until which the readings of these kinds are fresh."""
+        return min(self._values[kind].at + MAX_AGE[kind] if kind in self._values else 0.0 for kind in kinds)
 
     def age(self, kind: Kind, now: float) -> float:
-        """Seconds since the last answer."""
-        seen = self._seen.get(kind)
-        return 1e9 if seen is None else now - seen.at
+        """Return the seconds since the last reading."""
+        cached = self._values.get(kind)
+        return 1e9 if cached is None else now - cached.at
 
     def polled(self, kind: Kind, now: float) -> bool:
         return now - self._asked.get(kind, -1e9) <= POLLING

@@ -1,7 +1,7 @@
-"""What the mount itself answers to programs of its own protocol: asked once for all who want to know it.
+"""Replies of the mount that clients of its own protocol get unchanged: requested once, shared by all clients.
 
-How long an answer serves everybody is said in the tables (``KEEPS``, ``wireformat/rows.py``). What the
-gateway has told otherwise, because a program has set it and the mount has not taken it, stands against the mount's.
+The tables say how long a reply is shared (``KEEPS``, ``wireformat/rows.py``). If a client has set another site or clock
+that the mount did not take, the gateway's value overrides the mount's reply.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from gateway.core.waiting import FairScheduler, heed
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
-from gateway.mount.readings.cache import MISSING
+from gateway.mount.readings.cache import NOT_CACHED
 
-#: Seconds that an answer serves everybody.
+#: Seconds for which a reply is shared; others are not cached.
 LASTS = {"fixed": math.inf, "state": 1.0, "site": 1.0}
-#: Different questions whose answers are remembered: programs may ask for devices without end.
+#: How many requests have their reply cached: clients may ask for any number of devices.
 REMEMBERED = 200
 
 
 class _Heard(Struct, frozen=True):
-    """The mount's bytes, or the fault that was its answer, and the loop time from which on it is asked again."""
+    """The mount's reply, or the fault that it was, and the loop time until which it is fresh."""
 
     answer: bytes | Fault
     until: float
 
 
 class OwnAnswers:
-    """``tell`` gives what is at hand, ``read`` asks the mount; ``forget`` when it may be another mount."""
+    """``tell`` returns a cached reply, ``read`` requests one if there is none, ``forget`` empties the cache."""
 
     def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
         self._context, self._runner, self._fair = context, runner, fair
@@ -41,9 +41,9 @@ class OwnAnswers:
         self._asking: dict[op.Own, asyncio.Task[bytes]] = {}
 
     def forget(self, everything: bool = False) -> None:
-        """Something was set, or the mount was found anew: what may have changed is asked again.
+        """Forget what may have changed after a setting, or ``everything`` after a reconnect.
 
-        Nor is the answer to a question that was asked before told to anybody who asks from now on.
+        The replies to requests that are under way are not shared with clients that ask from now on, either.
         """
         self._asking = {}
         self._heard = (
@@ -51,15 +51,15 @@ class OwnAnswers:
         )
 
     def tell(self, operation: op.Own) -> bytes:
-        """The mount's answer, when it is at hand; MISSING when it must be waited for."""
+        """Return the cached reply of the mount; NOT_CACHED if it must be requested."""
         heard = self._fresh(operation)
-        told: bytes = MISSING
+        told: bytes = NOT_CACHED
         if heard is not None and isinstance(heard.answer, bytes) and not self._stands_against(operation):
             told = heard.answer
         return told
 
     async def read(self, operation: op.Own) -> bytes:
-        """The mount's answer; an exchange belongs to all who ask meanwhile. Raises Fault."""
+        """Return the mount's reply, cached or by an exchange that all waiting clients share. Raises Fault."""
         if self._stands_against(operation):
             raise Unsupported
         heard = self._fresh(operation)
@@ -85,7 +85,7 @@ class OwnAnswers:
         try:
             answer: bytes = await self._runner.perform(operation, READ)
         except (NoDevice, Silence) as fault:
-            # A mount that does not know a question will not know it in a second either, and silence takes long to hear.
+            # A mount that does not know a request will not know it later, and each timeout takes long: keep a Silence.
             self._remember(operation, type(fault)(str(fault)), math.inf if isinstance(fault, Silence) else lasts)
             raise
         self._remember(operation, answer, lasts)
@@ -103,7 +103,7 @@ class OwnAnswers:
         return heard if heard is not None and self._context.now() < heard.until else None
 
     def _stands_against(self, operation: op.Own) -> bool:
-        """Whether programs are told another site or clock here than the mount has."""
+        """Whether clients get another site or clock from the gateway than the mount's own."""
         site_clock = self._context.site_clock
         if operation.keep == "clock":
             return site_clock.kept_clock is not None

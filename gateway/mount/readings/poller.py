@@ -1,7 +1,7 @@
-"""Keeps readings fresh: what clients poll is renewed before it grows old, and so is what the limits need.
+"""Keeps readings fresh: renews what clients poll and what the limits need before it becomes stale.
 
-Every kind of read goes round by itself, so that none makes another late: while anything moves the position comes at
-least twice a second as far as the mount's line can. With nobody asking there is one heartbeat every few seconds.
+Each kind of read has its own task, so that none delays another: while anything moves, the position is read at least
+twice a second if the line is fast enough. Without clients there is one heartbeat every few seconds.
 """
 
 from __future__ import annotations
@@ -14,30 +14,32 @@ from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import HibernationGate
 from gateway.mount.motion.ends import EndWatch
-from gateway.mount.readings.cache import RENEW, Kind
+from gateway.mount.readings.cache import POLL_PERIOD, Kind
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.settings import SiteAndClock
 
+#: Seconds between two position reads that no client asked for.
 HEARTBEAT = 5.0
-#: How old the mount's own clock and site may grow, each in its turn: a person may change them at its keys.
-#: With nobody there it is seen later, but it is seen: who comes then, and the limits, go by it.
+#: Seconds between reads of the mount's own clock and site, in turn: a person may change them at its keys. Without
+#: clients they are read less often, but they are: the limits, and the next client, depend on them.
 OWN_AGE, OWN_AGE_ALONE = 25.0, 100.0
+#: Seconds to wait after an error.
 ASK_AGAIN = 1.0
-#: How long the axes are left alone that nobody has asked for and the mount did not tell.
+#: Seconds until the axes are read again after the mount did not report them, unless a client polls them.
 NOT_TOLD = 10.0
-#: What nobody wants waits until an answer or a motion wakes it.
+#: Seconds that a task sleeps whose reading is not needed; a new reading or a motion wakes it.
 IDLE = 3600.0
-#: The shortest pause between two exchanges of the same kind: others need the line, too.
+#: Seconds between two exchanges of the same kind at least: others need the line, too.
 BREATH = 0.05
-#: How much of an exchange goes by, on average, until the line is free for the next.
+#: The part of an exchange that passes, on average, until the line is free for the next.
 WAITING = 0.5
-#: Timers come up to so much too early: event loops count in milliseconds.
+#: Seconds by which timers may fire too early: event loops count in milliseconds.
 SOON = 0.001
 
 
 class Poller:
-    """One task for every kind of read; an answer or a motion wakes those whom it concerns."""
+    """Runs one task for each kind of read; readings and motions wake the tasks that depend on them."""
 
     def __init__(
         self,
@@ -51,7 +53,7 @@ class Poller:
         self._context, self._link, self._cache = context, context.link, context.cache
         self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
         self._axes_refused = -1e9
-        self._news = {kind: TimedEvent() for kind in RENEW}
+        self._news = {kind: TimedEvent() for kind in POLL_PERIOD}
         self._cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
@@ -59,11 +61,11 @@ class Poller:
         self._asked_own = context.now()
 
     def start(self) -> None:
-        for kind in RENEW:
+        for kind in POLL_PERIOD:
             self._context.tasks.spawn(self._for_ever(kind))
 
     def _changed(self, kind: Kind) -> None:
-        """An answer has come or was forgotten, or a motion began: whoever waits must count anew."""
+        """Wake the tasks that must calculate their pause again, after a reading has changed or a motion has begun."""
         if kind in self._news:
             self._news[kind].set()
             if kind is op.Slewing:
@@ -76,7 +78,7 @@ class Poller:
         while True:
             try:
                 await self._keep_fresh(kind)
-            except Exception as error:  # nothing may end this but the end of the gateway
+            except Exception as error:  # a defect must not end the task
                 self._context.note(f"internal error, please report it: {error!r}")
                 await asyncio.sleep(ASK_AGAIN)
 
@@ -98,14 +100,16 @@ class Poller:
             await self._news[kind].within(max(0.005, pause))
 
     async def _now_and_then(self, now: float) -> None:
-        """The heartbeat; the mount's own clock and site while nothing moves, whoever asks: limits go by them, too."""
+        """Read the position as a heartbeat, and while nothing moves the mount's own clock and site, which the limits
+        depend on.
+        """
         if self._cache.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
         clock = self._context.site_clock.mount_clock
         asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
         if now - asked <= (OWN_AGE if self._wanted(op.Position, now) else OWN_AGE_ALONE) or self._watched:
             return
-        if self._reading_own is None or self._reading_own.done():  # not here: the position must not wait for it
+        if self._reading_own is None or self._reading_own.done():  # in a task, so that the position does not wait
             self._asked_own, self._own = now, self._own[::-1]
             told = self._context.site_clock
             known = told.mount_clock if self._own[0] is op.GetClock else told.mount_site
@@ -113,7 +117,7 @@ class Poller:
                 self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
 
     def _wanted(self, kind: Kind, now: float) -> bool:
-        """Whether somebody polls this, or the gateway itself must watch it."""
+        """Whether a client polls this kind of read, or the gateway itself needs it."""
         if kind is op.Position and self._watched:
             return True
         if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._watch.axes_every is not None:
@@ -122,15 +126,15 @@ class Poller:
 
     @property
     def _watched(self) -> bool:
-        """Whether the mount moves, by whomever: the line has better to do than to tell the time."""
+        """Whether the mount moves, for whatever reason: then the line is needed for positions."""
         return self._context.movement.anything or self._watch.restless or self._ends.pending
 
     def _pause(self, kind: Kind, now: float) -> float:
-        """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
+        """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if not self._wanted(kind, now):
             return IDLE
-        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical
-        every = RENEW[kind]
+        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical_rtt
+        every = POLL_PERIOD[kind]
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
             every = self._watch.axes_every or every
         return max(every - ahead, BREATH) - self._cache.age(kind, now)
@@ -148,5 +152,5 @@ class Poller:
                 self._context.note_once(f"{kind.__name__}: {fault}")
             if kind is op.AxisPosition:
                 self._axes_refused = self._context.now()
-            if self._cache.age(kind, self._context.now()) > RENEW[kind]:
-                await asyncio.sleep(RENEW[kind])
+            if self._cache.age(kind, self._context.now()) > POLL_PERIOD[kind]:
+                await asyncio.sleep(POLL_PERIOD[kind])

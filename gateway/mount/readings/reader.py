@@ -1,6 +1,6 @@
-"""Reading the mount: what is fresh is told again, and one exchange serves everybody who asks meanwhile.
+"""Reads the mount: fresh readings come from the cache, and all clients that ask meanwhile share one exchange.
 
-What the mount says is folded into what the limits go by before anybody is told. What it cannot say itself is worked out
+The limits are checked with every reading before any client gets it. What the mount does not report itself is calculated
 from other reads.
 """
 
@@ -18,27 +18,27 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import POSITION, READ
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.readings.cache import MISSING, Kind
+from gateway.mount.readings.cache import NOT_CACHED, Kind
 from gateway.mount.readings.told_position import PLACES, ToldPosition, at_hand
 
 _T = TypeVar("_T")
-#: How soon it is noticed that the mount has begun to move, seconds.
+#: Seconds between two checks whether the mount has begun to move.
 A_MOMENT = 0.2
-#: Seconds that whoever asks whether a goto is over waits, at most, until that is known; and for the mount's first word.
+#: Seconds that a client waits at most to learn whether a goto has ended, and for the first reply of the mount.
 UNTIL_KNOWN, FIRST_ANSWER = 2.0, 2.0
-#: Seconds that a program waits for an answer where the last one may stand in for it: in motion, which makes it old, as
-#: long as a reply may take; and how often the mount is asked again while orders come faster than it can tell what came
-#: of them.
+#: Seconds that a client waits for a new reading before it gets the last one: at rest, and in motion, in which the last
+#: one is outdated (as long as a reply may take). TRIES: how often the mount is asked again if orders keep coming that
+#: make its replies outdated.
 WAITS, WAITS_MOVING, TRIES = 2.5, 3.2, 3
-#: Degrees from the goal within which every mount ends a goto that nobody ends before.
+#: Degrees from its goal within which an undisturbed goto ends on every mount.
 CLOSE = 0.5
 
 
 class Reader:
-    """``read`` takes what is at hand, ``anew`` asks the mount in any case, ``tell`` waits as a program waits.
+    """``read`` prefers the cache, ``anew`` always asks the mount, ``tell`` answers a client with a timeout.
 
-    Signals: what the mount has told of its position, its axes and its state; ``unseen`` when it did not tell where it
-    is; ``goto_over`` when it has told that a goto is over.
+    Signals: ``position``, ``axes`` and ``status`` with a new reading; ``unseen`` when a position read failed;
+    ``goto_over`` when the mount reports that a goto has ended.
     """
 
     def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, told: ToldPosition) -> None:
@@ -59,18 +59,16 @@ class Reader:
             task.cancel()
 
     def exchanges(self, kind: Kind) -> int:
-        """How many the last answer of this kind has taken."""
+        """Return the number of exchanges that the last read of this kind took."""
         return self._exchanges.get(kind, 1)
 
     def _there(self, operation: op.Operation) -> asyncio.Event:
-        """What must have happened before the mount is asked this: where it points it tells before its name."""
+        """Return the event to wait for before this read: for the position a mount was found, else identified."""
         return self._context.met if isinstance(operation, op.Position) else self._context.known
 
     async def tell(self, operation: op.Operation) -> Any:
-        """The answer for a program. Raises Fault where there is nothing to tell.
-
-        In place of one that does not come in time stands the last one; a state that nobody knows is told as it does no
-        harm.
+        """Return the answer for a client, the last one if no new one arrives in time, and for an unknown status a
+        harmless default. Raises Fault if there is no answer.
         """
         fault: Fault
         try:
@@ -86,39 +84,38 @@ class Reader:
             self._told.answered(type(operation))
             return answer
         last = self._told.last(type(operation))
-        if last is MISSING:
+        if last is NOT_CACHED:
             raise fault
         return last
 
     async def _newest(self, operation: op.Operation) -> Any:
-        """The mount's answer, at hand or waited for. Raises Fault.
+        """Return the mount's answer, from the cache or by an exchange. Raises Fault.
 
-        A place that was asked for before the last order is not told: the mount is asked again.
+        A position that was requested before the last motion order is outdated: the mount is asked again.
         """
         kind, told = type(operation), self._told
         value = told.tell(operation)
-        answer: Any = MISSING
+        answer: Any = NOT_CACHED
         for _ in range(TRIES):
-            if value is MISSING and (source := told.source(kind)) is not None:
+            if value is NOT_CACHED and (source := told.source(kind)) is not None:
                 await self.tell(source())
                 value = told.tell(operation)
-            if value is not MISSING:
+            if value is not NOT_CACHED:
                 return value
             answer = await self.asked(operation)
             if kind not in PLACES:
                 return answer
             value = told.tell(operation)
-        return answer if value is MISSING else value
+        return answer if value is NOT_CACHED else value
 
     async def read(self, operation: op.Operation[_T]) -> _T:
-        """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
+        """Return a reading from the cache, or by an exchange that all callers share. Raises Fault."""
         value = at_hand(self._context, type(operation))
-        return cast(_T, await self.asked(operation) if value is MISSING else value)
+        return cast(_T, await self.asked(operation) if value is NOT_CACHED else value)
 
     async def asked(self, operation: op.Operation) -> Any:
-        """The answer of the exchange under way, or of a new one; not long after the start. Raises Fault.
-
-        A goto goes on until it is known to be over: a slow mount is not waited for long to say so.
+        """Return the answer of the exchange under way, or of a new one. Raises Fault; NoAnswer if a mount that is not
+        identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
         """
         first = not self._there(operation).is_set()
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
@@ -131,11 +128,13 @@ class Reader:
             return True
 
     async def anew(self, operation: op.Operation[_T]) -> _T:
-        """A read from the mount, however fresh the last answer is; who gives up ends it for nobody. Raises Fault."""
+        """Read from the mount, however fresh the last reading is. Cancelling one caller does not cancel the exchange.
+        Raises Fault.
+        """
         return cast(_T, await result_of(self.shared(operation)))
 
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
-        """The exchange under way for this kind of read, else a new one. It belongs to all: nobody may cancel it."""
+        """Return the task that reads this kind now, or start one. It is shared: no caller may cancel it."""
         kind = type(operation)
         task = self._sharing.get(kind)
         if task is None:
@@ -150,8 +149,8 @@ class Reader:
     async def _ask(self, operation: op.Operation) -> Any:
         if not self._there(operation).is_set():
             await self._there(operation).wait()
-            if (met := at_hand(self._context, type(operation))) is not MISSING:
-                return met  # it was told where the mount was met
+            if (met := at_hand(self._context, type(operation))) is not NOT_CACHED:
+                return met  # identification has read it meanwhile
         kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None
         if isinstance(operation, op.AxisPosition) and not self._driver.implementation(op.AxisPosition):
@@ -163,7 +162,7 @@ class Reader:
         if isinstance(operation, op.Slewing):
             if self._movement.slewing and not value:
                 await self._settled()
-            value = value or gotos != self._wanted.gotos  # a goto that has been begun meanwhile is under way
+            value = value or gotos != self._wanted.gotos  # another goto may have begun meanwhile
         if isinstance(operation, op.HorizontalPosition) and value is None:
             source, value = op.Position, self._astrometry.horizon(await self.read(op.Position()))
         if source is not None:
@@ -172,7 +171,7 @@ class Reader:
         return value
 
     async def _axes_from_the_sky(self) -> tuple[Kind, Any]:
-        """Where the axes stand of a mount that does not tell -> what that follows from, and the readings."""
+        """Calculate the axis readings for a mount that does not report them; return (source read, readings)."""
         equatorial = (await self.read(op.GetStatus())).equatorial
         if not equatorial:  # the axes of a fork are azimuth and altitude
             return op.HorizontalPosition, await self.read(op.HorizontalPosition())
@@ -180,7 +179,7 @@ class Reader:
         return op.Position, self._astrometry.axes(seen, wedge=not self._driver.german)
 
     def _fold(self, kind: Kind, value: Any) -> None:
-        """What was said is known from now on, and the limits go by it."""
+        """Store a reading, and pass it to the limits by signals."""
         self._cache.put(kind, value, self._now())
         if isinstance(value, op.Status):
             self.status.emit(value)
@@ -190,14 +189,14 @@ class Reader:
             self.axes.emit(value)
 
     def told(self, operation: op.Operation, value: Any) -> None:
-        """The mount has told this without having been asked for it here."""
+        """Take a reading that the mount reported in an exchange of another part."""
         self._fold(type(operation), self._taken(operation, value))
 
     async def _hear(self, operation: op.Operation) -> Any:
-        """What the mount itself answers; a place together with when it was asked for it and when it was there."""
-        rank = POSITION if isinstance(operation, op.Position) else READ
+        """Ask the mount and return its answer. Raises Fault."""
+        priority = POSITION if isinstance(operation, op.Position) else READ
         try:
-            value = await self._runner.perform(operation, rank)
+            value = await self._runner.perform(operation, priority)
         except Fault:
             if isinstance(operation, op.Position):
                 self.unseen.emit(None)
@@ -206,17 +205,19 @@ class Reader:
         return self._taken(operation, value)
 
     def _taken(self, operation: op.Operation, value: Any) -> Any:
-        """An answer that has just come, as the gateway goes by it."""
+        """Convert an answer that has just arrived to the equinox of date, and pass on positions with their times."""
         if isinstance(operation, op.Position):
             value = self._astrometry.from_mount(value)
         if isinstance(value, op.Equatorial | op.Horizontal):
-            half = self._link.typical / 2.0
+            half = self._link.typical_rtt / 2.0
             first, second = self._driver.read_at or (self._now(), self._now())
             self._told.came(type(operation), value, self._runner.asked_at, (first - half, second - half))
         return value
 
     async def _while_it_rests(self, operation: op.Operation) -> Any:
-        """The answer, or None once the mount moves: then the line has no room for two positions in halves."""
+        """Return the answer, or None if the mount begins to move: the line is then too slow for two positions of two
+        requests each.
+        """
         reading = self._context.tasks.spawn(self._hear(operation))
         try:
             while not self._movement.anything:
@@ -227,7 +228,7 @@ class Reader:
             reading.cancel()
 
     async def _settled(self) -> None:
-        """A goto has just ended: nobody is told so before the position is known where it ended."""
+        """Read the final position before reporting that the goto has ended."""
         slew = self._wanted.value.motion
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
@@ -239,7 +240,7 @@ class Reader:
                 self._context.note(words)
 
     async def tube_side(self) -> str | None:
-        """The side of the pier (E, W) that the tube of a German mount is on; None where nobody tells."""
+        """Return the pier side (E, W) of the tube of a German mount; None if it is unknown."""
         if self._driver.tube_side("E") is None:
             return None
         try:
@@ -249,9 +250,8 @@ class Reader:
 
 
 def missed(goal: op.Equatorial, here: op.Equatorial) -> str:
-    """Words for the log on a goto that is over; none where it has come to its goal. Both in the same coordinates.
-
-    Whoever stands beside the mount may have ended it there, and is not fought.
+    """Return the log line for a goto that ended away from its goal; an empty text if it reached it. Both positions are
+    in the same coordinates. The gateway does not repeat the goto: a person may have ended it at the hand control.
     """
     away = separation(goal.ra, goal.dec, here.ra, here.dec)
     return "" if away <= CLOSE else f"the goto ended {away:.1f} degrees from its goal: it was ended at the mount"

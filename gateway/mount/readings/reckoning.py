@@ -1,9 +1,9 @@
-"""Where a mount that moves points now, reckoned from the last two places that it told.
+"""Extrapolates the position of a moving mount from its last two readings.
 
-Each of the two angles has gone on at the rate that the last two readings show: for a second at most, never more than
-half of what is left to the goal, never beyond a limit, for nobody is told of a mount beyond one that it has not been
-seen to cross. Where angles do not grow evenly (at a pole), or nothing that turns is so fast, the last place stands.
-Pure functions over frozen values; angles are degrees, times are seconds of any clock that never goes back.
+Each of the two angles continues at the rate between these readings: for a second at most, for no more than half of the
+distance to the goal, and not beyond a limit, because clients must not see the mount beyond a limit that it has not
+crossed. Near a pole, where angles do not change evenly, and at rates that no motor reaches, the last reading stands.
+Pure functions over frozen values; angles are degrees, times are seconds of a monotonic clock.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ from gateway.mount.safety.allow import can_be_told, past_meridian
 Pair = tuple[float, float]
 Inside = Callable[[float, float], bool]
 
-#: For how many seconds after the last reading a place is reckoned on.
+#: Seconds after the last reading for which the position is extrapolated.
 LONGEST = 1.0
-#: What was told a moment ago may be asked for again: of so many seconds before the last reading, too.
+#: Seconds before the last reading for which it is calculated: a moment ago may be asked for again.
 EARLIER = 0.05
-#: Two readings tell a rate when they are so many seconds apart: sooner it is their last digit, later it is long ago.
+#: Two readings give a rate if they are between so many seconds apart: less is rounding, more is out of date.
 SOONEST, LATEST = 0.1, 3.0
-#: Degrees from the equator beyond which the first angle does not grow evenly, and how far it turns at most meanwhile.
+#: Degrees from the equator beyond which the first angle does not change evenly, and its largest change otherwise.
 POLEWARD, TURN = 85.0, 30.0
-#: How many of its digits an angle must have turned by between two readings: less is their last digit.
+#: An angle must change by this many units of its resolution between two readings: less is rounding.
 DIGITS = 3.0
-#: How much of what is left to a goal is gone at most: motors slow down before it, and nobody is told that they arrived.
+#: The part of the distance to the goal that is covered at most: motors slow down, and the arrival is never guessed.
 NEARER = 0.5
-#: A limit is found to a 256th of the time for which a place is reckoned on.
+#: Bisection steps: a limit is found to a 256th of the extrapolated time.
 HALVINGS = 8
 
 
 class Reading(Struct, frozen=True):
-    """A longitude and a latitude, or the readings of two axes, and when each of them was true."""
+    """A longitude and a latitude, or the readings of two axes, and the time of each of them."""
 
     place: Pair
     at: Pair
 
     @property
     def complete(self) -> float:
-        """When the later of both was true."""
+        """The later of the two times."""
         return max(self.at)
 
 
 class Course(Struct, frozen=True):
-    """From where a mount goes on, how fast (degrees a second), how far at most, and for how many seconds at most."""
+    """An extrapolation: its start, the rates (degrees a second), the largest distances, the longest time in seconds."""
 
     begins: Reading
     rates: Pair = (0.0, 0.0)
@@ -70,11 +70,11 @@ def course(
     polar: bool = True,
     inside: Inside | None = None,
 ) -> Course:
-    """How it goes on after ``last``; ``before`` is an earlier reading of the same motion, or there is none.
+    """Return the course after ``last``; ``before`` is an earlier reading of the same motion, if there is one.
 
-    ``fastest``: degrees a second that no motor exceeds. ``digit``: how finely readings tell, degrees. ``polar``: the
-    angles are places on a sphere, and not the readings of two axes. ``inside`` says whether a place is within the
-    limits; one that is not has none.
+    ``fastest``: degrees a second that no motor exceeds. ``digit``: the resolution of readings, degrees. ``polar``: the
+    angles are a position on a sphere, and not the readings of two axes. ``inside`` returns whether a position is within
+    the limits; a mount that is beyond a limit already is extrapolated without them.
     """
     rates = None if before is None else _rates(before, last, fastest, digit, polar)
     if before is None or rates is None:
@@ -92,7 +92,7 @@ def course(
 
 
 def place(going: Course, now: float) -> Pair:
-    """Where it is at a moment: the first angle in [0, 360), the second as it was told, or an axis in [-180, 180)."""
+    """Return the position at a time: the first angle in [0, 360), the second in [-180, 180)."""
     begins = going.begins
     if going.rates == (0.0, 0.0):
         return begins.place
@@ -109,7 +109,7 @@ def _until(rate: float, degrees: float) -> float:
 
 
 def _rates(before: Reading, last: Reading, fastest: float, digit: float, polar: bool) -> Pair | None:
-    """Degrees a second of each angle; None where nothing can be said of them."""
+    """Return the rates of both angles in degrees a second; None if the readings do not show them."""
     elapsed = last.at[0] - before.at[0], last.at[1] - before.at[1]
     if min(elapsed) < SOONEST or max(elapsed) > LATEST:
         return None
@@ -126,15 +126,15 @@ def _rates(before: Reading, last: Reading, fastest: float, digit: float, polar: 
 
 
 def _room(before: Reading, last: Reading, goal: Pair, which: int) -> float:
-    """How far one angle may still go; one that leads away from the goal all the time goes another way round."""
+    """Return the degrees that one angle may still turn; unlimited while it moves away from the goal (a longer path)."""
     was, left = (wrap180(goal[which] - reading.place[which]) for reading in (before, last))
     if was * left <= 0.0:
-        return 0.0  # it has come there
+        return 0.0  # it has arrived
     return NEARER * abs(left) if abs(left) <= abs(was) else inf
 
 
 def _within(going: Course, inside: Inside) -> Course:
-    """The same for as long as it stays within the limits."""
+    """Shorten the course so that it stays within the limits."""
     begins = going.begins
 
     def allowed(lasts: float) -> bool:
@@ -151,20 +151,19 @@ def _within(going: Course, inside: Inside) -> Course:
     return Course(begins, going.rates, going.rooms, good)
 
 
-# --- the limits as a question about one place: may a program be told that the mount points there? ---------------------
-# What is really done at a limit is decided elsewhere, by what the mount tells.
+# --- the limits as a test of one position: may a client see the mount there? ------------------------------------------
+# Whether the mount is stopped at a limit is decided elsewhere, from real readings.
 
 
 def over_the_horizon(context: Context) -> Inside:
-    """Of an azimuth and an altitude, by what is known now."""
+    """Return the test for an azimuth and an altitude, by the present limits."""
     limits = _limits(context)
     return lambda _, altitude: limits.lowest <= altitude <= limits.highest
 
 
 def on_the_sky(context: Context) -> Inside:
-    """Of a right ascension and a declination of date: altitude, Sun, hour angle of a mount whose side is known.
-
-    While the site is unknown the Sun alone counts.
+    """Return the test for a right ascension and a declination of date: altitude, Sun, and the hour angle if the pier
+    side is known. While the site is unknown only the Sun counts.
     """
     limits, astrometry, suns = _limits(context), context.astrometry, context.suns
     meridian = _meridian(context, limits.hour_angle)
@@ -181,7 +180,7 @@ def on_the_sky(context: Context) -> Inside:
 
 
 def _limits(context: Context) -> Limits:
-    """The operator's limits, narrowed by the programs whose motion is under way."""
+    """Return the operator's limits, narrowed by the clients whose motion is under way."""
     limits, motion = context.policy.limits, context.wanted.value.motion
     for moving in [motion.operation] if isinstance(motion, Slew) else context.wanted.by_hand.values():
         if isinstance(moving, op.Move | op.Goto):
@@ -190,7 +189,7 @@ def _limits(context: Context) -> Limits:
 
 
 def _meridian(context: Context, limit: float | None) -> Callable[[float], bool]:
-    """Of a right ascension. A goto crosses the meridian on its way: the limit is that of a motion by hand."""
+    """Return the hour angle test for a right ascension. During a goto all pass, because it may cross the meridian."""
     driver, cache = context.driver, context.cache
     status = cache.value(op.GetStatus)
     side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None

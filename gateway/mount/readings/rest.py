@@ -1,8 +1,8 @@
-"""Whether the mount is seen to rest: two looks at it that agree within what tracking explains.
+"""Checks that the mount is at rest: two samples differ by no more than tracking explains.
 
-On the sky a drive that is on keeps the place, and one that is off lets the sky pass. That alone would not see an axis
-that turns the tube about where it points (at the pole, in the zenith), so the axes are looked at as well. How fast the
-mount may be and not be seen follows from how finely it tells its position: the looks are so far apart.
+On the sky, a drive that is on keeps the position, and one that is off lets the sky pass. That alone would miss an axis
+that turns the tube about the direction in which it points (at the pole, in the zenith), so the axes are compared as
+well. The coarser the mount's position, the farther apart the samples are taken, so that slow motion is not missed.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
 SIGHT = 8.0
-#: Seconds between two looks that are compared, at least, and from one look to the next.
+#: Seconds between two samples that are compared, at least, and from one sample to the next.
 APART, BREATH = 0.7, 0.2
 ARCSECOND = 1.0 / 3600.0
-#: Degrees a second: of the sky over a drive that is off; what is slower than the other is not noticed; how much other
-#: drive rates (solar, lunar) differ from the stars'.
+#: Degrees a second: the sky over a drive that is off; the motion below which none is noticed; the difference between
+#: the sidereal and the other drive rates (solar, lunar).
 SKY, CREEP, DRIVES = 15.041 * ARCSECOND, 30.0 * ARCSECOND, 3.0 * ARCSECOND
-#: Degrees a second that an axis may turn; so many times the sky's rate where azimuth must follow it past the zenith,
-#: and no faster even there.
+#: Degrees a second that an axis at rest may turn by tracking; the azimuth of a fork near the zenith, ZENITH times the
+#: rate that the sky needs there, but no faster than FASTEST.
 TURNS, ZENITH, FASTEST = 0.1, 3.0, 2.5
 
 
 class Look(NamedTuple):
-    """Where it pointed, degrees, where its axes stood, and how fast the first of them may turn, degrees a second."""
+    """A sample: position and axes in degrees, and how fast the first axis may turn by tracking, degrees a second."""
 
     at: float
     seen: op.Equatorial
@@ -41,9 +41,9 @@ class Look(NamedTuple):
 
 
 async def come_to_rest(context: Context, reader: Reader, seconds: float = SIGHT) -> None:
-    """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be.
+    """Sample the mount until it is at rest. Raises Fault with what the samples showed, or why there were none.
 
-    One that hibernates said so itself, and is not asked.
+    A mount that hibernates is at rest and is not asked.
     """
     looks: deque[Look] = deque()
     rate, trouble = None, Fault("it has not told where it is")
@@ -72,12 +72,12 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = SIGHT)
     if context.movement.anything:
         raise Fault("it was stopped, and a program has set it moving again; mount-gateway stop --hold keeps it at rest")
     if rate is None:
-        raise Fault(f"the stop was sent, and nobody can see whether it rests: {trouble}")
+        raise Fault(f"the stop was sent, but the gateway cannot see whether the mount is at rest: {trouble}")
     raise Fault(f"it acknowledged the stop and still moves after {seconds:.0f} s, {rate:.3f} degrees a second")
 
 
 async def _look(context: Context, reader: Reader) -> Look:
-    """Ask the mount anew. Raises Fault."""
+    """Take a sample by new requests to the mount. Raises Fault."""
     status: op.Status = await reader.read(op.GetStatus())
     seen: op.Equatorial = await reader.anew(op.Position())
     at = context.now()
@@ -94,7 +94,7 @@ async def _look(context: Context, reader: Reader) -> Look:
 
 
 def _unexplained(before: Look, after: Look, fine: float) -> float:
-    """How fast it moves beyond what tracking explains, degrees a second; 0 where that is less than ``fine`` degrees."""
+    """Return the speed beyond what tracking explains, degrees a second; 0 if the motion is below ``fine`` degrees."""
     elapsed = after.at - before.at
     (ra, dec), (last_ra, last_dec) = (before.seen.ra, before.seen.dec), (after.seen.ra, after.seen.dec)
     kept, passed = separation(ra, dec, last_ra, last_dec), separation(ra + SKY * elapsed, dec, last_ra, last_dec)

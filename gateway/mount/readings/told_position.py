@@ -1,8 +1,8 @@
-"""What programs are told of where the mount points; everybody else goes by what the mount itself has said.
+"""The positions that clients get; all other parts use the mount's own readings.
 
-In motion a place is reckoned on to the moment at which it is told, one moment for all that is told within 50 ms, and
-one for both of its angles. A reading that was asked for before the mount acknowledged the last order of motion, most of
-all a stop, is not told after it: the mount is asked again.
+In motion a position is extrapolated to the moment of the reply, the same moment for all replies within 50 ms and for
+both angles. A reading that was requested before the mount acknowledged the last motion order, above all a stop, is
+outdated: the mount is asked again.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings import reckoning
-from gateway.mount.readings.cache import FRESH, LAST_POSITION, MISSING, Kind
+from gateway.mount.readings.cache import LAST_POSITION, MAX_AGE, NOT_CACHED, Kind
 from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
 
-#: The reads that tell where the mount points.
+#: The reads of a position.
 PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
-#: For so many seconds what was reckoned is told again.
+#: Seconds for which an extrapolated position is used again.
 MOMENT = EARLIER
-#: An answer lives so many times as long as an exchange takes, at least.
+#: A reading is fresh for this many reply times at least.
 EXCHANGES = 2.5
-#: How a mount stands that has never said so: nothing is promised that it might not do.
+#: The status of a mount that has never reported one, with the least promises.
 UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 
 
 class Taken(Struct, frozen=True):
-    """What the mount has told, the same as a reading, and when it was asked for it."""
+    """A position as the mount reported it, the same as a reading, and the loop time of the request."""
 
     value: Any
     reading: Reading
@@ -41,23 +41,23 @@ class Taken(Struct, frozen=True):
 
 
 def at_hand(context: Context, kind: Kind) -> Any:
-    """What the mount said last, when it is fresh enough; MISSING when it must be asked. The cache notes who asks."""
-    if kind not in FRESH:
+    """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
+    if kind not in MAX_AGE:
         known = context.site_clock.known(kind)
-        return MISSING if known is None else known
+        return NOT_CACHED if known is None else known
     if kind is op.Slewing and context.wanted.goto_waits:
         return True
     now, link = context.now(), context.link
     value = context.cache.asked(kind, now)
-    if value is not MISSING:
+    if value is not NOT_CACHED:
         return value
-    return context.cache.fresh(kind, now, EXCHANGES * link.typical, link.state != "up")
+    return context.cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
 
 
 class ToldPosition:
-    """``tell`` answers programs; ``came`` takes readings, ``ordered`` what the mount has acknowledged.
+    """``tell`` answers clients; ``came`` takes readings, ``ordered`` the operations that the mount has acknowledged.
 
-    ``changed`` is emitted when what was told before is out of date.
+    ``changed`` is emitted when earlier answers are outdated.
     """
 
     def __init__(self, context: Context) -> None:
@@ -67,17 +67,19 @@ class ToldPosition:
         self.changed: Signal[None] = Signal()
         self._taken: dict[Kind, tuple[Taken | None, Taken]] = {}
         self._courses: dict[Kind, Course] = {}
-        #: Places that the mount itself does not tell, and what they are worked out from.
+        #: Positions that the mount does not report, and the reads from which they are calculated.
         self._sources: dict[Kind, Kind] = {}
         self._since = self._moment = -1e9
         self._stirred = False
-        #: Programs are told the last place that is known, because the mount has not answered in time.
+        #: Clients get the last known position, because the mount has not replied in time.
         self.told_old = False
 
-    # --- what comes in ----------------------------------------------------------------------------------------------
+    # --- input ------------------------------------------------------------------------------------------------------
 
     def came(self, kind: Kind, value: Any, asked: float, at: Pair) -> None:
-        """The mount itself has told a place: asked at ``asked``, its two halves true at ``at``, loop times."""
+        """Take a position that the mount reported; ``asked`` is the loop time of the request, ``at`` the loop times at
+        which its two angles were true.
+        """
         self._sources.pop(kind, None)
         _, last = self._taken.get(kind, (None, None))
         taken = Taken(value, Reading(_pair(value), at), asked)
@@ -87,16 +89,16 @@ class ToldPosition:
         self._courses.pop(kind, None)
 
     def worked_out(self, kind: Kind, source: Kind) -> None:
-        """The mount does not tell this; it follows from another read."""
+        """Note that the mount does not report this position, and from which read it is calculated."""
         self._sources[kind] = source
 
     def stirs(self, _: None = None) -> None:
-        """Something that may set the mount moving goes to it: the next end is not the end of nothing."""
+        """Note that a command is sent that may set the mount moving: the next end makes readings outdated."""
         self._stirred = True
 
     def ordered(self, operation: op.Operation, restless: bool) -> None:
-        """The mount has acknowledged this; to be called before anything goes by it. ``restless``: it is seen to move
-        though nobody here has told it to.
+        """Note an operation that the mount has acknowledged, before any other part acts on it. ``restless``: the
+        position shows a motion that the gateway has not ordered.
         """
         if isinstance(operation, op.AbortMotion | op.StopAxis | op.AbortSlew):
             if not (self._movement.anything or self._stirred or restless):
@@ -104,22 +106,22 @@ class ToldPosition:
             self._stirred = not isinstance(operation, op.AbortMotion) and self._movement.anything
         elif isinstance(operation, op.Move | op.MoveAxis):
             if self._wanted.by_hand.get(operation.axis) == operation:
-                return  # it goes on
+                return  # the same motion continues
         elif not isinstance(operation, (*GOTOS, op.Sync)):
             return
         self.anew()
 
     def anew(self) -> None:
-        """From now on nothing is told that the mount was asked for before."""
+        """Treat readings that were requested before now as outdated."""
         self._since = self._now()
         self._courses.clear()
         self._moment = -1e9
         self.changed.emit(None)
 
-    # --- what is told -----------------------------------------------------------------------------------------------
+    # --- answers ----------------------------------------------------------------------------------------------------
 
     def tell(self, operation: op.Operation) -> Any:
-        """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
+        """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         kind = type(operation)
         value = at_hand(self._context, kind)
         if kind not in PLACES:
@@ -127,16 +129,16 @@ class ToldPosition:
         source = self.source(kind)
         if source is not None:
             seen = self.tell(source())
-            return MISSING if seen is MISSING else self._worked_out(kind, seen)
-        if value is MISSING or kind not in self._taken:
-            return MISSING
+            return NOT_CACHED if seen is NOT_CACHED else self._worked_out(kind, seen)
+        if value is NOT_CACHED or kind not in self._taken:
+            return NOT_CACHED
         _, last = self._taken[kind]
         if last.asked < self._since:
-            return MISSING
+            return NOT_CACHED
         return type(last.value)(*place(self._course(kind), self._told_at())) if self._movement.anything else last.value
 
     def last(self, kind: Kind) -> Any:
-        """What was told last and may be told again although the mount has not answered; MISSING if there is nothing."""
+        """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
         if kind is op.Slewing:
             return self._movement.slewing or self._wanted.goto_waits
         if kind is op.GetStatus:
@@ -144,15 +146,14 @@ class ToldPosition:
         source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)
         if kind not in self._taken and source is not None:
             seen = self.last(source)
-            return MISSING if seen is MISSING else self._worked_out(kind, seen)
+            return NOT_CACHED if seen is NOT_CACHED else self._worked_out(kind, seen)
         _, last = self._taken.get(kind, (None, None))
         if last is None or last.asked < self._since or self._now() - last.reading.complete > LAST_POSITION:
-            return MISSING
+            return NOT_CACHED
         if not self.told_old:
             self.told_old = True
             self._context.note(
-                f"the mount has not answered in time: programs are told its last position, "
-                f"up to {LAST_POSITION:.0f} s old"
+                f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
             )
         return type(last.value)(*place(self._course(kind), self._now())) if self._movement.anything else last.value
 
@@ -160,24 +161,24 @@ class ToldPosition:
         self.told_old = self.told_old and kind not in PLACES
 
     def fresh_until(self, kinds: list[Kind]) -> float:
-        """The loop time until which what was just told may be told again."""
+        """Return the loop time until which the answers just given may be given again."""
         places = [kind for kind in kinds if kind in PLACES]
         sources = [source for kind in places if (source := self.source(kind)) is not None]
         until = self._cache.until([*kinds, *sources])
         return min(until, self._moment + MOMENT) if places and self._movement.anything else until
 
     def _told_at(self) -> float:
-        """The moment that is told; a new one makes what was told before out of date."""
+        """Return the moment to which positions are extrapolated; a new one makes earlier answers outdated."""
         now = self._now()
         if now - self._moment >= MOMENT:
             self._moment = now
             self.changed.emit(None)
         return self._moment
 
-    # --- how the mount goes on --------------------------------------------------------------------------------------
+    # --- extrapolation ----------------------------------------------------------------------------------------------
 
     def _course(self, kind: Kind) -> Course:
-        """That of the last reading, worked out once."""
+        """Return the course after the last reading, calculated once."""
         if kind not in self._courses:
             before, last = self._taken[kind]
             same = before is not None and before.asked >= self._since
@@ -199,7 +200,7 @@ class ToldPosition:
         return None if unknown else reckoning.over_the_horizon(self._context)
 
     def _goal(self, kind: Kind) -> Pair | None:
-        """Where the goto that is under way leads, as this read tells it; None where nobody here knows."""
+        """Return the goal of the goto under way in the coordinates of this read; None if it is unknown."""
         motion, astrometry = self._wanted.value.motion, self._astrometry
         if not isinstance(motion, Slew):
             return None
@@ -227,16 +228,18 @@ class ToldPosition:
         status = self._cache.value(op.GetStatus)
         return status is not None and bool(status.equatorial)
 
-    # --- what the mount does not tell ---------------------------------------------------------------------------------
+    # --- positions that the mount does not report ---------------------------------------------------------------------
 
     def source(self, kind: Kind) -> Kind | None:
-        """The read that a place is worked out from; a mount that tells places in halves has no time to in motion."""
+        """Return the read from which a position is calculated; None if the mount reports it. In motion, a mount that
+        takes two requests per position reports only one kind.
+        """
         if kind is op.HorizontalPosition and self._movement.anything and self._driver.position_reads > 1:
             return op.Position
         return self._sources.get(kind)
 
     def _worked_out(self, kind: Kind, seen: Any) -> Any:
-        """A place by the site and the clock of this moment; MISSING where the site is unknown."""
+        """Calculate a position by the present site and clock; NOT_CACHED if the site is unknown."""
         if isinstance(seen, op.Horizontal):
             return seen
         astrometry = self._astrometry
@@ -245,7 +248,7 @@ class ToldPosition:
                 return astrometry.horizon(seen)
             return astrometry.axes(seen, wedge=not self._driver.german)
         except Unsupported:
-            return MISSING
+            return NOT_CACHED
 
 
 def _pair(value: Any) -> Pair:

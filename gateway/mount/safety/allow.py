@@ -1,9 +1,9 @@
-"""Whether what moves the mount may go on, by every rule there is; what the first of them forbids is not allowed.
+"""The safety rules: whether the motion of the mount may continue. The first rule that forbids it decides.
 
-A rule is a pure function of a ``View``, evaluated at every position. It makes things more restful, never less, and
-never forbids what leads out of a forbidden place. What moves the mount may come neither beyond an altitude limit, nor
-near the Sun, nor past the meridian, where the tube of an equatorial mount comes to its pier; a goto is checked by where
-it leads as well, before it begins.
+A rule is a pure function of a ``View``, evaluated at every position. It may only restrict motion, and it never forbids
+a motion that leads out of a forbidden region. A moving mount must not pass an altitude limit, come near the Sun, or go
+past the meridian, where the tube of an equatorial mount meets its pier. The path of a goto is also checked before it
+begins (``admission/``).
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.safety.stop_timing import SHORTEST
 from gateway.mount.safety.view import ALLOWED, RESTLESS, Verdict, View
 
-#: A goto that ends at a limit may overshoot by so much.
+#: Degrees by which a goto that ends at a limit may overshoot.
 OVERSHOOT = 0.05
-#: So much nearer to the Sun is no jitter, degrees.
+#: Degrees by which the Sun must have come nearer before it counts as an approach; less is jitter.
 NEARER = 0.05
-#: Farther past the meridian than that, a tube has gone round under the pole and not against the pier.
+#: Degrees past the meridian beyond which a tube has passed under the pole and no longer turns towards the pier.
 AROUND_THE_POLE = 90.0
 
 
 def allow(view: View) -> Verdict:
-    """The first reason why it must not go on, else the soonest moment at which it must have been seen again."""
+    """Return the verdict that forbids the motion, else the one with the earliest deadline for the next position."""
     verdicts = []
     for rule in (altitude, near_sun, meridian):
         verdict = rule(view)
@@ -34,10 +34,10 @@ def allow(view: View) -> Verdict:
 
 
 def first_stretch(view: View, now: float, speed: float) -> Verdict:
-    """A motion by hand begins, whichever way: it must be seen again before it can come to any limit.
+    """Return the deadline for the first position after a motion by hand begins, in whatever direction it moves.
 
-    ``speed`` is that of all axes together, degrees a second. Its first stretch has been checked
-    (``admission/motions.py``).
+    The mount must have reported a position before it can reach any limit. ``speed`` is that of all axes together,
+    degrees a second. The first stretch of the motion has been checked already (``admission/motions.py``).
     """
     here, limits, timing = view.seen.last, view.limits, view.timing
     if here is None or view.status is None or not view.status.aligned or speed <= RESTLESS:
@@ -55,9 +55,9 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
 
 
 def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> bool:
-    """Whether an altitude is outside the limits, or will be within ``margin`` degrees, and is getting worse.
+    """Whether an altitude is outside the limits, or within ``margin`` degrees of them, and is getting worse.
 
-    There is nothing below -90 and above 90: those limits are none.
+    Limits of -90 and 90 degrees are off, because nothing lies beyond them.
     """
     sinking = limits.lowest > -90.0 and now < limits.lowest + margin and now < before
     rising = limits.highest < 90.0 and now > limits.highest - margin and now > before
@@ -65,7 +65,7 @@ def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> b
 
 
 def altitude(view: View) -> Verdict:
-    """What leads beyond an altitude limit ends before it."""
+    """End a motion before it passes an altitude limit."""
     before, last, changes = view.seen.before, view.seen.last, view.seen.changes
     if before is None or last is None or changes is None or before.altitude is None or last.altitude is None:
         return ALLOWED
@@ -85,7 +85,7 @@ def altitude(view: View) -> Verdict:
 
 
 def near_sun(view: View) -> Verdict:
-    """Nearer than the limit, and nearer than it was farthest since: a slow approach counts like a fast one."""
+    """Forbid coming nearer to a Sun than the limit, measured from ``farthest``, so that slow approaches count too."""
     before, last, soonest = view.seen.before, view.seen.last, ALLOWED
     if before is None or last is None:
         return ALLOWED
@@ -101,7 +101,7 @@ def near_sun(view: View) -> Verdict:
 
 
 def farthest(view: View) -> tuple[float, ...]:
-    """From how far the tube has come towards each Sun since it came near; far from it, where it is now."""
+    """Return, for each Sun, the greatest distance since the tube came near it, or the present one if it is not near."""
     if view.seen.last is None:
         return ()
     return tuple(
@@ -111,7 +111,7 @@ def farthest(view: View) -> tuple[float, ...]:
 
 
 def _rate(view: View, number: int) -> float:
-    """How fast it may come nearer to one of the Suns, degrees a second."""
+    """How fast the tube may approach one of the Suns, degrees a second."""
     changes, earlier = view.seen.changes, view.seen.earlier
     assert changes is not None
     comparable = earlier is not None and len(earlier.suns) == len(changes.suns)
@@ -122,7 +122,7 @@ def _rate(view: View, number: int) -> float:
 
 
 def meridian(view: View) -> Verdict:
-    """What leads past the meridian ends at the limit of the hour angle, a goto excepted: it may change sides."""
+    """End a motion at the limit of the hour angle. Gotos are exempt, because they may change the pier side."""
     before, last, changes = view.seen.before, view.seen.last, view.seen.changes
     limit = view.limits.hour_angle
     equatorial = view.status is not None and view.status.equatorial
@@ -141,16 +141,16 @@ def meridian(view: View) -> Verdict:
 
 
 def can_be_told(german: bool | None, side: str | None) -> bool:
-    """Whether anybody knows how far past the meridian it is: a German mount must have told its side to be watched."""
+    """Whether the distance past the meridian is known. A German mount must have reported its pier side."""
     return german is not None and (bool(side) or not german)
 
 
 def past_meridian(hour_angle: float, side: str | None) -> float:
-    """How many degrees a tube stands beyond the meridian, towards the pier; negative where it is free.
+    """Return by how many degrees the tube is past the meridian, towards the pier; negative on the free side.
 
-    ``side`` is the side of the pier that the tube of a German mount is on. On the west side it looks east and has the
-    pier before it once the hour angle is positive; on the east side it is the other way round. Without a side it is a
-    fork on a wedge, whose hour angle counts in both directions.
+    ``side`` is the side of the pier that the tube of a German mount is on. On the west side the tube looks east, and
+    the pier is in its way once the hour angle is positive; on the east side it is the other way round. Without a side
+    the mount is a fork on a wedge, and its hour angle counts in both directions.
     """
     hour_angle = wrap180(hour_angle)
     past = abs(hour_angle) if side is None else hour_angle if side == "W" else -hour_angle
@@ -158,15 +158,15 @@ def past_meridian(hour_angle: float, side: str | None) -> float:
 
 
 def check_hour_angle(limits: Limits, hour_angle: float) -> None:
-    """Raises PastMeridian for a target too far from the meridian for a mount that cannot change sides."""
+    """Raises PastMeridian if a target is too far from the meridian for a mount that cannot change the pier side."""
     if limits.hour_angle is not None and abs(wrap180(hour_angle)) > limits.hour_angle + AT_LIMIT:
         raise PastMeridian
 
 
 def check_shaft(limits: Limits, first: float) -> None:
-    """The same by the first axis of a German mount, which reads 90 degrees with the counterweight shaft down.
+    """Like ``check_hour_angle``, by the reading of the first axis of a German mount. Raises PastMeridian.
 
-    Past the meridian the shaft stands above level. Raises PastMeridian.
+    The axis reads 90 degrees with the counterweight shaft down. Past the meridian the shaft is above horizontal.
     """
     if limits.hour_angle is not None and abs(wrap180(first - 90.0)) - 90.0 > limits.hour_angle + AT_LIMIT:
         raise PastMeridian

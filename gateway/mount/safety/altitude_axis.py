@@ -1,7 +1,8 @@
-"""An axis that tells the altitude decides alone: an alt-az NexStar tells where its axes stand, whatever it believes.
+"""The altitude from the axis reading: on an alt-azimuth NexStar it overrules the calculated altitude.
 
-Syncs, a wrong alignment, a wrong site or clock move what right ascension and declination mean, never the tube. So what
-is reckoned from them is corrected by what the axis tells, where the two differ by more than an alignment explains.
+The axis reading is right whatever the mount believes about the sky: a sync, a wrong alignment, and a wrong site or
+clock change what right ascension and declination mean, but they do not move the tube. If the altitude that is
+calculated from them differs from the axis reading by more than an alignment explains, it is corrected.
 """
 
 from __future__ import annotations
@@ -13,26 +14,27 @@ from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
 from gateway.mount.readings.reader import Reader
 
-#: Degrees by which an alignment, cone error and refraction may let an axis differ from the altitude that is reckoned.
+#: Degrees by which alignment, cone error and refraction may let an axis reading differ from the calculated altitude.
 MATTERS = 1.0
-#: By how many seconds of its motion the two may seem to differ: they are told one after the other, and motors ramp.
+#: Seconds of motion by which the two may also differ: they are read one after the other, and motors accelerate.
 APART = 0.3
-#: Seconds between two readings of the axes, while the mount moves and while it rests in spite of a difference.
+#: Seconds between two readings of the axes: while the mount moves, and while it rests with a difference.
 IN_MOTION, AT_REST = 1.0, 5.0
-#: How old the word of the mount may be that it is an alt-az one, when its altitude axis contradicts what is reckoned.
+#: Seconds for which the mount's status ("alt-azimuth") is still trusted when the axis contradicts the calculation.
 STATUS_AGE = 2.0
 
 
 def told(reading: float) -> float:
-    """The altitude that an axis means, also beyond the zenith."""
+    """Return the altitude for an axis reading in degrees, which may lie beyond the zenith."""
     return degrees(asin(sin(radians(reading))))
 
 
 def corrected(tilt: float | None, difference: float, speed: float, speed_factor: float = 1.0) -> float:
-    """How far what is reckoned is off, degrees, when the axis differs by so much from what was corrected so far.
+    """Return the new correction of the calculated altitude, degrees.
 
-    ``tilt`` is that correction, None where there was none yet; ``speed`` that of the mount in degrees a second. A
-    simulated mount with a ``speed_factor`` goes that many times farther before its speed was seen.
+    ``tilt`` is the present correction, None if there is none yet. ``difference`` is the axis reading minus the
+    corrected altitude. ``speed`` is that of the mount, degrees a second; a simulated mount that runs
+    ``speed_factor`` times faster moves so much farther before its speed has been measured.
     """
     before = tilt or 0.0
     if abs(difference) <= MATTERS * speed_factor + speed * APART and (speed or not before):
@@ -42,9 +44,9 @@ def corrected(tilt: float | None, difference: float, speed: float, speed_factor:
 
 
 class AltitudeAxis:
-    """``tilt`` is by how many degrees it differs from what is reckoned; None until both have been told.
+    """Compares the altitude axis of one mount with the calculated altitude.
 
-    ``synced`` is whether a sync has come since.
+    ``tilt`` is the difference in degrees, None until both are known. ``synced`` is whether the mount was synced since.
     """
 
     def __init__(self, mount: Context) -> None:
@@ -55,9 +57,9 @@ class AltitudeAxis:
 
     @property
     def tells(self) -> bool:
-        """Whether an axis tells the altitude: on an alt-az mount that is asked for them, once it is aligned.
+        """Whether the axis gives the altitude: on an aligned alt-azimuth mount whose axes can be read.
 
-        Tracking that was switched has its status asked anew; until that comes the last one counts.
+        A change of the tracking mode invalidates the cached status; until it has been read again the last one counts.
         """
         driver = self._mount.driver
         status = self._status = self._mount.cache.value(op.GetStatus) or self._status
@@ -68,17 +70,17 @@ class AltitudeAxis:
         )
 
     def every(self, moves: bool) -> float | None:
-        """How often the axes are to be read, seconds; None where that is not needed."""
+        """Return how often to read the axes, seconds; None if that is not needed."""
         if not (moves or self.tilt is None or self.tilt) or not self.tells:
             return None
         return IN_MOTION if moves or self.tilt is None else AT_REST
 
     def forget(self, synced: bool = False) -> None:
-        """What is reckoned has changed: a sync, another sky, another kind of mount."""
+        """Forget the difference after a sync, a change of site or clock, or on a mount that is not alt-azimuth."""
         self.tilt, self.synced = None, self.synced or synced
 
     async def asked(self, ask: Reader) -> float:
-        """The tilt, degrees; after a sync what it follows from is asked of the mount before. Raises Fault."""
+        """Return the tilt in degrees. After a sync, read the mount first to measure it again. Raises Fault."""
         if self.synced and not self._mount.movement.anything:
             await ask.anew(op.GetStatus())
             await ask.read(op.Position())
@@ -86,9 +88,9 @@ class AltitudeAxis:
         return self.tilt or 0.0
 
     def read(self, axes: op.Horizontal, seen: Seen, now: float, moves: bool) -> float | None:
-        """A reading has come -> by how much the tilt has changed; None where it must be asked again what it stands on.
+        """Take an axis reading and return by how much the tilt changed; None if the status must be read again first.
 
-        On a wedge, where it may have been put since the status was told, the axes tell no altitude.
+        The status may be too old: on a mount that was put on a wedge meanwhile, the axes give no altitude.
         """
         last, before = seen.last, self.tilt or 0.0
         if last is None or last.altitude is None or not self.tells:

@@ -1,7 +1,7 @@
-"""When positions tell nothing of a motion: they do not come, they do not change, or they are of another sky.
+"""Positions that do not show a motion: they do not arrive, do not change, or refer to another sky.
 
-Then nobody knows any more where the tube is, and no limit can be watched: motion by hand that is not seen is ended and
-told of. What only seems to move because site or clock were set is no motion.
+Then the direction of the tube is unknown and no limit can be watched, so a motion by hand that cannot be seen is ended
+and reported. Coordinates that change only because site or clock were set are not a motion.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from gateway.mount.motion.ends import Sample
 from gateway.mount.motion.seen import NEVER
 from gateway.mount.motion.wanted import Moving
 
-#: How old the last position may be when the next one is not told, seconds; and from one stop for that to the next.
+#: Seconds: the age of the last position at which a mount counts as silent, and the least time between two stops for it.
 BLIND = 1.0
-#: Degrees a second from which on it is judged whether a motion is seen; seconds that it has gone on at least, and to
-#: begin; and the part of its way that must be seen.
+#: A motion is judged from this commanded speed on, degrees a second, and after so many seconds, including its start; so
+#: large a part of the commanded way must be seen.
 FROM, AFTER, PART = 0.1, 3.0, 0.1
-#: A clock that is set by more than that means another sky, seconds.
+#: Seconds; setting the clock by more than this changes the sky.
 SET_ANEW = 30.0
-#: For so many seconds after that a mount at rest may tell of the old sky, of the new one, and of half of each.
+#: Seconds after that during which a resting mount may report the old sky, the new one, or half of each.
 SETTLES = 3.0
 
 
 def blind(moving: Moving, age: float, since_stop: float) -> str:
-    """Why a mount must stop that moves by hand and does not tell where it is; nothing where it need not.
+    """Return why a mount that moves by hand and reports no position must stop; empty if it need not.
 
-    ``age`` is that of the last position. An LX200GPS that seeks its home is busy and tells nothing; it is not moved by
-    hand meanwhile.
+    ``age`` is that of the last position, seconds. An LX200GPS that seeks its home position is busy and reports nothing,
+    but it is not moved by hand meanwhile.
     """
     if moving.by_hand and age > BLIND and since_stop > BLIND:
         return "it moves and does not tell where it is"
@@ -41,7 +41,7 @@ def blind(moving: Moving, age: float, since_stop: float) -> str:
 
 
 class Course(Struct, frozen=True):
-    """One axis: how fast it was told to go, when it was seen first since, and the degrees seen of it since then."""
+    """The motion of one axis: commanded speed, time of the first position, last position, and degrees seen since."""
 
     speed: float
     began: float
@@ -49,27 +49,27 @@ class Course(Struct, frozen=True):
     seen: float = 0.0
 
     def after(self, axis: int, sample: Sample) -> Course:
-        """One position more; the way counts in pieces, for over a pole it turns back."""
+        """Add one position. The distance is summed step by step, because the reading turns back over a pole."""
         step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
         return Course(self.speed, self.began, sample, self.seen + step)
 
 
 class StallWatch:
-    """``look`` is called with every position of a mount: is the motion seen in it that it was told to make?
+    """Finds axes that do not move although they were told to; ``look`` is called with every position.
 
-    Else the motor stalls, or the mount tells an old position. Judged are only rates that a position shows without
-    doubt, and only after the mount has had its time to begin.
+    Such a motor is stalled, or the mount reports an old position. Only speeds that a position shows clearly are judged,
+    and only after the mount has had time to start.
     """
 
     def __init__(self) -> None:
         self._courses: dict[int, Course] = {}
 
     def clear(self) -> None:
-        """Nothing moves by hand."""
+        """Forget all motions: nothing moves by hand."""
         self._courses.clear()
 
     def look(self, sample: Sample, ordered: Mapping[int, float], round_trip: float) -> int | None:
-        """-> the axis of which too little is seen, or None. ``ordered``: degrees a second of each axis by hand."""
+        """Return an axis that moved too little, or None. ``ordered``: commanded speed per axis, degrees a second."""
         courses: dict[int, Course] = {}
         for axis, speed in ordered.items():
             if speed < FROM:
@@ -88,10 +88,10 @@ class StallWatch:
 
 
 class MeantSky:
-    """Of which sky the positions are: when site or clock were set, those before and after mean other altitudes.
+    """Notices that site or clock were set: positions before and after then mean different altitudes.
 
-    The mount hears of them bit by bit (``being_set``: it has still to): while nobody moves it, what changes meanwhile
-    is no motion. ``changed`` is emitted when another one is meant from now on and the mount rests.
+    The mount receives the settings one by one (``being_set``: some are still to be sent), so changes at rest during
+    that time are not a motion. ``changed`` is emitted when site or clock have changed and the mount is at rest.
     """
 
     def __init__(self, mount: Context, being_set: Callable[[], bool]) -> None:
@@ -101,7 +101,7 @@ class MeantSky:
         self.changed: Signal[None] = Signal()
 
     def is_another(self, now: float, restless: bool) -> bool:
-        """Whether a position of now cannot be compared with the one before."""
+        """Whether the position read now cannot be compared with the one before."""
         mount, (place, ahead) = self._mount, self._frame
         known = mount.astrometry.site_clock
         self._frame = known.site(), known.unix() - now

@@ -1,10 +1,10 @@
-"""How long it takes to see where the mount is and to bring it to rest, and how fast it comes nearer meanwhile.
+"""How long it takes to see where the mount is and to stop it, and how fast it approaches a limit meanwhile.
 
-Seconds, from what an exchange typically takes on this line and what motors need: what cannot be had sooner must be
-known before. Until motors have their speed it is the speed they were told; and what has grown from one position to the
-next may grow by as much again, for motors gather speed, and a tube that leaves the pole falls faster and faster. At
-every look the latest moment is set at which a stop still helps, should nothing newer be seen before it: a position that
-comes late, for whatever reason, must not lead farther than one that comes in time.
+Times are seconds, from the typical duration of an exchange on this link and from the inertia of motors. A motion must
+be stopped early enough to end before the limit. Until the motors have reached their speed, the commanded speed counts.
+A rate that grew from one position to the next may grow by as much again, because motors accelerate, and because a tube
+that leaves the pole loses altitude faster and faster. At every position a deadline is set for the last moment at which
+a stop still helps, so that a position that arrives late cannot let the mount pass a limit.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-#: Looks that follow each other faster than that say nothing about a rate.
+#: Positions closer together than this, in seconds, give no reliable rate.
 SHORTEST = 0.15
-#: Exchanges that pass before a stop has effect: the one that told the position, one on the wire, the first of the stop.
+#: Exchanges until a stop takes effect: the one that returned the position, one already sent, and the first of the stop.
 EXCHANGES = 3
-#: Motors do not stop at once: one that slows down evenly for a second runs on as far as in half a second at its speed.
-#: No mount tells how it slows down; about a second from full speed is what owners see, and slower motors need less.
+#: Seconds at full speed that a motor runs on after a stop: one that slows down evenly within a second covers half a
+#: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
-#: Exchanges from the end of one axis to the end of the other, which alone may lead where both together do not.
+#: Exchanges between stopping one axis and stopping the other, which alone may lead where both together do not.
 BETWEEN = 2.0
-#: Motors do not reach their speed at once: what is measured in the first second is not yet all of it.
+#: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP = 1.0
-#: A part of the speed told that says which way a motion leads; a slower change is the way past a limit.
+#: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
 LEADS = 0.2
 
 
 class StopTiming(Struct, frozen=True):
-    """``exchange`` is what one takes, ``reads`` how many a position needs, ``period`` how often positions are asked."""
+    """Timing of one mount: ``exchange`` seconds each, ``reads`` per position, ``period`` seconds between positions."""
 
     exchange: float
     reads: int
@@ -38,38 +38,39 @@ class StopTiming(Struct, frozen=True):
 
     @property
     def lag(self) -> float:
-        """How much older the first half of a position is than its second, as it is told."""
+        """How much older the first coordinate of a position is than the second, when the second arrives."""
         return 2.0 * (self.reads - 1) * self.exchange
 
     @property
     def interval(self) -> float:
-        """From one look to the next: where the mount moves, each read of a position is told twice."""
+        """Seconds from one position to the next. While the mount moves, each coordinate is read twice."""
         return max(self.period, 2.0 * self.reads * self.exchange)
 
     @property
     def to_stop(self) -> float:
-        """From where a position was true to where the stop that it calls for brings it to rest."""
+        """Seconds from the moment at which a position was true until the stop that it triggers has ended the motion."""
         return (EXCHANGES + self.reads - 1) * self.exchange + RUN_ON
 
     @property
     def reaction(self) -> float:
-        """From one look to the rest that the next one brings."""
+        """Seconds from one position until the stop that the next one triggers has ended the motion."""
         return self.interval + self.to_stop
 
     def overdue(self, elapsed: float) -> float:
-        """The same when the last two looks were so far apart: the next one may be as late."""
+        """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next one may be as late."""
         return max(self.reaction, elapsed + EXCHANGES * self.exchange + RUN_ON)
 
     def between(self, axes: int) -> float:
-        """From the end of one of two axes to the end of the other; 0 where at most one moves."""
+        """Seconds between stopping one axis and stopping the other; 0 if at most one moves."""
         return BETWEEN * self.exchange if axes > 1 else 0.0
 
 
 def ahead(rate: float, earlier: float | None, told: float, first: float, last: float) -> float:
-    """How fast it may come nearer from now on, degrees a second, where ``rate`` was seen between two positions.
+    """Return how fast the mount may approach a limit from now on, degrees a second.
 
-    ``earlier`` is the rate seen before that, in the same motion. ``first`` and ``last`` are the seconds from the
-    beginning of the motion to the two positions, ``told`` its speed where it is known, else 0.
+    ``rate`` was seen between the last two positions, ``earlier`` before that in the same motion. ``first`` and ``last``
+    are the seconds from the beginning of the motion to the two positions. ``told`` is the commanded speed, 0 if
+    unknown.
     """
     grown = max(0.0, rate - earlier) if earlier is not None else 0.0
     if first < RUN_UP and rate > LEADS * told * _run_up(first, last):
@@ -78,21 +79,21 @@ def ahead(rate: float, earlier: float | None, told: float, first: float, last: f
 
 
 def _run_up(first: float, last: float) -> float:
-    """What part of its speed a motor has had on average between two moments, seconds after it was told to turn."""
+    """The mean speed of a motor between two moments (seconds after its start) as a part of its full speed."""
     if last >= RUN_UP or last <= max(0.0, first):
         return 1.0
     return (max(0.0, first) + last) / 2.0 / RUN_UP
 
 
 class StopDeadline:
-    """``passed`` is called with the limit that was named, once, unless the deadline is set anew or taken back."""
+    """A timer that calls ``passed`` once with the name of a limit, unless it is armed again or disarmed."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, passed: Callable[[str], None]) -> None:
         self._loop, self._passed = loop, passed
         self._handle: asyncio.TimerHandle | None = None
 
     def arm(self, seconds: float, limit: str) -> None:
-        """Stop in so many seconds at the latest; an earlier deadline stays."""
+        """Set the deadline to ``seconds`` from now, unless an earlier one is set."""
         at = self._loop.time() + max(0.0, seconds)
         if self._handle is not None and self._handle.when() <= at:
             return
@@ -100,7 +101,7 @@ class StopDeadline:
         self._handle = self._loop.call_at(at, self._passes, limit)
 
     def disarm(self) -> None:
-        """No limit is near any more, or the next position has come."""
+        """Cancel the deadline: no limit is near, or the next position has arrived."""
         if self._handle is not None:
             self._handle.cancel()
             self._handle = None

@@ -1,9 +1,9 @@
-"""What moves and nobody ends: motion by hand of programs that are gone, and tracking that comes to a limit.
+"""Motions that nobody ends: motion by hand of clients that disconnected, and tracking that reaches a limit.
 
-The dead man's switch: fast motion by hand, and the focuser's, needs somebody at the other end, and who began it must be
-heard of. Rates up to 60" a second are somebody's tracking and go on; gotos end by themselves. Tracking that carries the
-tube to a limit is switched off; a mount that rests there is told of once, and left. It may track again, by its keys or
-because it was unparked: then it is switched off again.
+Dead man's switch: fast motion by hand, and motion of the focuser, ends when the client that began it is no longer heard
+from. Rates up to 60" a second are a client's own tracking and continue; gotos end by themselves. Tracking that reaches
+a limit is turned off. A mount that drifts on with tracking off is reported once. If tracking is turned on again, at the
+hand control or because the mount was unparked, it is turned off again.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from gateway.mount.presence import HostActivity, Presence
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
 
-#: Up to so many degrees a second a motion by hand is somebody's own tracking.
+#: Degrees a second; a motion by hand up to this speed counts as tracking by the client.
 TRACKING = 60.0 / 3600.0
-#: How often it is looked after somebody, seconds.
+#: Seconds between two checks of the clients.
 EVERY = 0.5
 
 
 class Supervised(Struct, frozen=True):
-    """A motion that needs somebody: what ends it, whose it is, and since when."""
+    """A motion that needs an active client: the operation that ends it, the client, and when it began."""
 
     ends: op.Operation
     by: HostActivity
@@ -37,7 +37,7 @@ class Supervised(Struct, frozen=True):
 
 
 class Supervisor:
-    """``perform`` carries out the operation that ends a motion."""
+    """Ends the motions of clients that went silent. ``perform`` carries out the operation that ends a motion."""
 
     def __init__(
         self, context: Context, presence: Presence, perform: Callable[[op.Operation], Awaitable[object]]
@@ -48,7 +48,7 @@ class Supervisor:
         self._ended: set[Supervised] = set()
 
     def look_after(self, _: object = None) -> None:
-        """A motion may have begun."""
+        """Start the timer if there is a motion to supervise and it is not running."""
         if self._watching is None and supervised(self._state.value):
             self._watching = self._loop.call_later(EVERY, self._look)
 
@@ -76,7 +76,7 @@ class Supervisor:
 
 
 def supervised(wanted: Wanted) -> list[Supervised]:
-    """The motions that somebody must be there for."""
+    """Return the motions that need an active client."""
     found = []
     if isinstance(wanted.motion, ByHand):
         found += [
@@ -92,7 +92,7 @@ def supervised(wanted: Wanted) -> list[Supervised]:
 def missing(
     motions: Iterable[Supervised], presence: Presence, now: float, silence: float, closed: float
 ) -> list[tuple[Supervised, str]]:
-    """The motions whose program is gone, or has been silent for too long, each with that in words.
+    """Return the motions whose client has disconnected or has been silent for too long, each with the reason in words.
 
     ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
     """
@@ -111,9 +111,10 @@ def missing(
 
 
 class TrackingAtLimit:
-    """Listens to ``watch``: whether nobody moves the mount and it comes nearer to a limit all the same.
+    """Turns tracking off when ``watch`` reports that it carries the mount to a limit.
 
-    ``perform`` carries out an operation. ``must_stop`` is emitted where only a stop of all motion is left.
+    ``perform`` carries out an operation. ``must_stop`` is emitted if tracking cannot be turned off, so that all motion
+    must stop.
     """
 
     def __init__(
@@ -128,15 +129,15 @@ class TrackingAtLimit:
         watch.carried_to_limit.connect(self.switch_off)
 
     def began(self, _: None = None) -> None:
-        """A motion has begun: what was found before is not true for ever."""
+        """A motion has begun: forget earlier findings."""
         self._helpless = self._resting = self._set_there = False
 
     def under_another_sky(self, _: None = None) -> None:
-        """Its site or clock was set while it rested: a limit that it is beyond now it has not come to by itself."""
+        """Remember that site or clock was set at rest: a limit that is exceeded now was not reached by tracking."""
         self._set_there = True
 
     def seen(self, status: op.Status | None) -> None:
-        """What the mount said of itself last, None while it must be asked anew."""
+        """Take the last status of the mount, None while it must be read again."""
         if status is None or status.tracking is not op.Tracking.OFF:
             self._resting = False
 

@@ -1,6 +1,6 @@
-"""What the rules may know of a mount, and nothing more, and what they say. Nothing here acts.
+"""What a safety rule gets and returns. Nothing here acts.
 
-A rule is a pure function of a ``View``: what was seen, what is wanted and the limits in force -> a ``Verdict``.
+A rule is a pure function from a ``View`` (what was seen, what is wanted, the limits in force) to a ``Verdict``.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.stop_timing import StopTiming, ahead
 
-#: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
+#: Degrees a second, faster than any tracking: something moves the mount. The last digit of a coarse position may jump
+#: so.
 RESTLESS = 0.1
 
 
 class Verdict(Struct, frozen=True):
-    """``reason`` says what forbids that it goes on, if anything does.
+    """``reason`` says why the motion must end; empty if it may continue.
 
-    Else it may go on for ``within`` seconds (None: as long as it likes) and must then stop at ``limit``, unless it has
-    been seen again.
+    It may continue for ``within`` seconds (None: without limit). If no new position arrives in that time, it must stop,
+    because it may have reached ``limit``.
     """
 
     reason: str = ""
@@ -33,9 +34,11 @@ ALLOWED = Verdict()
 
 
 class View(Struct, frozen=True):
-    """``sun`` is how near to it the tube may come; ``side`` the side of the pier (E, W) that the tube is on.
+    """The state of a mount that the rules judge.
 
-    ``german`` and ``side`` are None where nobody knows. ``astray`` is a goto that does not go the way that was checked.
+    ``sun`` is the smallest allowed distance from the Sun, degrees. ``side`` is the side of the pier (E, W) that the
+    tube is on. ``german`` and ``side`` are None if unknown. ``astray``: the goto does not follow the path that was
+    checked.
     """
 
     seen: Seen
@@ -50,30 +53,30 @@ class View(Struct, frozen=True):
 
     @property
     def going(self) -> bool:
-        """Whether it is a goto that moves the mount, and no hand that took over from it or ended one of its axes.
+        """Whether only a goto moves the mount: no motion by hand took over, and none of its axes was stopped.
 
-        One whose way leads beyond a limit is none that knows where it ends, either.
+        A goto whose path leads beyond a limit does not count: it is watched like a motion by hand.
         """
         return self.moving.slewing and not self.moving.by_hand and not self.astray
 
     @property
     def _alone(self) -> float:
-        """How far one of two axes leads while the other has been ended already, degrees."""
+        """How far one of two axes moves the tube after the other has stopped, degrees."""
         return self.seen.across * self.timing.between(len(self.moving.by_hand))
 
     def ahead(self, rate: float, earlier: float | None) -> float:
-        """How fast it may come nearer from now on, where ``rate`` was seen and ``earlier`` before that."""
+        """How fast the mount may approach a limit from now on, after the rates ``earlier`` and ``rate``."""
         seen = self.seen
         assert seen.before is not None
         assert seen.last is not None
         return ahead(rate, earlier, seen.told, seen.before.at - seen.began, seen.last.at - seen.began)
 
     def margin(self, rate: float) -> float:
-        """How far a motion gets before the next look and a stop can end it, degrees; a goto knows where it ends."""
+        """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto."""
         return 0.0 if self.going else rate * self.timing.overdue(self.seen.elapsed) + self._alone
 
     def until(self, room: float, rate: float, limit: str) -> Verdict:
-        """It may go on for as long as a stop still helps, with so many degrees left."""
+        """Return a verdict that allows the motion while a stop can still end it within ``room`` degrees."""
         if rate <= RESTLESS or self.going:
             return ALLOWED
         return Verdict(within=(room - self._alone) / rate - self.timing.to_stop, limit=limit)

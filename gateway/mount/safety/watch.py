@@ -1,8 +1,8 @@
-"""Looks at every position the mount tells, and has what leads beyond a limit ended.
+"""Checks every position that the mount reports, and ends motion that would pass a limit.
 
-Whoever moves the mount is watched: programs, somebody at the keypad, tracking. Every position is folded into what was
-seen (``seen.py``), the rules are asked (``allow.py``), and what will be beyond a limit before the next look and a stop
-can come in time is stopped now. Motion is stopped; tracking that carries the tube there is switched off.
+All motion is watched: by clients, at the hand control, and tracking. Each position is added to what was seen
+(``seen.py``), and the rules are evaluated (``allow.py``). If the mount would pass a limit before the next position and
+a stop can arrive, it is stopped now; tracking that carries it to a limit is turned off.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from gateway.mount.safety.positions import MeantSky, StallWatch, blind
 from gateway.mount.safety.stop_timing import SHORTEST, StopDeadline
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
-#: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
+#: A position that changes so many times faster than the mount can move means a new alignment at the hand control.
 ANEW = 3.0
-#: How long a mount that somebody moves at its keys is watched closely.
+#: Seconds for which a mount that was moved at the hand control is watched closely.
 CLOSELY = 3.0
-#: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
+#: Seconds for which a mount may run on after the end of a motion; what it does meanwhile is not judged.
 COASTING = 1.0
-#: How old the word of the mount may grow that it is not aligned, or does not track; and that on its pier side.
+#: Seconds for which a status "not aligned" or "not tracking" is trusted; and for a pier side.
 STATUS_AGE = 5.0
 SIDE_AGE = 5.0
 UNWATCHED = "not aligned: positions mean nothing yet, so no limit can be watched"
 
 
 class LimitWatch:
-    """``look`` is called with every position, ``began`` with every motion that the mount has acknowledged.
+    """Watches the limits of one mount: ``look`` is called with every position, ``began`` with every motion begun.
 
-    ``must_stop`` is emitted in the call in which that is found, ``carried_to_limit`` (which one) when nobody moves the
-    mount and it comes to a limit all the same. The other signals: a motion has begun, another sky is meant from now on,
-    the mount was looked at and had said this of itself.
+    ``must_stop`` is emitted at once, within ``look`` or ``began``. ``carried_to_limit`` names the limit that the mount
+    reaches although no client moves it. ``motion_began``, ``sky_changed`` (site or clock were set) and ``looked`` (a
+    position was checked; the status, None if unknown) tell others.
     """
 
     def __init__(self, mount: Context, reader: Reader, ends: EndWatch, being_set: Callable[[], bool]) -> None:
@@ -55,39 +55,39 @@ class LimitWatch:
         self.seen = Seen()
         self._limits = mount.policy.limits
         self._restless_until = self._coasts_until = self._stopped_at = NEVER
-        #: Whether it was sent to a place at any altitude, and was seen to rest there.
+        #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
         self._own_place = self._parked = False
         self._astray = False
         self._sky = MeantSky(mount, being_set)
         self.sky_changed = self._sky.changed
         self.altitude_axis = AltitudeAxis(mount)
-        #: When the last motion was ended.
+        #: When the last motion ended.
         self.rests_since = NEVER
-        #: Whether the way of the goto that is being begun leads beyond an altitude limit.
+        #: Whether the path of the goto that is about to begin leads beyond an altitude limit.
         self.dips = False
 
     @property
     def restless(self) -> bool:
-        """Whether the mount moves though nobody here has told it to."""
+        """Whether the mount moves although no client told it to."""
         return self._mount.now() < self._restless_until
 
     @property
     def axes_every(self) -> float | None:
-        """How often the axes are to be read for the altitude that they tell, seconds; None where that is not needed."""
+        """How often to read the axes for the altitude, seconds; None if that is not needed."""
         return self.altitude_axis.every(self._mount.movement.anything or self.restless)
 
     @property
     def fastest(self) -> float:
-        """How fast the mount may be moving now because it was told to, degrees a second; 0 where nothing moves."""
+        """How fast the mount may be moving on command, degrees a second; 0 if no commanded motion is under way."""
         moving = self._mount.movement.now()
         if moving.slewing:
             return self.seen.across or self._mount.fastest
         return max((self._mount.speed(one) for one in moving.by_hand.values()), default=0.0)
 
-    # --- what is told to it -----------------------------------------------------------------------------------------
+    # --- events -----------------------------------------------------------------------------------------------------
 
     def began(self, operation: op.Operation) -> None:
-        """A motion has begun; what was seen last is where it began, unless the mount moved already."""
+        """A motion has begun: it starts from the last position, unless the mount was moving already."""
         mount, moving = self._mount, self._mount.movement.now()
         limits = mount.policy.limits
         self._own_place = False
@@ -105,38 +105,38 @@ class LimitWatch:
         self.seen = fold.begin(self.seen, mount.now(), told, at_rest=not (moving.anything or self.restless))
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
-        elif moving.by_hand.get(operation.axis) != operation:  # else where it leads was seen, or is reckoned with
+        elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
             speed = sum(mount.speed(one) for one in {**moving.by_hand, operation.axis: operation}.values())
             self._heed(first_stretch(self._view(), mount.now(), speed))
 
     def arrived(self, _: None = None) -> None:
-        """A goto is over. One that was stopped on its way has not brought the tube upright."""
+        """A goto has ended. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         moving = self._mount.movement.now()
         if not (moving.ending or moving.by_hand):
             self.seen = replace(self.seen, upright=True)
 
     def halted(self) -> None:
-        """One axis was ended: if it is a goto that goes on, its way is not the one that was checked."""
+        """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
         self._astray = True
 
     def ended(self) -> None:
-        """A motion by hand was ended, or all were."""
+        """One or all motions by hand have ended."""
         self._deadline.disarm()
         self.rests_since = self._mount.now()
         self._coasts_until = self._mount.now() + COASTING
 
     def unseen(self, _: None = None) -> None:
-        """The mount did not tell where it is."""
+        """The mount did not report its position."""
         mount, now = self._mount, self._mount.now()
         reason = blind(mount.movement.now(), mount.cache.age(op.Position, now), now - self._stopped_at)
         if reason:
             self._stopped_at = now
             self._stop(f"stopped: {reason}")
 
-    # --- looking ----------------------------------------------------------------------------------------------------
+    # --- positions --------------------------------------------------------------------------------------------------
 
     def look(self, place: op.Equatorial) -> None:
-        """Compare a position with the one before, and act."""
+        """Compare a position with the previous one, apply the rules, and act on the verdict."""
         now, last = self._mount.now(), self.seen.last
         if last is not None and now - last.at < SHORTEST:
             return
@@ -147,7 +147,7 @@ class LimitWatch:
         if self._sky.is_another(now, self.restless):
             last = None
             self.altitude_axis.forget()
-        elif last is not None and last.altitude is None:  # the site may have become known since
+        elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._measured(last.at, last.place)
             self.seen = fold.first(self.seen, last)
         sample = self._measured(now, place, last)
@@ -169,7 +169,7 @@ class LimitWatch:
         self._heed(verdict)
 
     def look_at_altitude(self, axes: op.Horizontal) -> None:
-        """The mount has told where its axes stand; of an alt-az one that is its altitude."""
+        """Take an axis reading, which is the altitude on an alt-azimuth mount."""
         now, last = self._mount.now(), self.seen.last
         if last is None or last.altitude is None or now < self._coasts_until:
             return
@@ -179,13 +179,13 @@ class LimitWatch:
         elif change:
             tilt = self.altitude_axis.tilt
             self._mount.note(
-                f"the altitude axis stands {tilt:+.1f} degrees from what position, "
-                "site and clock tell; the altitude limits go by the axis"
+                f"the altitude axis reads {tilt:+.1f} degrees from the altitude that position, "
+                "site and clock give; the altitude limits use the axis"
             )
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
 
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
-        """What a position means that is told now."""
+        """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
         here = place if before is None else fold.at_once(now, place, before, mount.timing.lag)
         altitude, hour_angle = astrometry.altitude(here.ra, here.dec), None
@@ -196,7 +196,7 @@ class LimitWatch:
         return PositionSample(now, place, altitude, hour_angle, suns, mount.wanted.by_hand.get(2))
 
     def _notice(self, now: float, status: op.Status | None) -> None:
-        """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""
+        """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
         self.looked.emit(status)
         if self.seen.across > RESTLESS and not moving.anything:
@@ -210,7 +210,7 @@ class LimitWatch:
             self._limits, self._own_place = mount.policy.limits, False
 
     def _left_park(self, status: op.Status | None) -> bool:
-        """Whether it tracks again where the owner has parked it: from then on the limits hold there, too."""
+        """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
         if status is None or not (self._parked or self._status_age <= STATUS_AGE):
             self._reader.shared(op.GetStatus())
             return False
@@ -231,14 +231,14 @@ class LimitWatch:
         return View(self.seen, self._limits, mount.timing, moving, limit, status, german, side, self._astray)
 
     def _side(self) -> str | None:
-        """The side of the pier by the last word on it, which is asked for anew when it grows old."""
+        """Return the pier side from the cache, and start a new read if it is old."""
         mount = self._mount
         if mount.cache.age(op.PierSide, mount.now()) > SIDE_AGE:
             mount.tasks.spawn(self._reader.tube_side())
         return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
 
     def _look_at_axes(self, now: float, place: op.Equatorial) -> None:
-        """Whether what was ended rests, and whether what was begun by hand moves."""
+        """Check that stopped axes rest and that axes moved by hand do move."""
         mount, by_hand = self._mount, self._mount.wanted.by_hand
         if not (self._ends.pending or by_hand):
             self._stalls.clear()
@@ -248,7 +248,7 @@ class LimitWatch:
         self._ends.look(here)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
         ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
-        stalled = self._stalls.look(here, ordered, mount.link.typical * mount.timing.reads)
+        stalled = self._stalls.look(here, ordered, mount.link.typical_rtt * mount.timing.reads)
         if stalled is not None:
             self._stop(
                 f"stopped: axis {stalled} was told to move, but its position does not change; check the "
@@ -264,12 +264,12 @@ class LimitWatch:
             self._deadline.arm(verdict.within, verdict.limit)
 
     def _late(self, limit: str) -> None:
-        """By its last known speed the mount is about to reach a limit, and it has not been seen since."""
+        """By its last known speed the mount is about to reach a limit, and no position has arrived since."""
         if self._mount.movement.anything or self.restless:
             self._act(f"{limit}, estimated from its speed")
 
     def _act(self, reason: str) -> None:
-        """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
+        """Stop the motion. If no client moves the mount, it is tracking, which is turned off instead."""
         if self._mount.movement.anything or self.restless:
             self._stop(f"stopped at {reason}")
         else:

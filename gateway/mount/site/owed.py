@@ -1,8 +1,8 @@
-"""Settings that a program was told yes to and that the mount has not heard: of each kind at most one, the newest.
+"""Pending settings: the newest of each kind that the gateway has accepted and the mount has not received yet.
 
-Frozen values and pure functions; times are seconds of any clock that never goes back. A setting is tried a few times
-and no more: each new date freezes a classic telescope for seconds. It waits as long as it must for a mount that cannot
-hear, and is over when the mount has a value that somebody else has given it.
+Frozen values and pure functions; times are seconds of a clock that never goes back. A setting is sent a few times at
+most, because each new date makes a classic telescope unresponsive for seconds. It waits without limit for a mount that
+is not reachable, and is dropped if the mount was given another value meanwhile, at its hand control for example.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from gateway.astro.spherical import wrap180
 from gateway.core.operations import Moment, Operation, Place, SetClock, SetSite
 from gateway.mount.site.site_clock import CLOCK_EQUAL, SITE_EQUAL
 
-#: How often one is sent, and the seconds until the next time after the first, the second …
+#: How often a setting is sent, and the seconds after the first attempt, the second …
 TRIES = 3
 AGAIN = (2.0, 5.0)
-#: How soon a mount that cannot hear now is looked at again, and one that has said so itself.
+#: Seconds until the next check of a mount that is not reachable, and of one that has replied that it is busy.
 LOOK, BUSY = 0.5, 2.0
-#: A clock that has heard of the new zone, time or date alone is off by so many seconds, or by a multiple of them.
+#: Seconds; a clock that has taken only the new zone, time or date is off by this or by a multiple of it.
 ZONES = 1800.0
 
 Kind = tuple[type[Operation], int | None]
 
 
 class Setting(Struct, frozen=True):
-    """A value, when it was asked for (a clock runs on from there), how often it is still sent, and not before when."""
+    """A value, when it was requested (a clock runs on from there), the attempts left, and the time of the next one."""
 
     value: Operation
     since: float
@@ -37,11 +37,11 @@ class Setting(Struct, frozen=True):
 
     @property
     def late(self) -> bool:
-        """Whether it could not be told at once: what the mount has meanwhile is asked for first."""
+        """Whether it could not be sent at once. Then the mount's present value is read before it is sent."""
         return self.due > 0.0
 
     def running(self, now: float) -> Operation:
-        """What is to be told now: a clock has gone on."""
+        """Return the value to be sent now; a clock has run on since it was requested."""
         if isinstance(self.value, SetClock):
             return replace(self.value, unix=self.value.unix + now - self.since)
         return self.value
@@ -51,27 +51,27 @@ Owed = Mapping[Kind, Setting]
 
 
 def kind_of(operation: Operation) -> Kind:
-    """What a newer setting takes the place of: one of the same type, and of the same axis."""
+    """Return the key by which a newer setting replaces an older one: its type and its axis."""
     return type(operation), getattr(operation, "axis", None)
 
 
 def owing(owed: Owed, setting: Setting) -> Owed:
-    """The newest of a kind is the one that is told."""
+    """Add a setting. It replaces an older one of its kind."""
     return {**owed, kind_of(setting.value): setting}
 
 
 def without(owed: Owed, setting: Setting) -> Owed:
-    """It is over; a newer one of its kind is not."""
+    """Remove a setting, unless a newer one has replaced it."""
     return {kind: one for kind, one in owed.items() if one is not setting}
 
 
 def later(owed: Owed, setting: Setting, due: float) -> Owed:
-    """It was not sent: the mount could not hear."""
+    """Postpone a setting that was not sent because the mount was busy or not reachable."""
     return {kind: replace(one, due=due) if one is setting else one for kind, one in owed.items()}
 
 
 def in_vain(owed: Owed, setting: Setting, now: float) -> Owed:
-    """It was sent, and nobody knows whether it was heard. After the last time it is owed no more."""
+    """Count an attempt after which it is unknown whether the mount received the setting; drop it after the last one."""
     if setting.left <= 1:
         return without(owed, setting)
     again = replace(setting, left=setting.left - 1, due=now + AGAIN[min(TRIES - setting.left, len(AGAIN) - 1)])
@@ -79,9 +79,9 @@ def in_vain(owed: Owed, setting: Setting, now: float) -> Owed:
 
 
 def next_setting(owed: Owed, now: float) -> Setting | float | None:
-    """The setting to be told now; else the time at which one is due; None when nothing is owed.
+    """Return the setting to be sent now, else the time at which one is due; None if there are none.
 
-    The clock comes last: a classic is deaf for seconds afterwards.
+    The clock is sent last, because a classic telescope does not respond for seconds afterwards.
     """
     due = [one for one in owed.values() if one.due <= now]
     if due:
@@ -90,9 +90,9 @@ def next_setting(owed: Owed, now: float) -> Setting | float | None:
 
 
 def site_is_ours(sent: Sequence[Setting], before: Place | None, told: Place) -> bool:
-    """Whether a site that the mount tells can come of what it was sent since: each half is as it was, or as we set it.
+    """Whether the site that the mount reports may result from what the gateway sent it.
 
-    It may have heard one half and not the other.
+    Each half is as it was before or as the gateway sent it; the mount may have received only one of them.
     """
     values = [one.value for one in sent if isinstance(one.value, SetSite)]
     latitudes = [value.latitude for value in values if value.latitude is not None]
@@ -106,7 +106,7 @@ def site_is_ours(sent: Sequence[Setting], before: Place | None, told: Place) -> 
 
 
 def clock_is_ours(sent: Sequence[Setting], before: Moment | None, told: Moment, now: float) -> bool:
-    """The same for its clock: of zone, time and date it may have heard some and not others."""
+    """Like ``site_is_ours``, for the clock: the mount may have received zone, time and date only in part."""
     values = [value for one in sent if isinstance(value := one.running(now), SetClock)]
     if before is None or not values:
         return False

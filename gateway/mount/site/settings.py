@@ -1,7 +1,7 @@
-"""Site and clock: told from what is known, taken from clients at once, owed to the mount until it has been told.
+"""Reads and sets site and clock: answered from known values, accepted from clients at once, sent to the mount later.
 
-Telling an aligned hand control its site or time may cost the alignment, so by default only an unaligned one is told;
-what is not sent is kept here and said once in the log. ``settings_sync.py`` does the telling.
+Setting site or time of an aligned hand control may cost the alignment, so by default only an unaligned one gets them. A
+value that is not sent is kept in the gateway, and the log says so once. ``settings_sync.py`` sends the settings.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.readings.reader import FIRST_ANSWER
 from gateway.mount.site.settings_sync import SyncSettings
 
-#: How long a half of a site waits for the other one.
+#: Seconds that one half of a site waits for the other.
 HALF_SITE = 2.0
 
 
@@ -83,7 +83,7 @@ class SiteAndClock:
     # --- setting ----------------------------------------------------------------------------------------------------
 
     async def _set_site(self, operation: op.SetSite) -> None:
-        """Take a half or the whole; the mount is told once both halves are there, or after a moment."""
+        """Take one half of a site or both. It is sent when both halves are there, or after a moment."""
         if operation.others is not None and await self._has_its_own(operation, operation.others):
             self._site_clock.forget_sites()
             return
@@ -94,7 +94,7 @@ class SiteAndClock:
             asyncio.get_running_loop().call_later(HALF_SITE, self._owe_site)
 
     async def _has_its_own(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
-        """Whether the mount still has the site of before programs selected others, or nobody knows that one."""
+        """Whether the mount still has its ``own`` site, from before clients selected ``others``, or it is unknown."""
         if own.latitude is None or own.longitude is None:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
@@ -110,7 +110,7 @@ class SiteAndClock:
             self.sync.owe(whole)
 
     async def _set_clock(self, operation: op.SetClock) -> None:
-        """The client is believed at once. Raises Invalid for a year that the mount's clock has not."""
+        """Use the client's clock at once. Raises Invalid for a year that the mount's clock does not support."""
         years = self._context.driver.years
         year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
         if year not in years:
@@ -119,13 +119,13 @@ class SiteAndClock:
         self.sync.owe(operation)
 
     async def _clock_from_gps(self, operation: op.ClockFromGps) -> None:
-        """Where the mount's clock must not be set, the gateway's is. Raises NoDevice."""
+        """Set the mount's clock from its GPS; if that is not allowed, the gateway's clock. Raises NoDevice."""
         try:
             mount_too = await self.sync.may_be_told()
         except Fault:
             mount_too = False
         if mount_too:
-            with contextlib.suppress(Unsupported):  # a hand control that takes no time: what its GPS says is kept here
+            with contextlib.suppress(Unsupported):  # a hand control that accepts no time
                 await self._runner.perform(operation, SETTING)
                 await self.renew(op.GetClock)
                 return
@@ -139,13 +139,13 @@ class SiteAndClock:
         self._context.note_once("the clock that was set by the GPS is kept in the gateway")
 
     async def _periodic_error(self, operation: op.PeriodicError) -> None:
-        """On or off is a setting; a toggle is pressed once, heard or not. Raises Fault."""
+        """On and off are settings that may be sent again; a toggle is sent once. Raises Fault."""
         if operation.on is None:
             await self._runner.perform(operation, SETTING)
         else:
             await self.sync.now_or_later(operation)
 
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
-        """Read the mount's site or clock again; what somebody has set there is in force here as well."""
+        """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value."""
         with contextlib.suppress(Fault):
             self.sync.heard(await self._runner.perform(kind(), READ))

@@ -1,8 +1,8 @@
-"""Tells the mount what was set, as soon as it can hear it; what it has not heard yet is owed (``mount/site/owed.py``).
+"""Sends pending settings (``mount/site/owed.py``) to the mount as soon as it is reachable.
 
-Site and clock are told one after the other, never mixed with each other, and only while the policy and the alignment
-allow it. Nothing is told to another mount than the one it was meant for, nor over a value that somebody else has given
-the mount meanwhile. What is given up is said in the log, and reads tell the mount's own value again.
+Site and clock are sent one after the other, never interleaved, and only if the policy and the alignment allow it. A
+setting is never sent to another mount than the one it was meant for, nor over a value that was changed at the mount
+meanwhile. A setting that is given up is reported in the log, and reads then return the mount's own value again.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gateway.mount.readings.reader import Reader
 from gateway.mount.site import owed as debts
 from gateway.mount.site.owed import BUSY, LOOK, TRIES, Kind, Owed, Setting, kind_of
 
-#: In words, for the log.
+#: Names for the log.
 _NAMES: dict[type[op.Operation], str] = {
     op.SetSite: "site",
     op.SetClock: "clock",
@@ -27,21 +27,21 @@ _NAMES: dict[type[op.Operation], str] = {
     op.Backlash: "backlash",
     op.PeriodicError: "periodic error correction",
 }
-#: A clock that shows what was set, but for the seconds that it took, needs not be told again.
+#: Seconds by which a clock may differ from the setting, for its transmission, and still count as set.
 CLOCK_SAME = 2.0
-#: Of so many that were sent before, a part may still be what the mount tells.
+#: The mount may still report parts of this many earlier settings.
 REMEMBERED = 8
 
 
 class SyncSettings:
-    """``owe`` takes what is to be told; ``doubt`` when the line comes up, ``resume`` when the mount is known again."""
+    """``owe`` queues a setting. Call ``doubt`` when the link comes up, and ``resume`` when the mount was identified."""
 
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
         self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
         self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
-        #: What the mount has not been told yet.
+        #: The settings that the mount has not received yet.
         self.owed: Owed = {}
-        #: What was sent since the mount told last what it has, by kind; and what is being sent.
+        #: By kind: the settings sent since the mount last reported its value. Then the kind that is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
         self._telling: Kind | None = None
         self._ready = False
@@ -50,25 +50,25 @@ class SyncSettings:
         self._task: asyncio.Task[None] | None = None
 
     def owes(self, operation: op.Operation) -> bool:
-        """Whether the mount is being told one of this kind, or is still to be told."""
+        """Whether a setting of this kind is pending or being sent."""
         return kind_of(operation) in self.owed
 
     @property
     def sets_sky(self) -> bool:
-        """Whether a site or a clock is among it."""
+        """Whether a site or a clock is pending."""
         return any(kind in (op.SetSite, op.SetClock) for kind, _ in self.owed)
 
     # --- what is owed -----------------------------------------------------------------------------------------------
 
     def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
-        """Have the mount told, the newest of a kind only."""
+        """Queue a setting for the mount; it replaces an older one of its kind."""
         self.owed = debts.owing(self.owed, Setting(operation, self._now(), left, due))
         if self._link.state in ("down", "opening"):
-            self._note(operation, "the mount cannot listen now and is told when it can")
+            self._note(operation, "the mount is not connected now; it is sent later")
         self._begin()
 
     async def now_or_later(self, operation: op.Operation) -> None:
-        """Tell the mount at once; where it cannot hear, also when it can. Raises Fault."""
+        """Send a setting at once. If the mount is not reachable, also send it later. Raises Fault."""
         self.owed = {kind: one for kind, one in self.owed.items() if kind != kind_of(operation)}
         sent = self._hears()
         try:
@@ -79,11 +79,11 @@ class SyncSettings:
             raise
 
     def doubt(self) -> None:
-        """The line has come up: what is on it, and what happened meanwhile, is found out first."""
+        """The link has come up: wait until the mount is identified and has reported site and clock."""
         self._ready = False
 
     def resume(self) -> None:
-        """The mount has said who it is, and where and when."""
+        """The mount has been identified and has reported site and clock: start sending."""
         identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount is not None and now is not None and now != self._mount:
@@ -94,7 +94,7 @@ class SyncSettings:
         self._begin()
 
     def heard(self, value: op.Place | op.Moment) -> bool:
-        """Take what the mount tells of its site or clock -> whether somebody has changed it there: then that counts."""
+        """Take the mount's site or clock. Return whether it was changed at the mount; it replaces the client's."""
         told, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         owed, sent = self.owed.get(kind), self._sent.get(kind, ())
@@ -106,7 +106,7 @@ class SyncSettings:
         if kind != self._telling:
             self._sent.pop(kind, None)
         if changed:
-            self._context.note(f"the {'clock' if clock else 'site'} was changed at the mount; it is in force here, too")
+            self._context.note(f"the {'clock' if clock else 'site'} was changed at the mount; the gateway uses it, too")
             if owed is not None:
                 self.owed = debts.without(self.owed, owed)
         return changed
@@ -122,11 +122,11 @@ class SyncSettings:
         return self._ready and self._link.state == "up" and not self._driver.asleep
 
     def _disturbs(self, setting: Setting, now: float) -> bool:
-        """A date that nobody waits for any more is not told while something moves: a classic is blind afterwards."""
+        """Whether sending an old date would disturb a motion: a classic telescope is unresponsive afterwards."""
         return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._context.movement.anything
 
     async def _run(self) -> None:
-        """Tell what is owed until nothing is, or the line is down: then ``resume`` begins anew."""
+        """Send pending settings until there are none or the link is down; ``resume`` starts again."""
         while self._ready and self._link.state not in ("down", "opening"):
             self._news.clear()
             now = self._now()
@@ -152,7 +152,7 @@ class SyncSettings:
             if place and setting.late and await self._is_there(setting):
                 return
             if self.owed.get(kind_of(value)) is not setting or not self._hears():
-                return  # a newer one has come, or the line has gone
+                return  # replaced by a newer one, or the link is down
             tried = True
             self._telling = kind_of(value)
             self._sent[self._telling] = (*self._sent.get(self._telling, ())[-REMEMBERED:], setting)
@@ -176,7 +176,7 @@ class SyncSettings:
             self._telling = None
 
     async def may_be_told(self) -> bool:
-        """Whether policy and alignment allow that site and clock of the mount are set. Raises Fault."""
+        """Whether policy and alignment allow setting the mount's site and clock. Raises Fault."""
         if self._context.policy.site_time == "never":
             return False
         status = await self._reader.read(op.GetStatus())
@@ -187,7 +187,7 @@ class SyncSettings:
         )
 
     async def _to_be_told(self, setting: Setting) -> bool:
-        """Whether policy and alignment allow it; else it is kept in the gateway, and the log says so. Raises Fault."""
+        """Whether to send it. If policy or alignment forbid it, it is kept in the gateway and logged. Raises Fault."""
         what = _NAMES[type(setting.value)]
         if self._context.policy.site_time == "never":
             self._context.note_once(f"the {what} that was set is kept in the gateway (site-time = never)")
@@ -203,13 +203,13 @@ class SyncSettings:
         return False
 
     def _shows(self, running: op.Operation) -> bool:
-        """Whether this is what the mount has told of its site or clock."""
+        """Whether this is the site or clock that the mount has reported."""
         if isinstance(running, op.SetClock):
             return self._site_clock.same_clock(running, CLOCK_SAME)
         return isinstance(running, op.SetSite) and self._site_clock.same_site(running)
 
     async def _is_there(self, setting: Setting) -> bool:
-        """Ask the mount what it has -> whether that is what was set, or somebody else's value. Raises Fault."""
+        """Read the mount's value. Return whether it equals the setting or was changed at the mount. Raises Fault."""
         running = setting.running(self._now())
         kind: op.Operation = op.GetClock() if isinstance(running, op.SetClock) else op.GetSite()
         changed = self.heard(await self._runner.perform(kind, READ))
@@ -219,20 +219,20 @@ class SyncSettings:
         return same or changed
 
     async def _done(self, setting: Setting) -> None:
-        """It was heard: from now on that is the mount's own; its clock is looked at, for it counts whole seconds."""
+        """The mount has received it, so it is the mount's own value now. Read its clock, which counts whole seconds."""
         running = setting.running(self._now())
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
             self._site_clock.mount_says_site(op.Place(running.latitude, running.longitude), ours=True)
         elif isinstance(running, op.SetClock):
             self._site_clock.mount_says_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
-            with contextlib.suppress(Fault):  # it is read again when somebody asks
+            with contextlib.suppress(Fault):  # it is read again when needed
                 told: op.Moment = await self._runner.perform(op.GetClock(), READ)
                 self._site_clock.mount_says_clock(told, ours=True)
         self._over(setting)
 
     def _over(self, setting: Setting) -> None:
-        """The mount has it: what was kept for programs meanwhile is no longer needed, unless it is newer."""
+        """The mount has it: drop the copy kept for clients, unless that is newer."""
         newest = self.owed.get(kind_of(setting.value)) is setting
         self.owed = debts.without(self.owed, setting)
         self._sent.pop(kind_of(setting.value), None)
@@ -240,7 +240,7 @@ class SyncSettings:
             self._site_clock.forget(setting.value)
 
     def _keep(self, setting: Setting, fault: Fault) -> None:
-        """This mount has no place for it: the gateway has."""
+        """The mount cannot store it, so the gateway does."""
         self.owed = debts.without(self.owed, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
             self._context.note(f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
@@ -248,14 +248,14 @@ class SyncSettings:
             self._note(setting.value, str(fault))
 
     def _give_up(self, setting: Setting, why: str) -> None:
-        """It is told no more: from now on reads tell what the mount has."""
+        """Stop sending it: from now on reads return the mount's own value."""
         newest = self.owed.get(kind_of(setting.value)) is setting
         self.owed = debts.without(self.owed, setting)
         if newest and self._site_clock.has_own(setting.value):
             self._site_clock.forget(setting.value)
-            self._note(setting.value, f"it is not in force: {why} The mount's own is told again")
+            self._note(setting.value, f"it is not in force: {why} Clients get the mount's own again")
         else:
-            self._note(setting.value, f"the mount was not told: {why}")
+            self._note(setting.value, f"the mount did not receive it: {why}")
 
     def _note(self, operation: op.Operation, text: str) -> None:
         self._context.note(f"the {_NAMES[type(operation)]} that was set: {text}")

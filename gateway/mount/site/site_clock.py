@@ -1,7 +1,7 @@
-"""Site and clock: as every client is told them, and, by the best source there is, as the limits go by them.
+"""Site and clock: the ones that clients get, and the ones that the limits use, which come from the best source.
 
-An unaligned hand control is told what clients set; an aligned one keeps its own (telling it could cost the alignment),
-and the gateway then serves the client's values itself. Nothing here waits for the mount to answer a setting.
+An unaligned hand control gets what clients set. An aligned one keeps its own, because setting it could cost the
+alignment, and the gateway then returns the client's values itself. Nothing here waits for the mount.
 """
 
 from __future__ import annotations
@@ -15,35 +15,36 @@ from gateway.astro.spherical import wrap180
 from gateway.core.operations import GetClock, GetGps, GetSite, Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.core.signals import Signal
 
-#: Sites this near are one, degrees; and clocks, seconds: a mount that tells another one was set by somebody.
+#: Degrees and seconds; if the mount's site or clock changes by more, it was set at the mount.
 SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
-#: How long one look at the mount's GPS unit serves everybody, with a fix and without.
+#: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
 GPS_FIX, GPS_SEARCH = 300.0, 30.0
-#: A computer whose clock shows an earlier time than 2024-01-01 has lost it.
+#: A computer whose clock shows a time before 2024-01-01 has lost its time.
 EARLIEST = 1704067200.0
 MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM = (
     "the mount", "its GPS", "the configuration", "this computer", "a program")  # fmt: skip
 
 
 class Site(NamedTuple):
-    """A site and who says so."""
+    """A site and its source."""
 
     place: Place
     source: str
 
 
 class Time(NamedTuple):
-    """UTC as Unix seconds at this moment, and who says so."""
+    """UTC as Unix seconds at this moment, and its source."""
 
     unix: float
     source: str
 
 
 class SiteClock:
-    """``now`` never goes back; ``host`` is the host's own clock, Unix seconds.
+    """Owns every known site and clock of one mount.
 
-    ``changed`` is emitted when another site or clock may be in force than before.
+    ``now`` is a clock that never goes back; ``host`` returns this computer's time, Unix seconds. ``changed`` is emitted
+    when the site or clock in force may have changed.
     """
 
     def __init__(self, now: Callable[[], float], host: Callable[[], float], site: Place | None) -> None:
@@ -59,10 +60,10 @@ class SiteClock:
         self._gps: tuple[Gps, float] | None = None
         self.changed: Signal[None] = Signal()
 
-    # --- what is told ---------------------------------------------------------------------------------------------
+    # --- site and clock in force ------------------------------------------------------------------------------------
 
     def site(self) -> Place | None:
-        """The site in force: what a client set, else the mount's, else the configured one."""
+        """Return the site in force: the one a client set, else the mount's, else the configured one."""
         place = self.kept_site or self.mount_site or self.configured
         if self.half is None:
             return place
@@ -71,31 +72,31 @@ class SiteClock:
         return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
 
     def set_site(self) -> Place | None:
-        """The site that programs have set, where the mount has not taken it."""
+        """Return the site that clients set, if the mount has not taken it."""
         return None if self.kept_site is None and self.half is None else self.site()
 
     def clock(self) -> Moment | None:
-        """The clock in force, running; None when neither a client nor the mount has told one."""
+        """Return the clock in force, running; None if neither a client nor the mount has set one."""
         return self.running(self.kept_clock or self.mount_clock)
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
-        """What a clock shows now that was read some time ago."""
+        """Return what a clock that was read some time ago shows now."""
         if held is None:
             return None
         moment, at = held
         return Moment(unix=moment.unix + self._now() - at, offset=moment.offset, dst=moment.dst)
 
     def unix(self) -> float:
-        """UTC as the mount sees it, else as the host does."""
+        """UTC by the clock in force, else by this computer's, Unix seconds."""
         moment = self.clock()
         return self.host() if moment is None else moment.unix
 
-    # --- what was told --------------------------------------------------------------------------------------------
+    # --- new values -------------------------------------------------------------------------------------------------
 
     def mount_says_site(self, place: Place, ours: bool = False) -> bool:
-        """Take what the mount tells -> whether somebody has changed it there: then that counts, for programs too.
+        """Take the mount's site. Return whether it was changed at the mount; then it also replaces what clients set.
 
-        What comes of our own setting it is no such change.
+        A change that results from the gateway's own setting (``ours``) does not count.
         """
         before, self.mount_site = self.mount_site, place
         changed = not ours and before is not None and not _same_place(before, place)
@@ -105,7 +106,7 @@ class SiteClock:
         return changed
 
     def mount_says_clock(self, moment: Moment, ours: bool = False) -> bool:
-        """The same for its clock, by more than 30 s."""
+        """Like ``mount_says_site``, for the clock; a change is more than 30 s."""
         before = self.running(self.mount_clock)
         self.mount_clock = (moment, self._now())
         changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
@@ -115,7 +116,7 @@ class SiteClock:
         return changed
 
     def gps_says(self, seen: Gps) -> None:
-        """What the mount's GPS unit tells; a receiver without a fix says nothing."""
+        """Take what the mount's GPS reports; without a fix only the state of the receiver is kept."""
         self._gps = seen, self._now()
         if seen.linked:
             self.gps_site = seen.place or self.gps_site
@@ -123,7 +124,7 @@ class SiteClock:
         self.changed.emit(None)
 
     def gps(self) -> Gps | None:
-        """What the GPS unit told lately, its time running on; None when it must be asked."""
+        """Return the last GPS reading, its time running on; None if it is too old."""
         if self._gps is None:
             return None
         seen, at = self._gps
@@ -131,7 +132,7 @@ class SiteClock:
         return replace(seen, unix=seen.unix + age) if age < (GPS_FIX if seen.linked else GPS_SEARCH) else None
 
     def set_site_half(self, operation: SetSite) -> SetSite | None:
-        """Take one or both halves of a site -> the whole site once both halves were set."""
+        """Take one or both halves of a site. Return the whole site once both were set."""
         held = self.half or SetSite()
         self.half = SetSite(
             latitude=operation.latitude if operation.latitude is not None else held.latitude,
@@ -141,7 +142,7 @@ class SiteClock:
         return self.half if None not in (self.half.latitude, self.half.longitude) else None
 
     def take_site(self) -> SetSite | None:
-        """The site to hand on now: the halves that were set, completed by what is known; None while it is no site."""
+        """Return the site to send now: the halves that were set, completed by known values; None if one is missing."""
         if self.half is None:
             return None
         place = self.site()
@@ -152,19 +153,19 @@ class SiteClock:
         return SetSite(latitude=place.latitude, longitude=place.longitude)
 
     def same_site(self, operation: SetSite) -> bool:
-        """Whether the mount stands there already, within an arcminute."""
+        """Whether this is the mount's site already, within an arcminute."""
         place = self.mount_site
         if place is None or operation.latitude is None or operation.longitude is None:
             return False
         return _same_place(place, Place(operation.latitude, operation.longitude))
 
     def same_clock(self, operation: SetClock, seconds: float) -> bool:
-        """Whether the mount's clock shows that already, zone and all, within so many seconds."""
+        """Whether the mount's clock shows this already, in the same zone and within so many seconds."""
         shown = self.running(self.mount_clock)
         return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
 
     def keep_site(self, operation: SetSite) -> None:
-        """Serve this site from now on, whatever the mount thinks."""
+        """Return this site to clients from now on, whatever the mount reports."""
         assert operation.latitude is not None and operation.longitude is not None
         self.kept_site = Place(operation.latitude, wrap180(operation.longitude))
         self.changed.emit(None)
@@ -174,7 +175,7 @@ class SiteClock:
         self.changed.emit(None)
 
     def known(self, kind: type[Operation]) -> Place | Moment | Gps | None:
-        """The answer to GetSite, GetClock or GetGps, when it is known without asking."""
+        """Return the cached answer to GetSite, GetClock or GetGps, None if there is none."""
         if kind is GetSite:
             return self.site()
         if kind is GetGps:
@@ -182,13 +183,13 @@ class SiteClock:
         return self.clock() if kind is GetClock else None
 
     def has_own(self, operation: Operation) -> bool:
-        """Whether the mount has told a site or clock of its own, which can be served instead of this one."""
+        """Whether the mount has reported a site or clock of its own, which can be returned instead of this one."""
         if isinstance(operation, SetClock):
             return self.mount_clock is not None
         return isinstance(operation, SetSite) and self.mount_site is not None
 
     def has_one_of(self, places: Sequence[SetSite]) -> bool:
-        """Whether the mount stands at one of these, whole or with the half that was set."""
+        """Whether the mount's site matches one of these in latitude or longitude."""
         here = self.mount_site
         return here is not None and any(
             (one.latitude is not None and abs(here.latitude - one.latitude) <= SITE_EQUAL)
@@ -197,12 +198,12 @@ class SiteClock:
         )
 
     def forget_sites(self) -> None:
-        """Nothing that programs have set is in force any more."""
+        """Forget the site that clients set."""
         self.kept_site = self.half = None
         self.changed.emit(None)
 
     def forget(self, operation: Operation) -> None:
-        """What was kept of this for programs is no longer needed: the mount's own counts."""
+        """Forget the site or clock that clients set: the mount's own is in force."""
         if isinstance(operation, SetClock):
             self.kept_clock = None
         elif isinstance(operation, SetSite):
@@ -211,11 +212,11 @@ class SiteClock:
 
 
 class BestSources:
-    """Site and time by the best source there is: what the limits go by, and what ``SiteAstrometry`` asks.
+    """Site and time from the best source: used by the limits and by ``SiteAstrometry``.
 
-    The mount's own count first: its coordinates are reckoned with them. Then its GPS receiver, the configuration (site)
-    or this computer's clock (time), and a program's word only where nothing else is known: any program may be set up
-    wrongly, and the limits belong to the owner of the telescope.
+    The mount's own are the best, because its coordinates are calculated from them. Then follow its GPS receiver, the
+    configuration (site) or this computer's clock (time). What clients set is used last: any client may be
+    misconfigured, and the limits belong to the owner of the telescope.
     """
 
     def __init__(self, site_clock: SiteClock) -> None:
@@ -224,7 +225,7 @@ class BestSources:
         self.host = site_clock.host
 
     def sites(self) -> list[Site]:
-        """Every site that is known, the best first."""
+        """Return every known site, best first."""
         told = self._told
         known = (
             (told.mount_site, MOUNT),
@@ -235,7 +236,7 @@ class BestSources:
         return [Site(place, source) for place, source in known if place is not None]
 
     def times(self) -> list[Time]:
-        """Every time that is known, the best first; this computer's last where it has plainly lost its clock."""
+        """Return every known time, best first. A computer that has lost its clock comes last."""
         told = self._told
         host = Time(told.host(), COMPUTER)
         found = [
@@ -248,12 +249,12 @@ class BestSources:
         return found + (rest if host.unix >= EARLIEST else rest[::-1])
 
     def site(self) -> Place | None:
-        """The site in force for the limits; None when nobody has told one."""
+        """Return the site in force for the limits; None if it is unknown."""
         told = self._told
         return told.mount_site or told.gps_site or told.configured or told.set_site()
 
     def best_time(self) -> Time:
-        """The best of ``times``, without the others where the mount tells one."""
+        """Return the first of ``times``. If the mount has reported one, the others need not be computed."""
         told = self._told
         moment = told.running(told.mount_clock)
         return self.times()[0] if moment is None else Time(moment.unix, MOUNT)
@@ -264,7 +265,7 @@ class BestSources:
 
 
 def _same_place(one: Place, other: Place) -> bool:
-    """Within an arcminute, which is as fine as hand controls tell it."""
+    """Whether two sites are within an arcminute, the resolution of hand controls."""
     return (
         abs(one.latitude - other.latitude) <= SITE_EQUAL and abs(wrap180(one.longitude - other.longitude)) <= SITE_EQUAL
     )

@@ -1,1 +1,1 @@
-"""ASCOM's Alpaca: the members of its telescope interface, asked for over HTTP."""
+"""ASCOM Alpaca: the members of the telescope interface over HTTP."""

@@ -1,4 +1,4 @@
-"""ASCOM's Alpaca, as the registry of protocols has it. Programs speak it, no mount does."""
+"""The specification of ASCOM Alpaca for the registry. Programs speak it, no mount does."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _hint(frame: bytes) -> str:
-    """What may be wrong with a request that nobody has."""
+    """Explain how requests are written, for one that does not exist."""
     if load(NAME).find(frame + b"\n") is not None:
-        return "a request ends with a line feed: write \\x0a behind it"
+        return "a request ends with a line feed: append \\x0a"
     return "requests are written like 'get rightascension\\x0a' and 'put tracking Tracking=true\\x0a'"
 
 

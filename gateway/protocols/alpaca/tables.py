@@ -1,7 +1,7 @@
-"""The two further tables of Alpaca, and the refusals that ASCOM has and no mount.
+"""The two tables that only Alpaca has, and the errors that ASCOM defines and no mount has.
 
-``mappings/alpaca/errors.toml`` has the number of each kind of refusal, ``members.toml`` what a member of the interface
-needs besides its operations: a connected program, a mount in service.
+``mappings/alpaca/errors.toml`` has the ASCOM number of each class of fault, ``members.toml`` the conditions of the
+members of the interface: a connected program, an unparked mount.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ import msgspec
 from gateway.core.errors import Fault, MappingError
 from gateway.protocols.wireformat.command_set import load
 
-#: The numbers that ASCOM has for errors.
+#: The range of ASCOM's error numbers.
 NUMBERS = range(0x400, 0x1000)
 
 
 class NotConnected(Fault):
-    """This program has not connected."""
+    """The client has not set Connected to true."""
 
     words = "Not connected: set Connected to true first."
 
 
 class Parked(Fault):
-    """What is asked for takes a mount that is not parked."""
+    """The request needs a mount that is not parked."""
 
     words = "The mount is parked: unpark it first."
 
 
 @cache
 def numbers() -> dict[str, int]:
-    """Kind of refusal -> number. Raises MappingError."""
+    """Name of a class of fault -> number. Raises MappingError."""
     found = {}
     for name, row in load("alpaca").extra("errors.toml").items():
         if set(row) != {"number"} or row["number"] not in NUMBERS:
@@ -42,32 +42,32 @@ def numbers() -> dict[str, int]:
 
 
 def number(fault: Fault) -> int:
-    """The number of a refusal: its own, or that of what it is a kind of."""
+    """Return the error number of a fault: that of its class or of the nearest base class."""
     known = numbers()
     return next(known[kind.__name__] for kind in type(fault).__mro__ if kind.__name__ in known)
 
 
 def refused(fault: Fault) -> dict[str, Any]:
-    """An answer that says no."""
+    """Return the members of a JSON answer that reports a fault."""
     return {"ErrorNumber": number(fault), "ErrorMessage": str(fault)}
 
 
 def refusal(frame: bytes, fault: Fault | None) -> bytes:
-    """The answer to a request that is not carried out, or that nobody has."""
+    """Return the reply line for a refused request, or for one that does not exist."""
     return msgspec.json.encode(refused(fault or Fault("There is no such member."))) + b"\n"
 
 
 def is_refusal(reply: bytes) -> bool:
-    """Whether a line is such an answer: no value looks so."""
+    """Whether a reply line is a refusal: no value begins like one."""
     return reply.startswith(b'{"ErrorNumber"')
 
 
-# --- what a member needs ------------------------------------------------------------------------------------------
+# --- conditions of members ----------------------------------------------------------------------------------------
 
 
 class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """``always``: for programs that are not connected, too. ``unparked``: not while the mount is parked. ``tracking``:
-    only while it tracks, or only while it does not. ``arrival``: answered when the goto that it begins is over.
+    """A row of ``members.toml``. ``always``: also for programs that are not connected. ``unparked``: not while parked.
+    ``tracking``: only while the mount tracks (or does not). ``arrival``: answered when its goto has ended.
     """
 
     always: bool = False
@@ -76,13 +76,13 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     arrival: bool = False
 
 
-#: What most members need.
+#: The conditions of most members.
 PLAIN = Member()
 
 
 @cache
 def members() -> dict[str, Member]:
-    """By command. Raises MappingError."""
+    """Command name -> conditions. Raises MappingError."""
     protocol, rows = load("alpaca"), {}
     for name, row in protocol.extra("members.toml").items():
         if name not in protocol.commands:
@@ -95,5 +95,5 @@ def members() -> dict[str, Member]:
 
 
 def member(name: str) -> Member:
-    """What this command needs."""
+    """Return the conditions of a command."""
     return members().get(name, PLAIN)

@@ -31,13 +31,12 @@ class Send(NamedTuple):
     """Send a command with these field values. The generator receives the reply's fields, or a Fault is raised in it.
 
     patience   seconds after which no reply counts as an answer: ``Silence`` is raised, the line is not considered down
-    long       the mount may be busy with it for ``patience`` seconds: meanwhile only a stop that needs no reply is
-               sent, other commands are refused as busy, and no reply at the end is a fault of the line
+    long       the mount is busy with it for up to ``patience`` seconds: only a stop without a reply is sent meanwhile,
+               other commands are refused as busy, and no reply at the end is a fault of the line
     prompt     it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
     raw        return the bytes of the reply too, as the field ``raw``
     light      accept the first reply without verification: nothing depends on it
-    once       do not compare the reply with earlier ones: it concerns the command sent just before it, or only the
-               client that asked
+    once       accept the reply as it is: it concerns the command just before it, or only the client that asked
     """
 
     command: str
@@ -86,10 +85,9 @@ SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
-    """A goto under way. ``then`` is what the mount becomes at the goal (``park``).
+    """A goto under way since ``since`` (driver clock; infinite before it is acknowledged). ``then``: park at its end.
 
-    since         when it was acknowledged, by the driver's clock; infinite until then
-    unconfirmed   the acknowledgement was lost, and no reading has shown yet whether the goto has begun
+    ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun.
     """
 
     since: float
@@ -212,10 +210,7 @@ class Driver:
         """React to a refused Park or Home: on a mount that does not report its home state, the search has failed."""
 
     def tube_side(self, told: str) -> str | None:
-        """Return the side of the pier (E, W) that the tube really is on, given the answer to PierSide.
-
-        None if this mount has no sides.
-        """
+        """Return the real side of the pier (E, W) for an answer to PierSide; None if the mount has no sides."""
         return None
 
     def give_up_goto(self) -> None:

@@ -19,23 +19,23 @@ from gateway.protocols.wireformat.command_set import CommandSet
 class Expected(NamedTuple):
     """What is known of a reply before it arrives.
 
-    kind          how the answer may change from one time to the next; None if it is accepted without verification
+    answer_kind   how the answer may change from one time to the next; None if it is accepted without verification
     timeout       how many seconds the reply may take
-    bare          the reply has no terminator, so that nothing shows that it is complete
-    pace          the pause in seconds that the mount needs after a ``silent`` command
+    unterminated  the reply has no terminator, so that nothing shows that it is complete
+    delay_after   the pause in seconds that the mount needs after a ``silent`` command
     silent        the command has no reply
     leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
     """
 
-    kind: str | None
+    answer_kind: str | None
     timeout: float
-    bare: bool
-    pace: float = 0.0
+    unterminated: bool
+    delay_after: float = 0.0
     silent: bool = False
     leaves_open: bool = False
 
 
-def kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | None:
+def answer_kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | None:
     """Return how the answer to a command may change: a word of ``ANSWERS``, or None to accept it without verification.
 
     A raw reply, which a client receives as the mount has written it, is verified like a state.
@@ -57,10 +57,7 @@ class PlainReplies:
         self._commands = commands.commands
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the reply at the start of the buffer and its length, or None while it is incomplete.
-
-        Raises ValueError for a field that is out of range.
-        """
+        """Return the first reply in the buffer and its length; None if incomplete. ValueError: a field out of range."""
         for reply, template in self._commands[ask.command].replies:
             if (found := template.matcher.match(buffer)) is not None:
                 if reply.fault is not None:
@@ -78,8 +75,8 @@ class ReplyRules(Replies, Protocol):
     closing: bytes
 
     def expected(self, ask: Send) -> Expected: ...
-    def alike(self, one: Send, other: Send) -> bool: ...
+    def ambiguous_with(self, one: Send, other: Send) -> bool: ...
     def as_written(self, command: str, reply: bytes) -> bytes: ...
     def encode(self, ask: Send) -> bytes: ...
-    def proof(self, number: int) -> Iterator[Send]: ...
-    def proven(self, ask: Send, values: Values) -> bool: ...
+    def resync_commands(self, number: int) -> Iterator[Send]: ...
+    def is_resync_reply(self, ask: Send, values: Values) -> bool: ...

@@ -2,8 +2,7 @@
 
 ``Session.kept`` holds what the client itself has set; each protocol has its own struct for it, and the next connection
 of the same program begins with a copy. ``MountSettings`` holds what a real hand control stores for all programs: it is
-frozen, and sessions refer to it through ``Shared``, so that it can only be replaced as a whole, and not by a client
-that may only read.
+frozen, all sessions hold it through ``Shared``, and only a client with the permission to set can replace it.
 """
 
 from __future__ import annotations
@@ -52,9 +51,8 @@ UNNAMED = NamedSite()
 class MountSettings(Struct, frozen=True):
     """The settings that all clients of a mount share. The first five are stored in the state file.
 
-    ``zone`` is the UTC offset in hours, and how many of them are daylight saving; ``motors`` are values of the two
-    motors by name (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends`` is when the last guide pulse of an axis ends,
-    Unix time.
+    ``zone`` is the UTC offset in hours, and how many of them are daylight saving; ``motors`` are values of the motors
+    by name (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends``: Unix time when the last guide pulse of an axis ends.
     """
 
     sites: Mapping[int, NamedSite] = {}

@@ -77,8 +77,7 @@ class Question(Struct, frozen=True):
     """What ``detect`` may send to an unknown device, and how it judges the answer.
 
     rank    its place among the questions of all protocols: what is harmless to every mount is sent first
-    judge   receives the bytes that have arrived since, and for how many seconds no more have; it returns the name of
-            the protocol, another state, or None
+    judge   (bytes since then, seconds without further ones) -> the protocol's name, another state, or None
     named   only sent to a port whose protocol the user has named
     late    the answer may arrive after the next questions
     """

@@ -1,1 +1,1 @@
-"""Meade LX200 (revision L, 2002, and what came after it)."""
+"""Meade LX200: the protocol of revision L (2002) and its later extensions."""

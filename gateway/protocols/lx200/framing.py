@@ -1,13 +1,12 @@
-"""Framing what LX200 clients send.
+"""Cuts the bytes of LX200 clients into commands.
 
 Everything before a ``:`` is dropped; ``#`` ends a command; a ``:`` in front of a letter, ``$`` or ``?`` begins a new
-one (some programs forget a ``#``); a raw 0x06 is a command of its own, anywhere, and ends a half one. Carriage returns,
-line feeds and NULs do not exist. A command longer than 64 bytes is dropped up to the next ``:``.
+one (some programs omit a ``#``); a raw 0x06 is always a command of its own, and ends an incomplete one. Carriage
+returns, line feeds and NULs are ignored. A command longer than 64 bytes is dropped up to the next ``:``.
 
-A command with an argument that lost its ``#`` is another matter: the ``:MS#`` behind half a ``:Sr`` would go to the
-target before. It is refused with everything up to the next ``#``, and what follows is suspect until the line has been
-quiet for a tenth of a second; a stop among all that is handed on as ever. Where the pause came before the new command,
-the half one is dropped alone.
+A command with an argument but no ``#`` is dangerous: a ``:MS#`` after half a ``:Sr`` would slew to the previous target.
+It is refused with everything up to the next ``#``, and further commands are ``Suspect`` until the client pauses for a
+tenth of a second; stops are passed on as always. After a pause only the incomplete command is refused.
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from gateway.protocols.wireformat.command_set import load
 
 ACK = 0x06
 LONGEST = 64
-#: Seconds of quiet that end a run of bytes: what comes then has nothing to do with what came before.
+#: Seconds of quiet that end a burst of bytes: what follows does not continue what came before.
 RUN_GAP = 0.1
-#: Why bytes are of no use.
+#: Why bytes are dropped, for the log.
 NOISE = "no command of an LX200 begins so"
 HALF = "a command without its end (#)"
 TOO_LONG = "longer than any command of an LX200"
@@ -31,7 +30,7 @@ _BEGINNERS = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?"
 
 
 def setter(begun: bytes) -> str | None:
-    """The command with an argument that these bytes begin, "" for a ``:S`` command that nobody knows, else None."""
+    """Return the command with an argument that these bytes begin, "" for an unknown ``:S`` command, else None."""
     command = load("lx200").begun(begun)
     if command is not None:
         return command.name if command.request.fields else None
@@ -40,7 +39,7 @@ def setter(begun: bytes) -> str | None:
 
 @cache
 def stops() -> tuple[bytes, ...]:
-    """What is carried out wherever it stands: what ends something and does nothing else."""
+    """The stop commands that are passed on even within a refused burst: they end something and do nothing else."""
     commands = load("lx200").commands.values()
     return tuple([command.request.prefix for command in commands if command.urgent in ("stop", "axis", "part")])
 
@@ -52,23 +51,23 @@ class Framer:
         self._frame = bytearray()
         self._colon = False
         self._heard = 0.0
-        #: The half command is from before the last quiet.
+        #: Whether the incomplete command is from before the last pause.
         self._old = False
-        #: What lost its end, with all that is swallowed behind it, and the names of the commands in it.
+        #: The names of the commands in an unterminated text (empty: there is none), and that text.
         self._lost: dict[str, None] = {}
         self._text = bytearray()
-        #: Whatever comes in this run is.
+        #: Whether the commands of this burst are suspect.
         self._suspect = False
         self._frames: list[bytes] = []
         self.dropped = Dropped()
 
     @property
     def idle(self) -> bool:
-        """Whether the next byte begins a command, whatever came before."""
+        """Whether the next byte begins a new command."""
         return not (self._frame or self._suspect)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes as they came -> the commands that are now complete, in order. ``now``: any clock, in seconds."""
+        """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
         if not data:
             return []
         self._frames = []
@@ -96,7 +95,7 @@ class Framer:
         self._colon = self._old = False
 
     def _begin_run(self) -> None:
-        """It was quiet: nothing is suspect any more, and of what was swallowed only a stop may go on."""
+        """Begin a new burst after a pause: nothing is suspect, and of a swallowed text only half a stop is kept."""
         self._suspect = False
         self._old = bool(self._frame)
         if self._lost:
@@ -105,13 +104,13 @@ class Framer:
             self._begin(rest if any(stop.startswith(rest) for stop in stops()) else b"")
 
     def _give_up(self) -> None:
-        """What was swallowed comes to no end any more."""
+        """Report the unterminated text without waiting for its end."""
         self._swallow(bytes(self._frame), setter(bytes(self._frame)))
         self._frames.append(Unterminated(bytes(self._text), tuple(self._lost), late=True))
         self._lost = {}
 
     def end(self) -> list[Unterminated]:
-        """Nothing more comes -> half a command with an argument, which must not count as the one before it."""
+        """Handle the end of the connection; return an incomplete command with an argument, so that it is refused."""
         self._frames, self._old = [], True
         self.dropped.clear()
         if self._lost:
@@ -122,7 +121,7 @@ class Framer:
         return [frame for frame in self._frames if isinstance(frame, Unterminated)]
 
     def _cut(self, why: str = HALF) -> None:
-        """Something else begins here: a command with an argument has lost its end, any other is dropped."""
+        """End the incomplete command here: with an argument it is unterminated, any other is dropped."""
         piece = bytes(self._frame)
         name = setter(piece) if len(piece) > 1 else None
         if self._lost:
@@ -139,13 +138,13 @@ class Framer:
             self.dropped.add(piece, why)
 
     def _swallow(self, piece: bytes, name: str | None) -> None:
-        """Keep what comes to an end that is not its own: enough of it for the log, and all that it would have set."""
+        """Add a piece to the unterminated text: bytes for the log, and the name of the command it would have set."""
         self._text += piece[: LONGEST - len(self._text)]
         if name is not None:
             self._lost[name] = None
 
     def _end(self) -> None:
-        """The end of a command, or of all that was swallowed."""
+        """Handle a ``#``: it ends a command, or an unterminated text."""
         frame = bytes(self._frame) + b"#"
         if self._lost:
             self._swallow(frame[:-1], setter(frame[:-1]))
@@ -158,13 +157,13 @@ class Framer:
         self._begin()
 
     def _settle_colon(self) -> None:
-        """A colon that was held back was part of the argument after all."""
+        """Add the colon that was held back: it is part of the argument."""
         if self._colon:
             self._colon = False
             self._take(_COLON)
 
     def _take(self, byte: int) -> None:
-        """One more byte of a command, or the end of one that is too long."""
+        """Add a byte to the command; drop a command that is too long."""
         self._frame.append(byte)
         self._old = False
         if len(self._frame) > LONGEST:
@@ -175,7 +174,7 @@ class Framer:
         if byte == _COLON:
             if len(self._frame) > 1:
                 self._settle_colon()
-                self._colon = True  # an argument's separator, or the next command: the next byte tells
+                self._colon = True  # a separator in the argument, or the next command: the next byte decides
             else:
                 self._begin(b":")
             return

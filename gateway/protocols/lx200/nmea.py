@@ -1,4 +1,4 @@
-"""The sentence of a GPS receiver: RMC, which tells place, date and time in one."""
+"""NMEA sentences of a GPS receiver: RMC, which contains position, date and time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gateway.core.operations import Gps, Place
 
 
 def fix(sentence: str) -> Gps | None:
-    """What a sentence tells; None when it is of another kind, or garbled."""
+    """Parse an RMC sentence; return None if it is of another type or garbled."""
     import pynmea2
 
     try:
@@ -24,7 +24,7 @@ def fix(sentence: str) -> Gps | None:
 
 
 def rmc(latitude: float, longitude: float, unix: float, linked: bool = True) -> str:
-    """An RMC sentence with its checksum: position to a thousandth of an arcminute (east positive), time in UT."""
+    """Return an RMC sentence with its checksum. Degrees are north and east positive, ``unix`` is in seconds."""
     import pynmea2
 
     now = datetime.fromtimestamp(unix, UTC)
@@ -38,6 +38,6 @@ def rmc(latitude: float, longitude: float, unix: float, linked: bool = True) -> 
 
 
 def _angle(degrees: float, digits: int, letters: str) -> tuple[str, str]:
-    """Degrees and minutes run together, and the letter of the hemisphere."""
+    """Return degrees and minutes (to a thousandth) without a separator, and the letter of the hemisphere."""
     whole, minutes = divmod(round(abs(degrees) * 60000), 60000)
     return f"{whole:0{digits}d}{minutes / 1000:06.3f}", letters[degrees < 0]

@@ -1,12 +1,12 @@
-"""Talking to a Meade: requests out, replies in.
+"""The rules of requests to a Meade and of its replies.
 
-A reply has one of five shapes: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A
-raw 0x15 instead of any of them, of none too, means busy (LX200GPS). Commands without a reply are followed by a short
-pause, which old scopes need. Clients may write sloppily, telescopes do not: a reply counts in its exact form only.
+A reply has one of five forms: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A raw
+0x15 instead of any of them, also of none, means busy (LX200GPS). After a command without a reply the gateway pauses
+shortly, because old telescopes need it. Input of clients is parsed leniently, replies of telescopes are not: only the
+exact form is accepted.
 
-How one telescope writes what all of them tell is learnt from its answers, for programs that see the mount itself. The
-digits are the gateway's; the marks between them, the seconds behind a site, the sign before a longitude or a rate are
-the telescope's.
+If a surface presents the mount itself, the gateway writes its own replies in the notation of the connected telescope,
+learnt from its answers: separators, the seconds of a site, the sign of a longitude or a rate.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from gateway.core import errors
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, kind
+from gateway.protocols.base.reply_rules import Expected, answer_kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 NAK = 0x15
 TIMEOUT, PACE = 3.0, 0.05  # seconds
-#: No reply with a ``#`` at its end is longer.
+#: The maximum length of a reply that ends with ``#``.
 LONGEST = 200
-#: Field forms as telescopes send them: every digit in its place, any one byte between degrees, minutes and seconds.
+#: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds.
 _SEP = rb"[^0-9#]"
 _FORMS = {
     "HH:MM:SS": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
@@ -45,7 +45,7 @@ _FIELD = re.compile(r"\{\w+:([^}]*)\}")
 
 @cache
 def _exact(source: str) -> re.Pattern[bytes]:
-    """A reply's picture as telescopes fill it."""
+    """Return the exact pattern of a reply form as telescopes send it."""
     pattern, at = b"", 0
     for field in _FIELD.finditer(source):
         pattern += re.escape(source[at : field.start()].encode("latin-1"))
@@ -58,7 +58,7 @@ def _exact(source: str) -> re.Pattern[bytes]:
 
 @cache
 def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
-    """What replies look like when one does not know what was asked."""
+    """Return the forms of replies without the meaning of their fields: replies of equal form can be confused."""
     shapes = set()
     for source in sources:
         if ":text}" in source:
@@ -70,20 +70,20 @@ def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
     return frozenset(shapes)
 
 
-#: Whose answers show how a telescope writes, and what is written like another command's answer.
+#: The commands whose answers show a telescope's notation, and those that are written like another one.
 EXAMPLES = frozenset({"GR", "GD", "GZ", "GA", "GT", "Gt", "Gg"})
 SITE = frozenset({"Gt", "Gg"})
 LIKE = {"Gr": "GR", "Gd": "GD"}
-#: A reply in degrees, as it is written by the manual, and the marks in it.
+#: A reply in degrees as the manual writes it, and its separators.
 _MARKED = re.compile(rb"([+-]?)(\d{2,3})\*(\d\d)?(?::\d\d)?#")
 _MARKS = b"*:"
-#: Where the mark behind the degrees stands in a declination.
+#: The position of the degree sign in a declination.
 _DEGREE = slice(3, 4)
 _TURN = 360 * 60
 
 
-class Handwriting:
-    """``learn`` takes answers as they came, ``write`` gives a reply by the manual as this telescope would write it."""
+class Notation:
+    """The notation of one telescope: ``learn`` takes its answers, ``write`` converts a reply of the manual's form."""
 
     def __init__(self) -> None:
         self._examples: dict[str, bytes] = {}
@@ -96,7 +96,7 @@ class Handwriting:
             self._degree = answer[_DEGREE]
 
     def write(self, command: str, reply: bytes) -> bytes:
-        """What the telescope has never told is written with its degree sign alone."""
+        """Convert a reply. Without an example of this command only the degree sign is replaced."""
         example = self._examples.get(LIKE.get(command, command), b"")
         if command == "GT":
             return b"+" + reply if example.startswith(b"+") and reply[:1].isdigit() else reply
@@ -106,7 +106,7 @@ class Handwriting:
         if command == "Gg" and example[:1].isdigit():  # west from 0 to 360, without a sign
             minutes = int(found[2]) * 60 + int(found[3] or b"0")
             reply = b"%03d*%02d#" % divmod((-minutes if found[1] == b"-" else minutes) % _TURN, 60)
-        if command in SITE and len(example) == len(reply) + 3:  # the telescope tells seconds
+        if command in SITE and len(example) == len(reply) + 3:  # the telescope sends seconds
             reply = reply[:-1] + b":00#"
         if len(example) == len(reply):
             return bytes(own if digit in _MARKS else digit for own, digit in zip(example, reply, strict=True))
@@ -114,27 +114,29 @@ class Handwriting:
 
 
 class Lx200ReplyRules:
+    """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers."""
+
     protocol: CommandSet = load("lx200")
     closing = b"#"
 
     def __init__(self) -> None:
-        self._hand = Handwriting()
+        self._notation = Notation()
 
     def expected(self, ask: Send) -> Expected:
-        """ACK has no end: whoever reads whole commands takes what comes next for the rest of it."""
+        """Return what is known of the reply. ACK has no terminator: some devices read the next command as its rest."""
         return _expected(ask.command, ask.once, ask.raw)
 
     def as_written(self, command: str, reply: bytes) -> bytes:
-        return self._hand.write(command, reply)
+        return self._notation.write(command, reply)
 
-    def alike(self, one: Send, other: Send) -> bool:
-        """Whether the reply to the one could be taken for a reply to the other, by their forms."""
+    def ambiguous_with(self, one: Send, other: Send) -> bool:
+        """Whether the forms of the two replies are so similar that one could be mistaken for the other."""
         first, second = _shapes(_sources(one.command)), _shapes(_sources(other.command))
         either = first | second
         return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
 
     def encode(self, ask: Send) -> bytes:
-        """The request bytes; with ``low`` among the values in the low-precision form."""
+        """Return the request, in its low-precision form if ``low`` is true. Raises Refused for a value out of range."""
         requests = self.protocol.commands[ask.command].requests
         try:
             return requests[1 if ask.values.get("low") and len(requests) > 1 else 0].encode(ask.values)
@@ -142,9 +144,9 @@ class Lx200ReplyRules:
             raise Refused(str(error)) from None
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """The reply at the start of the buffer and its length; None while it is incomplete.
+        """Return the reply at the start of the buffer and its length, or None while it is incomplete.
 
-        The fields come with ``length``: only by that is low precision told from high. Raises ValueError for a field
+        The values include ``length``, by which the driver tells low precision from high. Raises ValueError for a field
         that is out of range.
         """
         replies = self.protocol.commands[ask.command].replies
@@ -160,11 +162,11 @@ class Lx200ReplyRules:
                 continue
             length = found.end()
             if "#" not in str(template.source) and buffer[length:] == b"#":
-                buffer, length = buffer[:length], length + 1  # some put one behind everything
+                buffer, length = buffer[:length], length + 1  # some telescopes append one to every reply
             values = template.decode(found[0])
             if reply.fault is not None:
                 return _fault(reply.fault, values), length
-            self._hand.learn(ask.command, found[0])
+            self._notation.learn(ask.command, found[0])
             return {**values, "length": length}, length
         hashes = max(source.count("#") for source in _sources(ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
@@ -172,18 +174,18 @@ class Lx200ReplyRules:
             return (Garbled(), len(buffer)) if whole else None
         return None
 
-    def proof(self, number: int) -> Iterator[Send]:
-        """After quiet time: a right ascension and a declination, whose forms differ."""
+    def resync_commands(self, number: int) -> Iterator[Send]:
+        """Yield the commands that show whether replies are in step: :GR and :GD, whose replies differ in form."""
         yield Send("GR")
         yield Send("GD")
 
-    def proven(self, ask: Send, values: Values) -> bool:
+    def is_resync_reply(self, ask: Send, values: Values) -> bool:
         return "ra" in values or "dec" in values
 
 
 @cache
 def _sources(command: str) -> tuple[str, ...]:
-    """The pictures of a command's replies."""
+    """The reply forms of a command, as the tables write them."""
     return tuple([str(template.source) for _, template in Lx200ReplyRules.protocol.commands[command].replies])
 
 
@@ -191,17 +193,17 @@ def _sources(command: str) -> tuple[str, ...]:
 def _expected(command: str, once: bool, raw: bool) -> Expected:
     protocol, sources = Lx200ReplyRules.protocol, _sources(command)
     return Expected(
-        kind(protocol, command, once, raw),
+        answer_kind(protocol, command, once, raw),
         TIMEOUT,
-        bare=any("#" not in source for source in sources),
-        pace=0.0 if sources else PACE,
+        unterminated=any("#" not in source for source in sources),
+        delay_after=0.0 if sources else PACE,
         silent=not sources,
         leaves_open=command == "ACK",
     )
 
 
 def _fault(name: str, values: Values) -> Fault:
-    """The fault that a reply variant stands for, with the mount's own words where it sent some."""
+    """Return the fault of a reply form, with the mount's own text if it sent one."""
     fault: type[Fault] = getattr(errors, name)
     words = str(values.get("text", "")).strip()
     return fault(" ".join(words.split()) or None)

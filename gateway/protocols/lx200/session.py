@@ -1,4 +1,4 @@
-"""What one client of the LX200 surface has set for itself."""
+"""The settings that one client of the LX200 surface has made for itself."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from gateway.astro.catalog.objects import Entry
 from gateway.core.operations import Fields, MoonPlace, PlanetPlace, Rate
 from gateway.protocols.base.session import AltitudeLimits, Kept, Session
 
-#: The place on the Moon whose halves were not set yet.
+#: The default place on the Moon, for the half that a client has not set.
 _MIDDLE = MoonPlace(0.0, 0.0)
 
 
 class Draft(Struct):
-    """Pieces of a clock that were set and not handed on yet. ``time`` is seconds of a day, and when that was said.
+    """The parts of a clock that a client has set and that are not sent to the mount yet.
 
-    ``carried`` (``time``, ``day``) are those that come of a time which was handed on before, and not of this client's
-    next pieces.
+    ``time`` is seconds of the day, and the host's time when it was set; ``touched`` is when the last part was set.
+    ``stamped``: one command has set date and time. ``carried``: parts (``time``, ``day``) kept from an earlier clock.
     """
 
     time: tuple[float, float] | None = None
@@ -32,17 +32,17 @@ class Draft(Struct):
 
     @property
     def complete(self) -> bool:
-        """Whether everything is there that makes an instant."""
+        """Whether time, date and offset are all set, so that they define an instant."""
         return None not in (self.time, self.day, self.offset) and not self.carried
 
     def clear(self) -> None:
-        """Everything in it was handed on."""
+        """Forget all parts: they are being sent."""
         self.time = self.day = self.offset = None
         self.touched, self.stamped, self.carried = 0.0, False, frozenset()
 
 
 class SearchLimits(Struct, frozen=True):
-    """What ``browse`` and ``identify`` go by: magnitudes, sizes in arcminutes, kinds, quality, the field's diameter."""
+    """The limits of ``browse`` and ``identify``: magnitudes, sizes and field diameter in arcminutes, types, quality."""
 
     brighter: float = -5.5
     fainter: float = 20.0
@@ -54,37 +54,38 @@ class SearchLimits(Struct, frozen=True):
 
 
 class LxKept(Kept):
-    """Angles are degrees; None is what was never set."""
+    """The client's own settings. Angles are degrees; None means never set."""
 
     ra: float | None = None
     dec: float | None = None
     az: float | None = None
     alt: float | None = None
-    #: The object that was selected: from a catalogue, or one that moves, and its name.
+    #: The selected object: an entry of a catalogue or a moving object, and its description.
     entry: Entry | None = None
     moving: MoonPlace | PlanetPlace | None = None
     object: str | None = None
     moon: MoonPlace = _MIDDLE
-    #: The catalogues that were chosen: None where one was refused. ``stars`` begins with what the model has.
+    #: The chosen catalogues; None after one was refused. The default of ``stars`` depends on the model.
     deep_sky: str | None = "NGC"
     stars: int | Literal["model"] | None = "model"
-    #: The same in the mount's own library, by command.
+    #: The catalogues chosen in the mount's own library, by command.
     own_catalogs: Mapping[str, Fields] = {}
     search: SearchLimits = SearchLimits()
-    #: Altitude limits, and the fastest slew, degrees a second.
+    #: Altitude limits, degrees, and the fastest slew, degrees per second.
     lowest: float | None = None
     highest: float | None = None
     fastest: float | None = None
-    #: The rate of the arrows, and those of one axis alone, degrees a second.
+    #: The rate of motion by hand, and the rates for one axis, degrees per second.
     rate: Rate | None = None
     rate_ra: float | None = None
     rate_dec: float | None = None
     focus_speed: int = 2
-    #: Land mode was asked for: a stopped drive stays stopped.
+    #: Whether the client requested land mode: its gotos then leave tracking off.
     land: bool = False
     #: The site that this client has selected, from 0.
     site: int | None = None
-    #: Hours, local minus UTC; the local time and date that were handed on or set, with the host's time then.
+    #: ``offset``: hours, local minus UTC. ``dated``: the date that was set, and the host's time then.
+    #: ``local``: the date and time sent last, the host's time then, and the offset.
     offset: float | None = None
     draft: Draft | None = None
     dated: tuple[date, float] | None = None
@@ -94,17 +95,19 @@ class LxKept(Kept):
     help_line: int = 0
 
     def deselect(self) -> None:
-        """The target is no object any more."""
+        """Forget the selected object; the coordinates stay."""
         self.entry = self.moving = self.object = None
 
     def select_nothing(self, words: str) -> None:
-        """A selection has failed: no goto follows to the last one. These words say why, to :LI and to the next :MS."""
+        """Clear the target after a failed selection; ``words`` are the reason, for :LI and the next :MS."""
         self.deselect()
         self.ra = self.dec = None
         self.object = words
 
 
 class LxSession(Session):
+    """The session of an LX200 client."""
+
     state = LxKept
     kept: LxKept
 

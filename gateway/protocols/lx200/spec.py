@@ -1,4 +1,4 @@
-"""Meade's LX200 protocol, as the registry of protocols has it."""
+"""The specification of Meade's LX200 protocol for the registry."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 NAME, DEFAULT_MODEL = "lx200", "autostar"
 ACK, POSITION = b"\x06", b"#:GR#"
-#: A lone letter is an answer to ACK only when nothing follows it for so long, in seconds.
+#: A single letter is an answer to ACK only if nothing follows it for this many seconds.
 LONE = 0.1
 _POSITION = re.compile(rb"\d\d:\d\d(\.\d|:\d\d)#")
-#: What a program for a Meade may begin a connection with: bytes that are passed over, and whole commands.
+#: What a program for a Meade may begin a connection with: bytes that are ignored, and whole commands.
 OPENING = re.compile(rb"(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*", re.DOTALL)
 
 
@@ -70,7 +70,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     handlers = handlers_of(drive, home, identify, motion, place, pointing)
     return MadeDriver(
         Lx200Driver(now, settings, handlers),
-        {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, ends.PutBack: ends.put_back},
+        {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, ends.PutBack: ends.restore_rates},
         _reply_rules(),
     )
 
@@ -82,20 +82,20 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
 
 
 def _recognises(sent: bytes) -> float:
-    """Text between a colon and a hash sign, or one of the two commands that begin otherwise."""
+    """Recognise text after a colon, and the two commands that begin differently (ACK, ``$Q``)."""
     begins = sent.lstrip(b"#")[:1] in (b":", ACK, b"$")
     return 1.0 if begins and (b":" in sent or ACK in sent) else 0.0
 
 
 def _answered_ack(heard: bytes, still: float) -> str | None:
-    """A Meade answers with one letter; a D waits for new firmware."""
+    """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware."""
     if len(heard) != 1 or still < LONE:
         return None
     return NAME if heard in b"APLG" else "downloader" if heard == b"D" else None
 
 
 def _hint(frame: bytes) -> str:
-    """Its colon or its hash sign may have been forgotten."""
+    """Suggest the command with the colon or the hash sign that may be missing."""
     whole = b":" + frame.strip(b":#") + b"#"
     if load(NAME).find(whole) is None:
         return ""
@@ -121,8 +121,8 @@ SPEC = ProtocolSpec(
     make_driver=_make_driver,
     make_simulator=_make_simulator,
     simulator_switches={
-        "land_tells_altaz": "in land mode :GW# tells AN1 also on a wedge, where it else tells PN1",
-        "tolerant": "takes arguments in every spelling that programs send, not in the manual's alone",
+        "land_tells_altaz": "in land mode :GW# replies AN1 also on a wedge, where it otherwise replies PN1",
+        "tolerant": "accepts arguments in every notation that programs send, not only the manual's",
     },
     recognises=_recognises,
     questions=(
@@ -140,14 +140,14 @@ SPEC = ProtocolSpec(
     },
     night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
-    deaf="an old classic LX200 may be deaf to what is asked here: mount-gateway detect lx200@{port}",
+    deaf="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
     parks_itself=True,
     slowest="a classic LX200",
     takes=(4, 9),
     target=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
     hint=_hint,
     presented_remark="""\
-The commands that each model has by its manual. What it has not (*beyond*) is answered as on the models
-that have it, because programs ask without looking, or passed over in silence.
+The commands that each model has according to its manual. Commands that it lacks (*beyond*) are answered as on the
+models that have them, because programs do not check the model, or ignored without a reply.
 """,
 )

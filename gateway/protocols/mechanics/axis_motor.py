@@ -1,7 +1,7 @@
-"""One motor axis of a simulated mount: what it has been told, its way to a goal, and how it gathers and loses speed.
+"""One motor axis of a simulated mount: its orders, the course of a goto, and how it accelerates and brakes.
 
-No motor stops at once. A real one ramps: told another speed, it changes to it at a constant acceleration, and told to
-stop it runs on meanwhile. Angles are degrees, times Unix seconds, rates degrees a second of time.
+No motor stops at once. Like a real one it ramps: it changes to the ordered speed at a constant acceleration, and after
+a stop order it runs on meanwhile. Angles are degrees, times Unix seconds, rates degrees a second of time.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-#: What a drive keeps up with besides the stars, degrees a second.
+#: Tracking rates besides the sidereal one, degrees a second.
 SOLAR_RATE = 360.0 / 86400.0
 LUNAR_RATE = 14.685 / 3600.0
-#: The last stretch of a goto, in degrees, and how fast it is done.
+#: The last stretch of a goto, degrees, and its rate, degrees a second.
 APPROACH, APPROACH_RATE = 0.5, 0.25
-#: Seconds from rest to the fastest rate, and back to rest. Neither maker publishes it; owners see about a second, and
-#: what a stop costs by it (half of the fastest rate, in degrees: 2 of a CPC, 4 of an LX200) is what limits must allow.
+#: Seconds from rest to the fastest rate, and back to rest. Neither maker publishes it; owners see about a second.
+#: Limits must allow for what a mount runs on after a stop: half its fastest rate, 2 degrees on a CPC, 4 on an LX200.
 RAMP_SECONDS = 1.0
-#: A change of speed up to this, in degrees a second, takes a real motor milliseconds: guiding and tracking are exact.
+#: A smaller change of speed (degrees a second) takes a real motor milliseconds only: guiding and tracking are exact.
 INSTANT = 0.02
 
 
 class Ramp(NamedTuple):
-    """A change of speed since ``began``: by how much the motor was faster then than it was told to be."""
+    """A change of speed that began at ``began``; ``change`` is the excess over the ordered speed at that time."""
 
     began: float
     change: float
@@ -35,23 +35,23 @@ class Ramp(NamedTuple):
         return self.began + abs(self.change) / self.acceleration
 
     def speed(self, now: float) -> float:
-        """By how much the motor is still faster than it was told to be, signed."""
+        """Return the signed excess over the ordered speed, degrees a second."""
         if now >= self.ends:
             return 0.0
         return math.copysign(abs(self.change) - self.acceleration * (now - self.began), self.change)
 
     def left(self, now: float) -> float:
-        """How far it will get beyond what it was told from now on, degrees; negative where it lags behind."""
+        """Return how far the motor still runs beyond the ordered position, degrees; negative if it lags behind."""
         speed = self.speed(now)
         return speed * abs(speed) / (2.0 * self.acceleration)
 
 
-#: The motor turns as it was told.
+#: No ramp: the motor has the ordered speed.
 SETTLED = Ramp(-math.inf, 0.0, 1.0)
 
 
 class Phase(NamedTuple):
-    """A stretch of a way: its seconds, and the speeds at both ends."""
+    """A phase of a goto with constant acceleration: its duration in seconds, its first and last speed."""
 
     seconds: float
     first: float
@@ -59,10 +59,10 @@ class Phase(NamedTuple):
 
 
 class Leg:
-    """One axis on its way to a goal that may itself move: how far it still is from it.
+    """The course of a goto on one axis: its distance from the goal as a function of time. The goal may move.
 
-    It begins at rest, gathers speed, loses it for the slow approach and comes to rest at the goal. What a motor that
-    turned before still runs on (``run_on`` degrees, until ``ramp_ends``) is added to that: the way is so much shorter.
+    It begins at rest, accelerates, brakes for the slow approach and comes to rest at the goal. A motor that turned
+    before still runs on (``run_on`` degrees, until ``ramp_ends``), which shortens the distance by as much.
     """
 
     def __init__(self, started: float, distance: float, fast: float, slow: float, acceleration: float) -> None:
@@ -71,26 +71,26 @@ class Leg:
         self.set_run_on(0.0, started)
 
     def set_run_on(self, run_on: float, ramp_ends: float) -> None:
-        """From where the way is reckoned: where the motor would come to rest."""
-        self._way = self.distance - run_on
-        self._phases = _phases(abs(self._way), *self._rates, self.acceleration)
+        """Count the distance from where the motor would come to rest, and calculate the phases."""
+        self._total = self.distance - run_on
+        self._phases = _phases(abs(self._total), *self._rates, self.acceleration)
         self.ends = max(ramp_ends, self.started + sum(phase.seconds for phase in self._phases))
 
     def remaining(self, now: float) -> float:
-        """Signed degrees left, shrinking without a turn, exactly 0 from ``ends`` on."""
+        """Return the signed degrees to the goal. They never grow, and are exactly 0 from ``ends`` on."""
         if now >= self.ends:
             return 0.0
-        left, seconds = abs(self._way), now - self.started
+        left, seconds = abs(self._total), now - self.started
         for phase in self._phases:
             part = min(seconds, phase.seconds)
             if part > 0.0:
                 left -= part * (phase.first + 0.5 * (phase.last - phase.first) * part / phase.seconds)
             seconds -= part
-        return math.copysign(max(0.0, left), self._way)
+        return math.copysign(max(0.0, left), self._total)
 
 
 def _phases(distance: float, fast: float, slow: float, acceleration: float) -> list[Phase]:
-    """Faster and slower again, the last stretch at ``slow``."""
+    """Return the phases of a goto: accelerate, constant speed, brake, the approach at ``slow``, brake to rest."""
     near = min(distance, APPROACH)
     far = distance - near
     if math.isinf(acceleration):
@@ -109,10 +109,10 @@ def _phases(distance: float, fast: float, slow: float, acceleration: float) -> l
 
 
 class Axis(Struct):
-    """One motor: where it was at ``since`` and how fast, and what it has been told since.
+    """One motor: its position and speed at ``since``, and its orders since then.
 
-    ``position`` is where it would have been told from if it could change its speed at once: it includes what it still
-    runs on (``ramp``).
+    ``position`` includes the distance that the motor still runs on (``ramp``): it is the position as if the speed had
+    changed at once.
     """
 
     position: float
@@ -121,25 +121,25 @@ class Axis(Struct):
     added: float = 0.0  # a slow hand rate on top of tracking
     pulse: float = 0.0
     pulse_ends: float = -math.inf
-    taken: bool = False  # tracking is overridden by a rate given from outside
+    taken: bool = False  # an ordered rate overrides tracking
     drive: bool = False  # that rate is itself a tracking rate
     leg: Leg | None = None
     goal: float | None = None  # of a goto to a fixed position; None: the aim on the sky
-    speed: float = 0.0  # how fast it really turned at ``since``
-    acceleration: float = math.inf  # how fast it can change that
+    speed: float = 0.0  # its true speed at ``since``
+    acceleration: float = math.inf  # how fast that can change
     ramp: Ramp = SETTLED
 
     def rest(self) -> None:
-        """Forget every order but a guide pulse."""
+        """Forget every order except a guide pulse."""
         self.taken = self.drive = False
         self.rate, self.added, self.leg, self.goal = 0.0, 0.0, None, None
 
-    def ramp_from(self, now: float, told: float, quickest: float) -> float:
-        """Begin to change from ``speed`` to what was told -> how far it runs on, degrees.
+    def ramp_from(self, now: float, ordered: float, quickest: float) -> float:
+        """Begin to change from ``speed`` to the ordered speed. Return how far the motor runs on meanwhile, degrees.
 
-        Nothing is quicker than ``quickest``, though in the zenith the azimuth would have to be.
+        No speed exceeds ``quickest``, although following the sky at the zenith would need any speed in azimuth.
         """
-        change = max(-quickest, min(quickest, self.speed)) - max(-quickest, min(quickest, told))
+        change = max(-quickest, min(quickest, self.speed)) - max(-quickest, min(quickest, ordered))
         settled = abs(change) <= INSTANT or math.isinf(self.acceleration)
         self.ramp = SETTLED if settled else Ramp(now, change, self.acceleration)
         run_on = self.ramp.left(now)
@@ -150,5 +150,5 @@ class Axis(Struct):
 
     @property
     def ordered(self) -> bool:
-        """Whether it was told anything but tracking: a goto, a hand rate, guiding."""
+        """Whether it has an order other than tracking: a goto, hand motion, guiding."""
         return bool(self.leg is not None or self.added or self.pulse or (self.taken and not self.drive and self.rate))

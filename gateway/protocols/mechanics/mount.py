@@ -1,9 +1,9 @@
-"""The mechanics of a simulated mount: two motors as functions of time, tracking, slewing and moved by hand.
+"""The mechanics of a simulated mount: two motors as functions of time, with tracking, gotos and hand motion.
 
-It knows no protocol and owns no clock: every method takes ``now`` in Unix seconds. Between two calls the
-axes move by formula (``axis_motion.py``), never by steps, so nothing depends on how often one looks. Angles are
-degrees, rates degrees a second of time. What a motor does is one of: rest, a rate, a goto, or following the sky;
-it gathers and loses speed on the way from one to the other.
+It is independent of protocols and clocks: every method takes ``now`` in Unix seconds. Between two calls the axes move
+by formula (``axis_motion.py``), not in steps, so nothing depends on how often a caller reads them. Angles are degrees,
+rates degrees a second of time. A motor rests, turns at a rate, does a goto, or follows the sky; it accelerates and
+brakes between them.
 """
 
 from __future__ import annotations
@@ -17,42 +17,42 @@ from gateway.protocols.mechanics.axis_motor import APPROACH_RATE, Leg
 
 
 class Mechanics(AxisMotion):
-    """A mount. ``suspended_since`` is when a motor was first told something else than tracking, or None."""
+    """A mount. ``suspended_since`` is when a motor was first ordered to do something else than tracking, or None."""
 
     def __init__(self, build: Build, sky: Sky, now: float, axes: Pair) -> None:
         super().__init__(build, sky, now, axes)
-        self.speed = 1.0  # gotos are that much faster
+        self.speed = 1.0  # a factor for the speed of gotos
         self.suspended_since: float | None = None
         self._on, self._sense = False, 1
 
     def axes(self, now: float) -> Pair:
-        """Where the motor axes are: the first in [0, 360), the second in [-180, 180)."""
+        """Return the positions of the motor axes: the first in [0, 360), the second in [-180, 180)."""
         self.advance(now)
         first, second = self._where(now)
         return wrap360(first), wrap180(second)
 
     def speeds(self, now: float) -> Pair:
-        """How fast the motor axes turn, degrees a second."""
+        """Return the speeds of the motor axes, degrees a second."""
         self.advance(now)
         return self._speeds(now)
 
     def truth(self, now: float) -> Pair:
-        """Right ascension and declination of date that the tube really points at, wherever it believes to stand."""
+        """Return the true right ascension and declination of date, whatever site and clock the mount believes in."""
         hour_angle, dec = Geometry(self.build, self.ground.latitude).sky(*self.axes(now))
         return wrap360(self.ground.sidereal(now) - hour_angle), dec
 
     def runs_on(self, now: float) -> bool:
-        """Whether a motor is still on its way to the speed that it was told, rest being one."""
+        """Whether a motor is still changing to its ordered speed, rest included."""
         self.advance(now)
         self._begin_ramps()
         return any(now < motor.ramp.ends for motor in self._axes.values())
 
     def moving(self, now: float) -> bool:
-        """Whether a motor turns for anything but tracking: a goto, a hand rate, guiding, or what it runs on."""
+        """Whether a motor turns for anything but tracking: a goto, hand motion, guiding, or running on afterwards."""
         return self.runs_on(now) or any(motor.ordered for motor in self._axes.values())
 
     def believed(self, now: float) -> Pair:
-        """The same as the mount believes it, past the pole with a declination beyond 90 degrees."""
+        """Return right ascension and declination as the mount believes them; past the pole beyond 90 degrees."""
         axes = self.axes(now)
         if self.slewing(now):
             return self._from_axes(now, axes, self.correction)
@@ -62,8 +62,10 @@ class Mechanics(AxisMotion):
 
     def slewing(self, now: float, axis: int | None = None) -> bool:
         self.advance(now)
-        legs = [self._axes[number].leg for number in ((1, 2) if axis is None else (axis,))]
-        return any(leg is not None and (axis is None or now < leg.ends) for leg in legs)
+        if axis is None:
+            return self._axes[1].leg is not None or self._axes[2].leg is not None
+        leg = self._axes[axis].leg
+        return leg is not None and now < leg.ends
 
     def tracking(self, now: float) -> bool:
         """Whether the motors follow the sky at this moment."""
@@ -79,26 +81,26 @@ class Mechanics(AxisMotion):
         return self._axes[axis].pulse != 0.0
 
     def track(self, now: float, on: bool, sense: int = 1) -> None:
-        """Tracking on or off; hand motion ends, a goto goes on. ``sense``: which way a polar axis turns."""
+        """Turn tracking on or off; hand motion ends, a goto continues. ``sense``: the direction of a polar axis."""
         self.advance(now)
         self._on, self._sense = on, sense
         if not self.slewing(now):
             self._follow(now)
 
     def keep_up_with(self, now: float, rate: float) -> None:
-        """Track at this rate instead of the sidereal one, on every build; hand motion and gotos go on."""
+        """Track at this rate instead of the sidereal one, on every build; hand motion and gotos continue."""
         self._settle(now)
         self._drive_rate = rate
         if not any(motor.taken or motor.leg is not None for motor in self._axes.values()):
             self._follow(now)
 
     def resume(self, now: float) -> None:
-        """Track whatever is believed to be in view (or rest), whatever the axes were told before."""
+        """Track the position that the mount believes to point at (or rest); earlier orders end."""
         self.advance(now)
         self._follow(now)
 
     def goto_sky(self, now: float, ra: float, dec: float) -> None:
-        """Slew to a place the mount believes in, which moves on meanwhile; on arrival track it, if on."""
+        """Slew to a sky position, which moves on meanwhile; track it on arrival if tracking is on."""
         self._settle(now)
         hour_angle = wrap180(self.sky.sidereal(now) - ra)
         self.flipped = self.geometry.other_side(hour_angle)
@@ -106,30 +108,30 @@ class Mechanics(AxisMotion):
         self._set_out(now, self._aimed(now), fixed=False)
 
     def goto_axes(self, now: float, first: float, second: float) -> None:
-        """Slew to axis positions; tracking, if on, begins there."""
+        """Slew to axis positions; track from there if tracking is on."""
         self._settle(now)
         self._held = False
         self.flipped = self.build is Build.GERMAN and wrap180(second - 90.0) > 0.0
         self._set_out(now, (first, second), fixed=True)
 
     def goto_axis(self, now: float, axis: int, position: float, slow: bool = False) -> None:
-        """Slew one motor alone; it rests there. The other motor keeps its last rate."""
+        """Slew one motor alone; it rests at the goal. The other motor keeps its last rate."""
         self._take(now, axis)
         motor = self._axes[axis]
         fast = APPROACH_RATE * self.speed if slow else None
         motor.leg, motor.goal = self._leg(now, axis, motor.position, position, fast), position
 
     def cancel(self, now: float) -> None:
-        """End a goto where it is; tracking, if on, begins there."""
+        """End a goto at once; track from there if tracking is on."""
         if self.slewing(now):
             self._settle(now)
             self._arrive(now)
 
     def move(self, now: float, axis: int, rate: float, gentle: bool = False) -> None:
-        """A hand rate, 0 to end it. A ``gentle`` one adds to a polar mount's tracking, others override it.
+        """Move an axis by hand; rate 0 ends it. A ``gentle`` rate adds to a polar mount's tracking, others override it.
 
-        A rate of 0 ends hand motion or the goto of this axis and does nothing to an axis that has neither.
-        Tracking that was overridden stays away until `track` or `resume`.
+        Rate 0 ends hand motion or the goto of this axis and does nothing to an axis that has neither.
+        Tracking that was overridden stays off until `track` or `resume`.
         """
         self.advance(now)
         motor = self._axes[axis]
@@ -148,35 +150,35 @@ class Mechanics(AxisMotion):
             self.set_rate(now, axis, 0.0)
 
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
-        """The rate of one motor, instead of tracking. A ``drive`` rate is tracking: gentle ones add to it."""
+        """Turn one motor at a rate instead of tracking. A ``drive`` rate counts as tracking: gentle rates add to it."""
         self._take(now, axis)
         self._axes[axis].rate, self._axes[axis].drive = max(-self.fastest, min(self.fastest, rate)), drive
 
     def pulse(self, now: float, axis: int, rate: float, seconds: float) -> None:
-        """Add a rate to whatever the motor does, for some seconds."""
+        """Add a rate to the motor's other motion for some seconds."""
         self._settle(now)
         self._axes[axis].pulse, self._axes[axis].pulse_ends = rate, now + seconds
 
     def sync(self, now: float, ra: float, dec: float) -> None:
-        """Believe that the tube points there now."""
+        """Correct the axes so that the mount believes to point at this position now."""
         first, second = self.axes(now)
         there = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
         self.correct(now, (wrap180(there[0] - first), wrap180(there[1] - second)))
 
     def correct(self, now: float, correction: Pair) -> None:
-        """Believe the axes to be off by this much; nothing moves."""
+        """Set the correction of the believed axis positions, degrees; nothing moves."""
         self._settle(now)
         self.correction = correction
-        self._aim_anew(now)
+        self._renew_aim(now)
 
     def relocate(self, now: float, sky: Sky) -> None:
-        """Another site or clock: the axes stay, what they are believed to point at changes."""
+        """Use another site or clock: the axes stay, the position they are believed to point at changes."""
         self._settle(now)
         self.sky = sky
-        self._aim_anew(now)
+        self._renew_aim(now)
 
     def rebuild(self, now: float, build: Build) -> None:
-        """Put a fork on a wedge, or take it off: the tube keeps pointing where it does."""
+        """Put a fork on a wedge, or take it off: the tube keeps its direction."""
         if build is self.build:
             return
         self.cancel(now)
@@ -186,16 +188,18 @@ class Mechanics(AxisMotion):
         self._settle(now)
         self.build, self.flipped, self._held = build, False, False
         there = Geometry(build, self.ground.latitude).axes(*truth, False)
-        thought = self.geometry.axes(*believed, False)
-        self.correction = wrap180(thought[0] - there[0]), wrap180(thought[1] - there[1])
+        assumed = self.geometry.axes(*believed, False)
+        self.correction = wrap180(assumed[0] - there[0]), wrap180(assumed[1] - there[1])
         for motor, position in zip(self._axes.values(), there, strict=True):
             motor.position, motor.rate, motor.speed = position, 0.0, 0.0
         self._follow(now)
 
     def advance(self, now: float) -> None:
-        """Let happen, in their order, the arrivals and the ends of pulses that are due by ``now``."""
-        self._begin_ramps()  # a way is as long as its ramps make it, whether anybody has looked meanwhile or not
-        while True:
+        """Carry out, in order of time, the arrivals and the ends of pulses that are due by ``now``."""
+        if self._noted:
+            self._begin_ramps()  # they decide when a goto ends, whether or not a caller has read the axes meanwhile
+        first, second = self._axes[1], self._axes[2]
+        while first.leg or second.leg or first.pulse or second.pulse:
             ends = [(motor.pulse_ends, number) for number, motor in self._axes.items() if motor.pulse]
             legs = [motor.leg.ends for motor in self._axes.values() if motor.leg is not None]
             due = min([*ends, (max(legs), 0)] if legs else ends, default=(math.inf, 0))
@@ -208,12 +212,12 @@ class Mechanics(AxisMotion):
                 self._arrive(due[0])
 
     def _settle(self, now: float) -> None:
-        """Bring everything up to now, so that what the axes are told next begins where they are."""
+        """Advance to ``now`` and note positions and speeds, so that the next order begins with them."""
         self.advance(now)
         self._note(now)
 
     def _follow(self, now: float) -> None:
-        """Tracking (or rest) from where the axes are."""
+        """Track (or rest) from the present axis positions."""
         self._note(now)
         self.suspended_since = None
         for motor in self._axes.values():
@@ -227,7 +231,7 @@ class Mechanics(AxisMotion):
         self._held = self._on and self.build is Build.ALTAZ
 
     def _take(self, now: float, axis: int) -> None:
-        """A motor is told something else than tracking; in alt-az the other one keeps its last rate."""
+        """Override the tracking of one motor; in alt-az the other motor keeps its last rate."""
         self._settle(now)
         if self._held:
             before, after = self._aimed(now), self._aimed(now + 1.0)
@@ -244,7 +248,7 @@ class Mechanics(AxisMotion):
         return Leg(now, distance, fast or self.fastest * self.speed, slow, self.acceleration * self.speed**2)
 
     def _set_out(self, now: float, there: Pair, fixed: bool) -> None:
-        """Begin a goto from where the axes were noted to be."""
+        """Begin a goto from the noted axis positions."""
         self.suspended_since = None
         for number, motor in self._axes.items():
             motor.rest()
@@ -252,16 +256,16 @@ class Mechanics(AxisMotion):
             motor.goal = there[number - 1] if fixed else None
 
     def _arrive(self, now: float) -> None:
-        """The goto is over: tracking again, unless a motor was told something else."""
+        """End the goto and track again, unless a motor has another order."""
         for motor in self._axes.values():
             motor.leg = motor.goal = None
-        if self.build is Build.GERMAN:  # one that was cancelled half way may be on either side
+        if self.build is Build.GERMAN:  # a goto that was cancelled half way may end on either side
             self.flipped = wrap180(self._axes[2].position + self.correction[1] - 90.0) > 0.0
         if not any(motor.taken for motor in self._axes.values()):
             self._follow(now)
 
-    def _aim_anew(self, now: float) -> None:
-        """After a change of what is believed: follow what is in view now, slew on to the same place."""
+    def _renew_aim(self, now: float) -> None:
+        """After a change of site, clock or correction: track the new position, continue a goto to the same goal."""
         if self._held:
             self._aim = self._from_axes(now, self._positions, self.correction)
         elif any(motor.leg is not None and motor.goal is None for motor in self._axes.values()):

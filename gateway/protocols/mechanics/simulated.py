@@ -1,6 +1,6 @@
-"""What simulated mounts of every protocol are: one clock, one mount's mechanics, and as many ways in as programs want.
+"""The base class of simulated mounts: one clock, the mechanics of one mount, any number of connections.
 
-Bytes in, bytes out, at the time that the clock shows; nothing sleeps.
+Bytes in, bytes out, at the time that the clock shows; nothing here sleeps.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import Protocol
 from gateway.astro.axes import Pair
 from gateway.protocols.mechanics.mount import Mechanics
 
-#: Takes an answer that comes after a while: seconds, bytes.
+#: Called with a delayed reply: seconds of delay, bytes.
 Later = Callable[[float, bytes], None]
 
 
 class Framer(Protocol):
-    """Cuts commands out of the bytes of one connection; it is told when they came."""
+    """Cuts commands out of the bytes of one connection; ``now`` is when they arrived."""
 
     def feed(self, data: bytes, now: float) -> list[bytes]: ...
 
 
 class Simulated(ABC):
-    """A simulated mount; ``now`` is the time up to which everything has happened, Unix seconds by ``clock``."""
+    """A simulated mount; ``now`` is the time up to which it has been simulated, Unix seconds by ``clock``."""
 
     clock: Callable[[], float]
     now: float
@@ -32,39 +32,39 @@ class Simulated(ABC):
 
     @abstractmethod
     def come_to_now(self) -> None:
-        """Let time pass, with all that happens meanwhile."""
+        """Advance to the present time of the clock."""
 
     @abstractmethod
     def framer(self) -> Framer:
-        """What cuts the commands out of a connection's bytes."""
+        """Make the framer of one connection."""
 
     @abstractmethod
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
-        """Carry out a command -> what is answered to it at once."""
+        """Carry out a command and return its immediate reply."""
 
     @cached_property
     def _framer(self) -> Framer:
-        """That of the first connection."""
+        """The framer of the first connection."""
         return self.framer()
 
     def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
-        """Bytes from the port -> what is answered to them now; ``later`` is given what comes afterwards."""
+        """Process bytes from the port and return the immediate replies; delayed ones go to ``later``."""
         self.come_to_now()
         return b"".join([self._answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
 
     def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
-        """One more way in, for another program on the same mount: its half commands are its own."""
+        """Return the ``feed`` of one more connection to the same mount, with a framer of its own."""
         framer = self.framer()
         return lambda data: self.feed(data, framer, later)
 
     def truth(self) -> Pair:
-        """Right ascension and declination of date that the tube really points at, degrees."""
+        """Return the true right ascension and declination of date, degrees."""
         self.come_to_now()
         return self.mechanics.truth(self.now)
 
     @property
     def tracking(self) -> bool:
-        """Whether the mount follows the sky at this moment."""
+        """Whether the mount is tracking at this moment."""
         self.come_to_now()
         return self.mechanics.tracking(self.now)
 

@@ -1,8 +1,8 @@
-"""What a simulated mount physically does, for whoever judges a gateway by it: an instrument that nobody can fool.
+"""What a simulated mount physically does, as an independent measurement for tests of a gateway.
 
-It is read from the motor axes as they stand, and from the site and the clock that the simulator was made with. No
-command changes these: not a site, date or time that a client sets, not the GPS unit or its clock, not a sync, which
-moves what the mount believes and never the tube. So a test asks this, and not what the gateway or the mount answers.
+It is calculated from the motor axes, and from the site and the clock that the simulator was made with. No command
+changes these: not a site, date or time that a client sets, not the GPS unit or its clock, not a sync, which changes
+what the mount believes and never moves the tube. So tests read this, not what the gateway or the mount replies.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.protocols.mechanics.simulated import Simulated
 
 #: Seconds of the simulator's time from one sample to the next.
 EVERY = 0.1
-#: Digits after the point in a file: a millisecond; 0.004 arcseconds.
+#: Digits after the decimal point in a file: milliseconds for the time; 0.004 arcseconds for angles.
 _DIGITS = {"t": 3}
 _OTHER_DIGITS = 6
 
@@ -30,19 +30,18 @@ class Truth(Struct, frozen=True):
     """One moment of a simulated mount.
 
     ``t``: Unix seconds by the simulator's own clock.
-    ``axis1``, ``axis2``: where the motor axes stand, degrees, in [0, 360) and [-180, 180). On an alt-az fork azimuth
-    and altitude; on a polar mount the hour angle and declination axes as ``mount_geometry.Geometry`` counts them.
-    ``altitude``, ``azimuth``: where the tube points over the true horizon, degrees, without refraction; the azimuth
-    from north through east.
-    ``hour_angle``: of the place that the tube points at, degrees in [-180, 180), positive west of the meridian.
-    ``past_meridian``: how far the counterweight shaft of a German mount stands above the level, degrees from -90
-    (straight down) to 90. It is level when the tube points at the meridian; above that the tube has passed the meridian
-    towards the pier by so much. None on a fork, which has no pier.
-    ``sun_distance``: from the middle of the tube's view to the middle of the Sun, degrees, whether it is up or not;
-    right to 0.02 degrees.
-    ``rate1``, ``rate2``: how fast the axes turn at this moment, degrees a second, positive as ``axis1`` and ``axis2``
-    grow.
-    ``moving``: whether a motor turns for anything but tracking: a goto, a hand rate, guiding, or running on after one.
+    ``axis1``, ``axis2``: positions of the motor axes, degrees, in [0, 360) and [-180, 180). On an alt-az fork azimuth
+    and altitude; on a polar mount the hour angle and declination axes as ``astro.axes.Geometry`` counts them.
+    ``altitude``, ``azimuth``: direction of the tube relative to the true horizon, degrees, without refraction; the
+    azimuth from north through east.
+    ``hour_angle``: of the position the tube points at, degrees in [-180, 180), positive west of the meridian.
+    ``past_meridian``: how far the counterweight shaft of a German mount is above horizontal, degrees from -90
+    (straight down) to 90. It is horizontal when the tube points at the meridian; above that, the tube has passed the
+    meridian towards the pier by as many degrees. None on a fork, which has no pier.
+    ``sun_distance``: from the centre of the field of view to the centre of the Sun, degrees, above and below the
+    horizon; accurate to 0.02 degrees.
+    ``rate1``, ``rate2``: present speeds of the axes, degrees a second, positive if ``axis1`` and ``axis2`` increase.
+    ``moving``: whether a motor turns for anything but tracking: a goto, hand motion, guiding, or running on afterwards.
     ``tracking``: whether the motors follow the sky, by the site and clock that the mount believes in.
     """
 
@@ -60,7 +59,7 @@ class Truth(Struct, frozen=True):
     tracking: bool
 
     def line(self) -> str:
-        """One JSON object with these names, and the end of the line."""
+        """Return one JSON object with these names, and a line end."""
         shown = {
             name: round(value, _DIGITS.get(name, _OTHER_DIGITS)) if type(value) is float else value
             for name, value in asdict(self).items()
@@ -69,7 +68,7 @@ class Truth(Struct, frozen=True):
 
 
 def truth_of(simulator: Simulated) -> Truth:
-    """The present moment of a simulated mount of either protocol; asking it changes nothing."""
+    """Return the present Truth of a simulated mount of any protocol; reading it changes nothing."""
     simulator.come_to_now()
     now, mechanics = simulator.now, simulator.mechanics
     first, second = mechanics.axes(now)
@@ -87,9 +86,9 @@ def truth_of(simulator: Simulated) -> Truth:
 
 
 def sun(unix: float) -> tuple[float, float]:
-    """Right ascension and declination of the Sun of date, degrees, to 0.01 (Astronomical Almanac, section C).
+    """Return the Sun's right ascension and declination of date, degrees, to 0.01 (Astronomical Almanac, section C).
 
-    A formula of its own: a mistake in the gateway's almanac must not hide here.
+    It does not use the gateway's ephemeris, so that a mistake there is found.
     """
     days = (unix - UNIX_AT_J2000) / 86400.0
     anomaly = radians(357.528 + 0.9856003 * days)
@@ -99,10 +98,10 @@ def sun(unix: float) -> tuple[float, float]:
 
 
 async def sample(simulator: Simulated, keep: Callable[[Truth], object], every: float = EVERY) -> None:
-    """Hand ``keep`` the truth every so many seconds of the simulator's time, for ever. Raises what ``keep`` raises."""
+    """Call ``keep`` with the Truth every ``every`` seconds of simulator time, for ever. Raises what ``keep`` raises."""
     due: float = simulator.clock()
     while True:
         seen = truth_of(simulator)
         keep(seen)
-        due = due + every if due + every > seen.t else seen.t + every  # a computer that slept leaves out what it missed
+        due = due + every if due + every > seen.t else seen.t + every  # skips samples missed while the computer slept
         await asyncio.sleep(max(0.0, due - seen.t))

@@ -1,7 +1,8 @@
-"""How a hand control counts: how fast its keys and drives are, and what its clock commands carry.
+"""Number formats of a hand control: key speeds, drive rate codes, and the fields of its clock commands.
 
-The speeds of its keys 1 to 9 are those of its family, ``mappings/nexstar/rates.toml``; the drives of its motors have
-codes of their own among the variable rates. Date and time of day are a field each, the year since 2000.
+The speeds of keys 1 to 9 depend on the mount family and come from ``mappings/nexstar/rates.toml``. The drive rates
+(sidereal, solar, lunar) are reserved codes among the variable rates. The clock commands carry one field each for
+year (since 2000), month, day, hour, minute and second.
 """
 
 from __future__ import annotations
@@ -14,22 +15,22 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
-#: Degrees a second.
+#: The sidereal rate, degrees a second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
-#: Variable rates that are none: the motor follows the sky at its own rate of that name.
+#: Variable rates that are codes, not speeds: the motor follows the sky at its own rate of that name.
 DRIVE_CODES = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
 _FIELDS = ("month", "day", "hour", "minute", "second")
 
 
 @cache
 def rate_tables() -> dict[str, Model]:
-    """The tables by their names, read once."""
+    """Return the key speeds of every mount family by name. The file is read once."""
     tables: dict[str, Model] = load("nexstar").extra("rates.toml")
     return tables
 
 
 def key_speed(rates: Model, key: int) -> float:
-    """Degrees a second at a key."""
+    """Return the speed of a hand-control key (1-9), degrees a second."""
     sidereal, degrees = rates["sidereal"], rates["degrees"]
     if key <= len(sidereal):
         return float(sidereal[key - 1]) * SIDEREAL
@@ -37,11 +38,11 @@ def key_speed(rates: Model, key: int) -> float:
 
 
 def fields_of(local: datetime) -> dict[str, int]:
-    """The fields of a date and time."""
+    """Return the fields of a clock command for a local date and time."""
     return {"year": local.year % 100, **{name: getattr(local, name) for name in _FIELDS}}
 
 
 def unix_of(fields: Mapping[str, int], century: int = 2000) -> float:
-    """Unix seconds of fields, read as if they were UTC. Raises ValueError for a date or time that there is not."""
+    """Return the Unix seconds of clock fields, read as if they were UTC. Raises ValueError for an impossible date."""
     month, day, hour, minute, second = (fields[name] for name in _FIELDS)
     return datetime(century + fields["year"], month, day, hour, minute, second, tzinfo=UTC).timestamp()

@@ -1,10 +1,10 @@
-"""Framing of NexStar requests: by length from the first byte, never by ``#`` nor by what one read returned.
+"""Framing of NexStar requests: the first byte gives the length; neither ``#`` nor the boundaries of a read count.
 
-``#`` is a legal data byte, and a terminator belongs to replies only. Every opcode of any hand control has its length,
-known to the one presented or not, so that the data of an unknown one are never read as commands. What programs are
-known to send besides is dropped alone; any other byte that begins no command drops what comes with it, until the line
-has been quiet for a tenth of a second. A half command is dropped after a second of quiet; so what waits here is never
-longer than one command.
+``#`` is a legal data byte; only replies have a terminator. The table holds the length of every opcode of any hand
+control, even if the presented one lacks it, so that its data bytes are never read as commands. Stray bytes that
+programs are known to send are dropped one by one. Any other byte that begins no command drops everything after it
+until the line has been quiet for 0.1 s. A partial command is dropped after one second of quiet, so the buffer never
+holds more than one command.
 """
 
 from __future__ import annotations
@@ -15,23 +15,24 @@ from gateway.core.errors import MappingError
 from gateway.protocols.base.frames import LengthFramer
 from gateway.protocols.wireformat.command_set import load
 
-#: Opcodes of later hand controls that nobody here answers, as programs send them. The length of ``c`` is not known.
+#: Lengths of later hand controls' opcodes, as programs send them; the gateway does not answer these. That of ``c`` is
+#: not known.
 UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
-#: What programs put before and behind their commands: terminators, line ends, padding, what wakes the oldest mounts.
+#: Bytes that programs send around their commands: terminators, line ends, padding, ``?`` to wake the oldest mounts.
 STRAY = frozenset(b"#? \r\n\0")
-#: What some programs put right behind one command: the bytes, and how many at most. A ``y`` gets a number, ``t`` the
-#: mode that belongs to ``T``, and below the horizon ``B`` gets four digits too many.
+#: Extra bytes that some programs send right after a command, and at most how many: a number after ``y``, the mode that
+#: belongs to ``T`` after ``t``, and four digits too many after a ``B`` below the horizon.
 STRAY_BEHIND = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
 
 
 @lru_cache(maxsize=1)
 def all_lengths() -> dict[int, int]:
-    """First byte -> length, of every request there is. Raises MappingError when one first byte has two lengths."""
+    """Return the length of every request by its first byte. Raises MappingError if one first byte has two lengths."""
     found = dict(UNANSWERED)
     for command in load("nexstar").commands.values():
         width = command.request.width
         if width is None:
-            raise MappingError("mappings/nexstar/commands.toml", command.name, "a request has a fixed length")
+            raise MappingError("mappings/nexstar/commands.toml", command.name, "the request must have a fixed length")
         first = command.request.prefix[0]
         if found.setdefault(first, width) != width:
             reason = f"requests that begin with {chr(first)!r} are {found[first]} bytes long, not {width}"
@@ -40,16 +41,16 @@ def all_lengths() -> dict[int, int]:
 
 
 class Framer(LengthFramer):
-    """Bytes in, whole requests out, known to this hand control or not."""
+    """Cuts whole requests out of a byte stream, whether or not the presented hand control knows them."""
 
-    noise = "no command of a NexStar begins so; what follows counts again after 0.1 s of quiet"
-    half = "half a command, whose rest did not come within a second"
-    cut_off = "half a command, whose rest did not come"
+    noise = "no NexStar command begins like this; bytes are ignored until the line has been quiet for 0.1 s"
+    half = "incomplete command: the rest did not arrive within a second"
+    cut_off = "incomplete command: the rest did not arrive"
 
     def __init__(self) -> None:
         super().__init__()
         self._lengths = all_lengths()
-        #: Bytes that are dropped alone because of the request before, and how many more of them.
+        #: Stray bytes allowed after the last request, and how many more of them.
         self._behind, self._more = b"", 0
 
     def _cut(self, data: bytes) -> list[bytes]:

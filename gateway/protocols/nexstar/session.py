@@ -1,8 +1,8 @@
-"""One client of the NexStar surface: what it has set for itself, and how what it orders is acknowledged.
+"""One client of the NexStar surface: its own settings, and how its motion commands are acknowledged.
 
-The acknowledgement of an order does not wait for the mount. While the mount's line is down a pass-through command gets
-the no-response form, everything else silence: a ``#`` would be a yes. What ends a motion is always acknowledged, for it
-is owed to the mount until that has heard it.
+The acknowledgement does not wait for the mount. While the mount's line is down, a pass-through command gets the
+no-response form and every other command gets no reply, because ``#`` would mean yes. A command that ends a motion is
+always acknowledged: the gateway repeats the stop until the mount has received it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gateway.protocols.base.wants import FireAndForget, Handling, Possible
 
 
 class NexStarKept(Kept):
-    """``axis_goto`` is where this client has sent single axes (1, 2) since its last goto, degrees."""
+    """Settings of one client. ``axis_goto``: the goals of single axes (1, 2) since its last goto, degrees."""
 
     axis_goto: Mapping[int, float] = {}
 
@@ -27,13 +27,13 @@ class NexStarSession(Session):
 
 
 def begin(operation: Operation) -> Handling:
-    """Have it carried out, unless it is known already that it cannot be. Raises Fault then."""
+    """Start an operation without waiting for the mount. Raises Fault if it is already known to be impossible."""
     yield Possible(operation)
     yield FireAndForget(operation)
 
 
 def attempt(operation: Operation) -> Handling:
-    """Have it carried out; what cannot be done shows in the log alone. Raises NoAnswer where nobody can tell."""
+    """Carry out an operation; a refusal appears only in the log. Raises NoAnswer if the mount does not answer."""
     try:
         yield operation
     except Fault as fault:

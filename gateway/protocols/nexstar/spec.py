@@ -1,4 +1,7 @@
-"""Celestron's NexStar protocol, as the registry of protocols has it."""
+"""The registry entry of Celestron's NexStar protocol: its names, constants, and factory functions.
+
+The factories import the modules they need when they are called, so that listing the protocols stays fast.
+"""
 
 from __future__ import annotations
 
@@ -27,17 +30,17 @@ if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
 NAME, DEFAULT_MODEL = "nexstar", "6-8se"
-#: The versions there are, but for those of a GT and of a StarSense.
+#: Versions are at least ``OLDEST`` and below ``NEWEST``; those of a GT begin at ``GT``; a StarSense has its own.
 OLDEST, NEWEST, GT = (1, 2), (6, 0), 100
-#: The echo of a byte, which no Meade takes for anything.
+#: An echo request; it is no command of a Meade.
 ECHO = b"Kx"
-#: The same with any byte: Stellarium Mobile begins so whatever it goes on with.
+#: Echo requests with any byte: Stellarium Mobile begins with them, whichever protocol it uses afterwards.
 ANY_ECHO = re.compile(rb"(?:K.)+", re.DOTALL)
-#: How sure it can be that bytes are in this protocol: it has no marks, nearly every byte may be a command of it.
+#: Confidence (0 to 1) that bytes are NexStar: low, because nearly every byte can be a command of it.
 UNMARKED = 0.1
-#: What a program for hand controls may begin a connection with: bytes that are passed over, and well-formed commands.
-#: Well formed is a tracking mode there is, digits and a comma, a time of day; the version does not matter. What is not
-#: well formed, such as the first two bytes of TRACE, is no program's.
+#: How a client of a hand control may begin a connection: ignored bytes and well-formed commands of any version.
+#: Well formed means an existing tracking mode, hex digits and a comma, a possible time of day. Anything else, such as
+#: the first two bytes of TRACE, is not from such a client.
 OPENING = re.compile(
     rb"""
     (?:
@@ -103,7 +106,7 @@ def _make_simulator(model: str | None, version: str | None, **settings: object) 
 
 
 def _check_version(text: str) -> str:
-    """The version as it is written. Raises UserError for one that there never was."""
+    """Return the version in its usual spelling. Raises UserError for a version that never existed."""
     oldest, newest = show_version(versions.STARSENSE_OLDEST), show_version(versions.STARSENSE_NEWEST)
     if is_starsense(text):
         try:
@@ -163,13 +166,13 @@ SPEC = ProtocolSpec(
         "clock": {"i": "i", "h": "h"},
     },
     night=NightRows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
-    cable="the cable belongs into the base of the hand control, not into the port marked PC on the mount",
+    cable="plug the cable into the base of the hand control, not into the port marked PC on the mount",
     j2000_by="Celestron's own driver",
     unknown_model=_unknown_model,
     slowest="a hand control",
     presented_remark="""\
-The commands that each version has by its manual. What it has not (*beyond*) is answered where its
-version is newer than the manual, and by devices that take what the hand control passes through; else the command is
-passed over as a whole.
+The commands that each version has by its manual. A command it lacks (*beyond*) is answered only if the
+version is newer than the manual, or by a device behind the hand control's pass-through command; otherwise the whole
+command is ignored.
 """,
 )

@@ -1,1 +1,1 @@
-"""Stellarium's telescope protocol, of its plug-in Telescope Control: positions are pushed, a goto has no reply."""
+"""The protocol of Stellarium's plug-in Telescope Control: positions are pushed, a goto has no reply."""

@@ -1,4 +1,4 @@
-"""Stellarium's telescope protocol, as the registry of protocols has it. Programs speak it, no mount does."""
+"""The specification of Stellarium's protocol for the registry. Programs speak it, no mount does."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer as AnyFramer
 
 NAME = "stellarium"
-#: The length and the type of a goto, the only message that programs send.
+#: Length and type of a goto, the only message that programs send.
 GOTO = b"\x14\0\0\0"
 
 

@@ -1,8 +1,7 @@
-"""The Stellarium surface: gotos, which have no reply, and positions, which nobody asks for.
+"""The Stellarium surface: gotos, which have no reply, and positions, which are pushed.
 
-Every message begins with its length, whatever type it is. The only word a program gets for a refused goto is the status
-of the positions that follow it: below 0 until a goto is accepted. Stellarium 0.22 does not show it; the log tells the
-reason.
+Every message begins with its length. The only sign of a refused goto is the status in the following positions: it is
+negative until a goto is accepted. Stellarium 0.22 does not show it; the log has the reason.
 """
 
 from __future__ import annotations
@@ -18,25 +17,25 @@ from gateway.protocols.base.wants import Handling, Subscription
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
-#: Bytes of the length and the type, and of the longest message that is believed.
+#: Bytes of the header (length and type), and of the longest message that is accepted.
 HEADER, LONGEST = 4, 255
-#: Seconds after the beginning of a connection until the first position: by then a web browser, which takes these bytes
-#: for a broken answer, has said what it is.
+#: Seconds from the beginning of a connection to the first position: meanwhile a web browser, which would show these
+#: bytes as a broken answer, has sent its request and is recognised.
 FIRST = 0.2
 #: The values of the field ``status``.
 WELL, REFUSED = 0, -1
 
 
 class Framer(LengthFramer):
-    """Cuts messages out by their length. One of another type is cut out as a whole and left to the tables.
+    """Cuts messages by their length. Those of another type are cut too: the tables decide about them.
 
-    A length that no message has drops what comes with it, and after half a message nothing counts until the line is
-    quiet.
+    Bytes with an impossible length are dropped with all that arrive with them, and the bytes after half a message until
+    the next pause.
     """
 
-    noise = "no message of Stellarium begins so; what follows counts again after 0.1 s of quiet"
-    half = "half a message, whose rest did not come within a second"
-    cut_off = "half a message, whose rest did not come"
+    noise = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
+    half = "half a message, whose rest did not arrive within a second"
+    cut_off = "half a message, whose rest did not arrive"
     wary = True
 
     def _cut(self, data: bytes) -> list[bytes]:
@@ -57,18 +56,20 @@ class Framer(LengthFramer):
 
 
 class Progress(Kept):
-    """``status`` is what every position tells it: what became of its last goto."""
+    """``status`` is sent with every position: whether the last goto was accepted."""
 
     status: int = WELL
 
 
 class StellariumSession(Session):
+    """The session of a Stellarium client."""
+
     state = Progress
     kept: Progress
 
 
 def goto(session: StellariumSession, command: Command, values: Mapping[str, Any]) -> Handling:
-    """Nothing is answered; the status of the next positions tells whether it was accepted."""
+    """Slew; there is no reply, but the status of the next positions shows whether the goto was accepted."""
     try:
         if not -90.0 <= values["dec"] <= 90.0:
             raise Invalid("the declination is beyond a pole")
@@ -80,7 +81,7 @@ def goto(session: StellariumSession, command: Command, values: Mapping[str, Any]
 
 
 def subscriptions(session: Session) -> Sequence[Subscription]:
-    """The position, again and again."""
+    """Return the subscription of the position."""
     assert isinstance(session, StellariumSession)
     told = load("stellarium").commands["position"]
     assert told.pushed is not None

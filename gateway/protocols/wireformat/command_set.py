@@ -3,10 +3,8 @@
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
 does), ``own.toml`` (what a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands) and
 ``models.toml`` (differences between models). The verbs of a surface row are ask, keep, tell, say and call; those of a
-driver row are send and call. A mistake raises MappingError with file, row and reason.
-
-Whether a command ends a motion is written once, in its row (``urgent``), and its operation in ``surface.toml``. Code
-that must recognise such a command before its turn, or in incomplete bytes, asks the command set.
+driver row are send and call. A mistake raises MappingError with file, row and reason. That a command ends a motion is
+written once, in its row (``urgent``); the command set recognises it before its turn, and in incomplete bytes.
 """
 
 from __future__ import annotations

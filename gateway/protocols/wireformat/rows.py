@@ -121,8 +121,8 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     outcome, why    the outcome in the generated tables, and the remark there
     without         the outcome on a mount that has no command for the operation
     passes          pass it on to a mount of the same protocol that has it; by default true if refused here
-    models          the presented models, or their traits, that the row is for; all others have the outcome
-                    ``elsewhere``, and so do mounts with the traits ``apart``
+    models          the presented models, or their traits, that it is for; the outcome of the others is ``elsewhere``
+    apart           traits of mounts that have the outcome ``elsewhere`` too
     after, during   for examples: what a program sends before, until the mount is at rest, and then in motion
     """
 
@@ -173,8 +173,7 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     send          the commands that it consists of
     call          instead of ``send``: the Python function that carries it out
-    needs, uses   further commands: an implementation is skipped if the mount lacks one of ``send`` and ``needs``; those
-                  of ``uses`` are sent if the mount has them
+    needs, uses   further commands; without those of ``send`` and ``needs`` it is skipped, ``uses`` are optional
     ends          of the commands of a stop, those that end a motion and do nothing else
     part          a trait (``traits``) that a model must have, for the generated tables and the list of abilities
     aligned       for the tables: only used on an aligned mount (true), or only before the alignment (false)

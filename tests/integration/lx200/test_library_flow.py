@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from gateway.astro.catalog import objects
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
-from gateway.clients.profiles import J2000
+from gateway.clients.profiles import EquinoxConverter
 from gateway.core import operations as op
 from tests.support import in_process_gateway as bridges
 from tests.support.fake_mount import Mount, Talk, unix
@@ -66,7 +66,9 @@ def test_messier_42_is_found(model: str) -> None:
 def test_a_client_that_counts_in_j2000_gets_catalogue_places() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         sky = bridge.controller.astrometry.sky
-        bridge.reception.face = replace(bridge.reception.face, equinox=J2000(sky, bridge.site_clock.unix))
+        bridge.reception.binding = replace(
+            bridge.reception.binding, equinox=EquinoxConverter(sky, bridge.site_clock.unix)
+        )
         client = bridge.client("10.0.0.9")
         assert await client.ask(b":LM42#:Gr#") == b"05:35:16#"
         assert await client.ask(b":MS#") == b"0"

@@ -56,7 +56,7 @@ def test_a_goto_that_waits_ends_with_a_stop_and_with_its_client(how: str) -> Non
             if how == "a stop":
                 other.tell(b":Q#")
             elif how == "half closed":
-                client._guest.gone()
+                client._guest.peer_closed()
             else:
                 client.close()
             await asyncio.sleep(4.0)

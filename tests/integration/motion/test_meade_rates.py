@@ -160,10 +160,10 @@ def test_a_rate_that_is_off_is_in_the_log_once() -> None:
         async with meade("lx200") as bridge:
             for _ in range(2):
                 await turns(bridge, 17, variable(17, 3600.0))
-            said = [entry.note for entry in bridge.entries if "no other speed of this Meade is nearer" in entry.note]
-            assert said == ["3600 arcseconds a second go as 7200: no other speed of this Meade is nearer"]
+            said = [entry.note for entry in bridge.entries if "this Meade has no nearer speed" in entry.note]
+            assert said == ["a motion at 3600 arcseconds per second is done at 7200: this Meade has no nearer speed"]
             await turns(bridge, 17, variable(17, 7200.0))
-            assert sum("no other speed" in entry.note for entry in bridge.entries) == 1
+            assert sum("no nearer speed" in entry.note for entry in bridge.entries) == 1
 
     run(program())
 

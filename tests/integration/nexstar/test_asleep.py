@@ -251,7 +251,7 @@ def test_a_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bool) 
             if not from_the_start:
                 await bridge.controller.settled.wait()
                 await asleep(bridge, client, "lx200")
-                bridge.controller.line.talk.lose("unplugged")
+                bridge.controller.line.transaction.connection_lost("unplugged")
             await asyncio.sleep(30.0)
             client.tell(b":hW#")
             await asyncio.sleep(5 * SILENCE)

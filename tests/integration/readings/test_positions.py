@@ -9,7 +9,7 @@ import pytest
 
 from gateway.astro.spherical import horizon_to_hour_angle, separation, sidereal_time, wrap180
 from gateway.core import operations as op
-from gateway.mount.readings.cache import MISSING
+from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import place
@@ -217,7 +217,7 @@ def test_rules_go_by_what_the_mount_has_said() -> None:
                 await client.ask(b"e", until=b"#")
                 said = controller.cache.value(op.Position)
                 assert await controller.read(op.Position()) is said
-                reckoned += controller.peek(op.Position()) not in (MISSING, said)
+                reckoned += controller.peek(op.Position()) not in (NOT_CACHED, said)
                 await asyncio.sleep(0.07)
             assert reckoned > 10
             assert len(looks) > 8
@@ -281,7 +281,7 @@ def test_slewing_is_told_from_the_order_until_the_mount_has_arrived(mount: str) 
 
 def handled(bridge: Bridge) -> list[bytes]:
     """The commands that the surface has had work with."""
-    surface, frames = bridge.reception.face.surface, []
+    surface, frames = bridge.reception.binding.surface, []
     handle = surface.handle
 
     def counted(session: Any, frame: bytes) -> Any:

@@ -112,5 +112,5 @@ def test_what_the_key_may_say_depends_on_the_mount() -> None:
     assert flags("--park", "3,4").mount[0].park == (3.0, 4.0)
     with pytest.raises(UserError, match="a NexStar has no park position of its own"):
         flags("--park", "mount")
-    with pytest.raises(UserError, match="a Meade parks where it was told at its keypad"):
+    with pytest.raises(UserError, match="a Meade parks at the position set with its keypad"):
         flags("--mount", "lx200@sim", "--park", "3,4")

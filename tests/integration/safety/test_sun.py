@@ -227,7 +227,7 @@ def test_both_suns_count_when_the_dates_differ() -> None:
             reply = await client.ask(august, until=b"#" if days else b"110")
             client.tell(august)
             await asyncio.sleep(1)
-            assert notes(bridge).count("WARNING: the mount's date is not this computer's") == (1 if days else 0)
+            assert notes(bridge).count("WARNING: the mount's date differs from this computer's") == (1 if days else 0)
             return reply
 
     assert run(program(60.0)) == NO
@@ -242,7 +242,7 @@ def test_without_a_date_the_log_warns_once() -> None:
             client = bridge.client()
             for _ in range(2):
                 assert (await client.ask(TO_IT, until=b"Sun.#")).endswith(NO)
-            assert notes(bridge).count("WARNING: nobody has told a date") == 1
+            assert notes(bridge).count("WARNING: the mount has reported no date") == 1
 
     run(program())
 

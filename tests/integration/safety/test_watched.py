@@ -140,7 +140,7 @@ def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None
                 await bridge.controller.reader.shared(op.Position())
             for _ in range(8):
                 await bridge.controller.perform(op.StopAxis(2))
-            assert bridge.controller.line.typical > 0.19
+            assert bridge.controller.line.typical_rtt > 0.19
 
     run(program())
 

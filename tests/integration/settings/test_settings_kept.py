@@ -135,7 +135,7 @@ def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount: str, 
             assert where == pytest.approx((40.75, -74.5), abs=0.01)
             assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-15 01:00:00"), abs=2.0)
             assert await client.ask(b":Gg#") == b"+074*30#"
-            assert "is told when it can" in notes(bridge)
+            assert "the mount is not connected now; it is sent later" in notes(bridge)
 
     run(program())
 
@@ -227,7 +227,7 @@ def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None
                 client.tell(b"E")
                 await asyncio.sleep(1.0)
             assert len(missed) == 3
-            assert "it is not in force: No answer from mount. The mount's own is told again" in notes(bridge)
+            assert "it is not in force: No answer from mount. Clients get the mount's own again" in notes(bridge)
             shown = await client.ask(b"h" if command == b":SC" else b"w")
             if command == b":St":
                 assert shown[:2] == b"\x2d\x00"  # 45 degrees north

@@ -200,15 +200,15 @@ def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> No
         gateway = Gateway(MountConfig(at=f"{at.protocol}@sim"), [surface], clock=clock)
         simulator = make_simulator(at, clock=clock)
         gateway.prepare(
-            lambda dialogue, transcript: MountLink(
-                SimulatedTransport("sim", simulator.connection, 0.02), dialogue, transcript
+            lambda reply_rules, transcript: MountLink(
+                SimulatedTransport("sim", simulator.connection, 0.02), reply_rules, transcript
             )
         )
         gateway.begin()
         assert await gateway.found(30.0)
-        ((protocol, face),) = gateway.faces
+        ((protocol, face),) = gateway.bindings
         assert f"{protocol}:{face.model['name']}" == told
-        assert gateway.receptions[0].face.model is face.model
+        assert gateway.receptions[0].binding.model is face.model
         await gateway.close()
 
     run(found())

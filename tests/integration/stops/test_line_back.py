@@ -29,7 +29,7 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
         raise OSError(2, "no such port")
 
     wire.open = no_port
-    bridge.controller.line.talk.lose("unplugged")
+    bridge.controller.line.transaction.connection_lost("unplugged")
     await asyncio.sleep(seconds)
     before = len(bridge.sent())
     wire.open = opening
@@ -56,7 +56,7 @@ def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, m
             assert not truth_of(bridge.sim).moving
             assert not bridge.controller.wanted.owed and not bridge.controller.moving
             assert [
-                entry for entry in bridge.entries if "the connection to the mount was lost while it moved" in entry.note
+                entry for entry in bridge.entries if "connection to the mount was lost during a motion" in entry.note
             ]
 
     run(program())
@@ -100,8 +100,8 @@ def test_half_a_command_of_a_hand_control_is_waited_for_first() -> None:
                 client = bridge.client()
                 client.tell(b":RM#:Me#")
                 await asyncio.sleep(2.0)
-                talk = bridge.controller.line.talk
-                talk.half, talk.request, talk.wrote = True, last, bridge.controller.now()
+                transaction = bridge.controller.line.transaction
+                transaction.half, transaction.request, transaction.wrote = True, last, bridge.controller.now()
                 began = bridge.controller.now()
                 await cut(bridge, 0.1)
                 assert (bridge.controller.now() - began > 3.5) == waits
@@ -115,7 +115,7 @@ def test_half_a_command_of_a_meade_is_closed_before_the_stop() -> None:
             client = bridge.client()
             client.tell(b":RM#:Me#")
             await asyncio.sleep(2.0)
-            bridge.controller.line.talk.half = True
+            bridge.controller.line.transaction.half = True
             assert (await cut(bridge, 0.1))[0] == b"#:Q#"
 
     run(program())

@@ -155,7 +155,7 @@ def test_a_defect_stops_the_mount_and_others_go_on(where: str) -> None:
             await asyncio.sleep(2)
             assert not await still(bridge.sim)
             if where == "surface":
-                face = bridge.reception.face
+                face = bridge.reception.binding
                 face.surface.handlers = {**face.surface.handlers, "home_state": _broken}
             else:
                 bridge.driver.handlers = {**bridge.driver.handlers, "home_state": _broken}

@@ -95,7 +95,7 @@ def test_a_hand_control_that_does_not_tell_its_mode_can_be_told_to_stop_tracking
             client.tell(b":AA#")
             await asyncio.sleep(2.0)
             assert b"T\x01" in bridge.sent() and bridge.sim.tracking
-            assert sum("as the mount is built" in entry.note for entry in bridge.entries) == 1
+            assert sum("fits the mount's type" in entry.note for entry in bridge.entries) == 1
             client.tell(b":hP#")
             await asyncio.sleep(90.0)
             assert not bridge.sim.tracking and (await client.ask(b":GW#"))[1:2] == b"N"

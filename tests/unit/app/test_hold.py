@@ -59,7 +59,7 @@ def _axes(bridge: Bridge) -> tuple[float, float]:
     return float(first), float(second)
 
 
-async def _rests(bridge: Bridge, seconds: float = 3.0) -> bool:
+async def _rests(bridge: Bridge, seconds: float = 1.5) -> bool:
     """Whether the axes turn no faster than the sky."""
     before = _axes(bridge)
     await asyncio.sleep(seconds)

@@ -45,14 +45,15 @@ def years(first: float, last: float, count: int) -> judge.Array:
 
 def test_before_the_leap_seconds_unix_time_is_ut1_and_the_moon_keeps_the_almanacs_time(scale: Any, kernel: Any) -> None:
     """1900 to 1972: Skyfield's own observed TT-UT1. A constant 42 s would put the Moon 35" off in 1900."""
-    when = years(1900.0, 1971.9, 250)
+    count = as_a_rule(80, whole=250)
+    when = years(1900.0, 1971.9, count)
     t = scale.ut1_jd(when / 86400.0 + 2440587.5)
-    assert np.abs(judge.sidereal_error(EXACT, when, np.zeros(250), t.gast)).max() < 0.001
+    assert np.abs(judge.sidereal_error(EXACT, when, np.zeros(count), t.gast)).max() < 0.001
     sun, moon = (judge.apparent(kernel["earth"], t, kernel[body])[0] for body in ("sun", "moon"))
     assert judge.apart(judge.ours(EXACT.sun, when), sun).max() < 0.1
     error = judge.apart(judge.angles(judge.ours(EXACT._moon, when)), moon)
-    assert error.max() < 20.0
-    assert judge.rms(error) < 3.5
+    assert error.max() < as_a_rule(12.0, whole=20.0)
+    assert judge.rms(error) < as_a_rule(4.5, whole=3.5)  # a few days' errors scatter more
 
 
 def test_terrestrial_time_takes_no_step_into_1972() -> None:
@@ -63,7 +64,7 @@ def test_terrestrial_time_takes_no_step_into_1972() -> None:
 @pytest.mark.parametrize(("first", "last"), [(1900.0, 1972.9), (2028.5, 2053.0), (2053.0, 2099.9), (2100.1, 2130.0)])
 def test_sidereal_time_and_axes_outside_the_table_at_equal_ut1(scale: Any, first: float, last: float) -> None:
     """From 2100 on the closed forms answer: 0.05 s and 0.5" there."""
-    count = as_a_rule(40, whole=100)
+    count = as_a_rule(24, whole=100)
     when = years(first, last, count)
     ut1_utc = np.array([of_day(int(moment // 86400.0)) if first < 2100.0 else 0.0 for moment in when])
     t = scale.ut1_jd((when + ut1_utc) / 86400.0 + 2440587.5)
@@ -80,7 +81,7 @@ def test_sun_and_moon_after_the_table_by_another_ephemeris() -> None:
     """2028 to 2099 at equal TT: how many leap seconds will come, nobody knows."""
     ephem = pytest.importorskip("ephem")
     sun_error, moon_error = [], []
-    for moment in years(2028.0, 2099.9, as_a_rule(80, whole=200)):
+    for moment in years(2028.0, 2099.9, as_a_rule(32, whole=200)):
         tt = terrestrial(float(moment)) + 25567.5  # days since 1899-12-31 12h
         date = ephem.Date(tt - ephem.delta_t(ephem.Date(tt)) / 86400.0)
         for body, found, errors in (
@@ -107,14 +108,14 @@ directions = st.tuples(st.floats(0.0, 360.0), st.one_of(st.floats(-90.0, 90.0), 
 latitudes = st.one_of(st.floats(-90.0, 90.0), st.sampled_from([-90.0, 0.0, 90.0]))
 
 
-@settings(derandomize=True)
+@settings(derandomize=True, max_examples=as_a_rule(40, whole=100))
 @given(directions, moments, st.sampled_from([EXACT, Sky()]))
 def test_j2000_to_date_and_back(place: tuple[float, float], moment: float, sky: Sky) -> None:
     back = sky.to_j2000(*sky.to_of_date(*place, moment), moment)
     assert separation(*back, *place) < 1e-6 * ARCSECOND
 
 
-@settings(derandomize=True)
+@settings(derandomize=True, max_examples=as_a_rule(40, whole=100))
 @given(directions, latitudes, st.floats(-180.0, 180.0), moments, st.sampled_from([EXACT, Sky()]))
 def test_horizon_to_equator_and_back(
     place: tuple[float, float], lat: float, lon: float, moment: float, sky: Sky

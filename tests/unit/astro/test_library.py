@@ -11,6 +11,7 @@ from gateway.astro.catalog import deepsky, names, objects, stars
 from gateway.astro.catalog.objects import QUALITIES, Entry, Wanted, describe, quality
 from gateway.astro.spherical import separation
 from tests.support.each import each
+from tests.support.sampling import as_a_rule
 
 EVERYTHING = Wanted(-5.5, 20.0, 0, 200, "GPDCO", "VP")
 #: catalogue, number, J2000 hours, minutes, degrees (decimal), kinds
@@ -34,10 +35,9 @@ def test_a_number_is_a_place(catalog: str, number: int, hours: int, minutes: flo
 
 
 def test_the_great_catalogues_are_whole() -> None:
-    assert all(deepsky.look_up("M", number) for number in range(1, 111))
-    assert all(deepsky.look_up("C", number) for number in range(1, 110))
-    assert not [number for number in range(1, 7841, 97) if deepsky.look_up("NGC", number) is None]
-    assert not [number for number in range(1, 5387, 97) if deepsky.look_up("IC", number) is None]
+    for catalog, last, step in (("M", 110, 4), ("C", 109, 4), ("NGC", 7840, 391), ("IC", 5386, 391)):
+        numbers = [*range(1, last, as_a_rule(step, whole=-(-step // 4))), last]
+        assert [number for number in numbers if deepsky.look_up(catalog, number) is None] == []
 
 
 @each(
@@ -132,7 +132,7 @@ def test_a_search_keeps_its_limits(wanted: Wanted) -> None:
     found = deepsky.matching(wanted)
     assert 3 < len(found) < 2000
     assert [deepsky.order(c) for c in found] == sorted(deepsky.order(c) for c in found)
-    for candidate in found[:: max(1, len(found) // 40)]:
+    for candidate in found[:: max(1, len(found) // 15)]:
         entry = deepsky.by_row(candidate[0])
         assert (entry.ra, entry.dec) == pytest.approx(candidate[1:])
         assert wanted.brightest <= (20.0 if entry.magnitude is None else entry.magnitude) <= wanted.faintest
@@ -144,8 +144,10 @@ def test_a_search_keeps_its_limits(wanted: Wanted) -> None:
 def test_a_search_by_quality_finds_all_that_have_it() -> None:
     best = {c[0] for c in deepsky.matching(Wanted(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
     bright = deepsky.matching(Wanted(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
-    entries = [(c[0], deepsky.by_row(c[0])) for c in bright]
-    assert best == {row for row, e in entries if quality(e.magnitude, e.size, e.width) in ("SU", "EX")}
+    assert best and best <= {c[0] for c in bright}
+    entries = [(c[0], deepsky.by_row(c[0])) for c in bright[:: as_a_rule(3, whole=1)]]
+    judged = [(quality(e.magnitude, e.size, e.width) in ("SU", "EX"), row in best) for row, e in entries]
+    assert all(found == right for right, found in judged) and len(set(judged)) == 2
 
 
 def test_nothing_wanted_nothing_found() -> None:

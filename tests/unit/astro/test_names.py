@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.commands import Spot
+from gateway.app.control.request_types import Spot
 from gateway.astro.catalog import names, stars
 from gateway.astro.catalog.names import ALSO, HIPPARCOS
 from gateway.astro.catalog.objects import NotInstalled

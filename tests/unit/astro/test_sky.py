@@ -10,6 +10,7 @@ import math
 import random
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -152,15 +153,27 @@ def scenes(count: int) -> Iterator[tuple[float, float, float, float, float]]:
         yield dice.uniform(unix(1975, 1, 1), unix(2024, 1, 1)), lat, lon, dice.uniform(0.0, 360.0), dec
 
 
-def test_astropy_agrees(exact: Sky, closed: Sky) -> None:
+def table_of_astropy(path: Path, moments: list[float]) -> Any:
+    """The IERS' records around these moments as astropy reads them: the whole table takes it as long as all else.
+
+    It wants predictions (P) too.
+    """
+    days = {math.floor(moment / 86400.0) + 40587 + beside for moment in moments for beside in (-1, 0, 1, 2)}
+    with open(by_astropy.astropy_iers_data.IERS_A_FILE, "rb") as file:
+        path.write_bytes(b"".join(line for line in file if float(line[7:15]) in days or line[57:58] == b"P"))
+    return pytest.importorskip("astropy.utils.iers").IERS_A.read(str(path))
+
+
+def test_astropy_agrees(exact: Sky, closed: Sky, tmp_path: Path) -> None:
     """All scenes at once: astropy takes as long for one."""
     units = pytest.importorskip("astropy.units")
     coordinates = pytest.importorskip("astropy.coordinates")
     time = pytest.importorskip("astropy.time")
     iers = pytest.importorskip("astropy.utils.iers")
-    drawn = list(scenes(24))
+    drawn = list(scenes(as_a_rule(14, whole=24)))
     moments, lats, lons, ras, decs = map(list, zip(*drawn, strict=True))
-    with iers.conf.set_temp("auto_download", False), iers.earth_orientation_table.set(iers.IERS_A.open()):
+    table = table_of_astropy(tmp_path / "finals", moments)
+    with iers.conf.set_temp("auto_download", False), iers.earth_orientation_table.set(table):
         at = time.Time(moments, format="unix")
         place = coordinates.EarthLocation.from_geodetic(lons, lats)
         star = coordinates.SkyCoord(ras, decs, unit=units.deg, frame=coordinates.GCRS(obstime=at))
@@ -193,7 +206,7 @@ def test_astropy_agrees(exact: Sky, closed: Sky) -> None:
 
 def test_exact_and_closed_agree_from_1900_on(exact: Sky, closed: Sky) -> None:
     dice = random.Random(1900)
-    for _ in range(as_a_rule(75, whole=300)):
+    for _ in range(as_a_rule(30, whole=300)):
         moment = dice.uniform(unix(1900, 1, 1), unix(2099, 12, 31))
         ra, dec = dice.uniform(0.0, 360.0), dice.uniform(-90.0, 90.0)
         of_date = exact.to_of_date(ra, dec, moment)
@@ -239,5 +252,5 @@ def test_a_table_ends_where_its_predictions_end() -> None:
 
 
 def test_a_table_out_of_order_is_refused() -> None:
-    with pytest.raises(ValueError, match="days do not follow"):
+    with pytest.raises(ValueError, match="days are not consecutive"):
         by_astropy.read_earth_rotation([record(41684, "0.8"), record(41686, "0.7")])

@@ -89,7 +89,7 @@ def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None
         bridge.controller.start()
         await asyncio.sleep(1.0)
         assert waiting(gateway_of(bridge, "lx200@-")) == (
-            "lx200@-: a mount is there, and programs are told where it points; which model it is may take it 9 s to say"
+            "lx200@-: a mount answers, and programs get its position; it may take 9 s to report its model"
         )
         await bridge.controller.close()
 

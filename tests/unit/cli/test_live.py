@@ -52,7 +52,7 @@ def heard(listener: socket.socket) -> list[str]:
 
 def test_a_run_on_a_terminal_under_systemd(systemd: socket.socket) -> None:
     master, slave = os.openpty()
-    arguments = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
+    arguments = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--no-console"]
     environment = {**os.environ, "TERM": "xterm", "PYTHONUTF8": "1", "NO_COLOR": "1"}
     process = subprocess.Popen([*GATEWAY, *arguments], stdout=subprocess.PIPE, stderr=slave, env=environment)
     os.close(slave)

@@ -46,8 +46,8 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         (["config", "--config", "a.toml", "--config", "b.toml"], "--config is given twice: write one file"),
         (
             ["config", *PLAIN, "--allow", "192.168.1.0/24"],
-            "--allow: nobody could connect: at 127.0.0.1 only programs of this computer arrive, and 127.0.0.1 is not "
-            "among these; let the surface listen at tcp://0.0.0.0:4030, or add 127.0.0.1",
+            "--allow: no program could connect: only those of this computer reach 127.0.0.1, and 127.0.0.1 is not "
+            "among these networks; let the surface listen at tcp://0.0.0.0:4030, or add 127.0.0.1",
         ),
         (["config", *PLAIN, "--site", "45"], "--site '45': write LAT,LON, north and east positive: 45.5,-122.7 or"),
         (["config", *PLAIN, "--site", "148,11"], "--site '148,11': latitude is -90 to 90"),
@@ -128,8 +128,8 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
     try:
         os.waitid(os.P_PID, number, os.WSTOPPED | os.WNOWAIT)
         assert silent(number) == (
-            f"the gateway (process {number}) does not answer: it is suspended (Ctrl-Z?), and kill -CONT {number} lets "
-            f"it go on; or end it with kill -9 {number}, then mount-gateway stop stops its mount without it"
+            f"the gateway (process {number}) does not answer: it is suspended (Ctrl-Z?), and kill -CONT {number} "
+            f"resumes it; or end it with kill -9 {number}, then mount-gateway stop stops its mount without it"
         )
     finally:
         os.kill(number, signal.SIGCONT)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.control.commands import Body, Spot
+from gateway.app.control.request_types import Body, Spot
 from gateway.app.recording.format import read
 from gateway.astro.catalog.objects import NotInstalled
 from gateway.cli import main

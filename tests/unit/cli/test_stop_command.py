@@ -207,9 +207,9 @@ def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(runtime, "SESSIONS", tmp_path / "run")
     theirs, fake = tmp_path / "mount-gateway-1", tmp_path / "mount-gateway-2"
     theirs.mkdir()
-    door = '{"mount": "m", "pid": 4711, "port": 9, "secret": "s", "state": "/x"}'
-    (theirs / "a.control").write_text(door)
-    (theirs / "b.control").write_text(door)
+    endpoint = '{"mount": "m", "pid": 4711, "port": 9, "secret": "s", "state": "/x"}'
+    (theirs / "a.control").write_text(endpoint)
+    (theirs / "b.control").write_text(endpoint)
     os.chown(theirs, 1, 1)
     os.chown(theirs / "a.control", 1, 1)
     fake.symlink_to(theirs)
@@ -254,8 +254,8 @@ def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as frozen:
         frozen.bind(("127.0.0.1", 0))
         other = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-        door = ControlEndpoint("m", other.pid, frozen.getsockname()[1], "s", str(tmp_path))
-        (tmp_path / "m.control").write_bytes(msgspec.json.encode(door))
+        endpoint = ControlEndpoint("m", other.pid, frozen.getsockname()[1], "s", str(tmp_path))
+        (tmp_path / "m.control").write_bytes(msgspec.json.encode(endpoint))
         code, words = stop("--state", str(tmp_path))
         assert code == 1 and f"the gateway (process {other.pid}) does not answer" in words
         other.communicate(b"\n", PATIENCE)

@@ -86,7 +86,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["run", "--mount", "nexstar@sim", "--allow", "10.0.0.1"], "at least one surface is needed"),
         (
             ["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
-            "--allow: nobody comes from a network here; write it on a surface at tcp://",
+            "--allow: this surface has no network connections; write it on a surface at tcp://",
         ),
         (["run", *PLAIN, "--allow", "10.0.0.1/8"], "--allow '10.0.0.1/8': write 10.0.0.0/8"),
     ],

@@ -157,7 +157,7 @@ def test_addresses_of_both_families_and_lines_without_any() -> None:
     assert [access.admits(host) for host in admitted] == [True] * 4
     assert not any(access.admits(host) for host in ["192.168.2.1", "10.1.2.4", "::1", "fe80::1%eth0", "?", ""])
     assert Access().admits("pty:/tmp/lx200")
-    assert Access(read_only=True).only_looks("pty:/tmp/lx200")
+    assert Access(read_only=True).is_read_only("pty:/tmp/lx200")
 
 
 @each(
@@ -183,7 +183,7 @@ def test_a_mistake_says_what_would_be_right(line: str, words: str) -> None:
 @pytest.mark.parametrize("key", ["allow", "read-only"])
 def test_nobody_comes_to_a_serial_line_from_a_network(key: str) -> None:
     tables = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@pty:/tmp/x", key: ["10.0.0.0/8"]}]}
-    with pytest.raises(UserError, match=f"{key}: nobody comes from a network here"):
+    with pytest.raises(UserError, match=f"{key}: this surface has no network connections"):
         make_config(tables, Source("gateway.toml"))
 
 

@@ -14,17 +14,20 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.commands.turn_runner import BEGUN
+from gateway.clients.commands.turn_runner import MAX_BACKGROUND
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
-from gateway.transport.intake import BREATH, SHARE
+from gateway.transport.intake import PAUSE, SHARE
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import precise, up
+from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import equatorial
 from tests.support.virtual import run
 from tests.unit.transport.test_ports import address, ask, serve
 
 SLOW = 0.12
+#: How often in a round a client leaves everything behind that it can.
+MEMORY = as_a_rule(25, whole=60)
 #: Guide rates, backlash, tracking rates, arrows: acknowledged at once, and each some exchanges for the mount.
 COSTLY = b"".join(
     [
@@ -120,12 +123,12 @@ def test_a_joystick_does_not_get_ahead_of_the_line() -> None:
 def test_the_others_are_told_where_the_mount_is(flood: bytes) -> None:
     async def told(bridge: Bridge, other: Visitor) -> None:
         waits = []
-        for command in (b"e", b"z", b"t", b"L", b"J") * 4:
+        for command in (b"e", b"z", b"t", b"L", b"J") * 2:
             began = asyncio.get_running_loop().time()
             if await other.ask(command, 4.0, until=b"#"):
                 waits.append(asyncio.get_running_loop().time() - began)
             await asyncio.sleep(0.31)
-        assert len(waits) >= 19, "while it moves, every answer is asked for twice, and anew after each order"
+        assert len(waits) >= 9, "while it moves, every answer is asked for twice, and anew after each order"
         assert max(waits) < 3.5
 
     flooded(flood, told)
@@ -143,8 +146,8 @@ def test_another_ones_goto_is_begun() -> None:
 
 def test_what_is_under_way_for_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
-        assert len(asyncio.all_tasks()) < 2 * BEGUN + 30
-        assert len(bridge.controller.line.queue) < BEGUN + 10
+        assert len(asyncio.all_tasks()) < 2 * MAX_BACKGROUND + 30
+        assert len(bridge.controller.line.queue) < MAX_BACKGROUND + 10
 
     flooded(COSTLY * 4, bounded)
 
@@ -217,9 +220,9 @@ class _SecondFace:
 # --- the connections --------------------------------------------------------------------------------------------------
 
 
-def test_three_hundred_connections_and_two_that_send_without_end() -> None:
+def test_many_connections_and_two_that_send_without_end() -> None:
     async def program(gateway: Gateway) -> None:
-        links = [await asyncio.open_connection(*address(gateway)) for _ in range(300)]
+        links = [await asyncio.open_connection(*address(gateway)) for _ in range(as_a_rule(100, whole=300))]
         loop, done = asyncio.get_running_loop(), asyncio.Event()
 
         async def pour(flood: bytes) -> None:
@@ -232,7 +235,7 @@ def test_three_hundred_connections_and_two_that_send_without_end() -> None:
         pouring = [asyncio.ensure_future(pour(flood)) for flood in (b":GR#" * 16384, b":" + b"x" * 65535)]
         await asyncio.sleep(0.1)
         waits = []
-        for link in links[::10]:
+        for link in links[::5]:
             began = loop.time()
             assert len(await ask(link, b":GR#")) == 9
             waits.append(loop.time() - began)
@@ -254,7 +257,7 @@ def test_a_burst_is_answered_to_the_last() -> None:
         link[1].write(b":GR#" * 1000)
         async with asyncio.timeout(5):
             assert len(await link[0].readexactly(9000)) == 9000
-        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * BREATH * 0.8, "others had their turn"
+        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * PAUSE * 0.8, "others had their turn"
         link[1].close()
 
     serve(program, "lx200@tcp://127.0.0.1:0")
@@ -264,7 +267,7 @@ def test_who_does_not_read_is_let_go_without_a_word(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
-    monkeypatch.setattr(pace, "BREATH", 0.001)  # else it takes two seconds to say enough
+    monkeypatch.setattr(pace, "PAUSE", 0.001)  # else it takes two seconds to say enough
 
     async def program(gateway: Gateway) -> None:
         deaf = socket.create_connection(address(gateway))
@@ -326,7 +329,7 @@ def test_what_a_client_costs_in_memory_is_bounded() -> None:
             client = bridge.client()
 
             async def make() -> None:
-                for number in range(60):
+                for number in range(MEMORY):
                     client.tell(noise + b":Sz%03d#" % number)
                     await asyncio.sleep(0.05)
                 client.heard = b""
@@ -340,6 +343,6 @@ def test_what_a_client_costs_in_memory_is_bounded() -> None:
                 kept.append(tracemalloc.get_traced_memory()[0])
             tracemalloc.stop()
             # What a client leaves behind adds up in every round; what other threads load meanwhile does so in one.
-            assert min(after - before for before, after in itertools.pairwise(kept)) < 16384
+            assert min(after - before for before, after in itertools.pairwise(kept)) < 300 * MEMORY
 
     run(program())

@@ -46,7 +46,7 @@ async def own(mount: str, surface: str) -> set[bytes]:
     """What the gateway asks of a mount when its clients ask for the position alone."""
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
         client = Caller(bridge.reception)
-        for _ in range(20):
+        for _ in range(8):
             await client.ask(QUESTION[surface])
             await asyncio.sleep(5.0)
         return set(bridge.sent())
@@ -136,7 +136,7 @@ def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
             await asyncio.sleep(40.0)
             for name in ("a visit", "TLS"):
                 Caller(bridge.reception).tell(GREETINGS[name])
-            assert len(bridge.reception.here()) == 0
+            assert len(bridge.reception.present_hosts()) == 0
             await asyncio.sleep(30.0)
             assert await Caller(bridge.reception).ask(b":Gr#") != b"05:34:32#"
 
@@ -158,7 +158,7 @@ def test_an_evening_with_strangers_replays(presented: str, tmp_path: Path) -> No
         head = {"began": transcript.clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(head))
         transcript.sinks.append(recorder.put)
-        gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
+        gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
         gateway.begin()
         await asyncio.sleep(3.0)
         for number, name in enumerate(("a visit", "TLS", "SMTP", "a WebDAV merge")):

@@ -20,13 +20,14 @@ SURFACES = (
     "lx200@rfc2217://127.0.0.1:0",
     "nexstar@rfc2217://127.0.0.1:0",
 )
+PLACES = 30
 
 
-def serve(program: Callable[[list[int], list[str]], Awaitable[None]]) -> None:
+def serve(program: Callable[[list[int], list[str]], Awaitable[None]], **settings: int) -> None:
     """Run a program against a gateway with all four surfaces; it is given their ports, and the log's notes."""
 
     async def main() -> None:
-        gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=at) for at in SURFACES])
+        gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=at, **settings) for at in SURFACES])
         said: list[str] = []
         gateway.wire_log.sinks.append(
             lambda entry: said.append(f"{entry.side} {entry.note}") if entry.arrow == "!" else None
@@ -84,7 +85,7 @@ def test_a_browser_reads_what_the_port_is_and_the_next_program_is_answered() -> 
             assert len(await ask(link, b"e" if speaks == "NexStar" else b":GR#")) in (9, 18)
             link[1].close()
 
-    serve(program)
+    serve(program, max_clients=PLACES)
 
 
 def test_a_large_request_is_answered_to_the_end() -> None:
@@ -102,7 +103,7 @@ def test_a_large_request_is_answered_to_the_end() -> None:
 
 
 def test_whoever_stays_is_put_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tcp, "PARTING", 0.2)
+    monkeypatch.setattr(tcp, "LINGER", 0.2)
 
     async def program(ports: list[int], said: list[str]) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", ports[1])
@@ -117,12 +118,12 @@ def test_whoever_stays_is_put_out(monkeypatch: pytest.MonkeyPatch) -> None:
     serve(program)
 
 
-def test_strangers_take_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strangers_take_nobodys_place() -> None:
     """They are not counted among the clients, though they have not left yet."""
 
     async def program(ports: list[int], said: list[str]) -> None:
         strangers = []
-        for _ in range(450):
+        for _ in range(2 * PLACES):
             link = await asyncio.open_connection("127.0.0.1", ports[0])
             link[1].write(b"GET / HTTP/1.0\r\n\r\n")
             strangers.append(link)
@@ -132,4 +133,4 @@ def test_strangers_take_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
         for link in [*strangers, friend]:
             link[1].close()
 
-    serve(program)
+    serve(program, max_clients=PLACES)

@@ -26,7 +26,7 @@ from tests.support.sampling import as_a_rule
 @pytest.mark.parametrize(("client", "mount"), pairs())
 def test_every_row_is_explained(client: str, mount: str) -> None:
     asked = [item for item in load(client).commands.items() if item[1].asked]
-    for name, command in asked[:: as_a_rule(6, whole=1)]:
+    for name, command in asked[:: as_a_rule(9, whole=1)]:
         told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example(command)))
         assert command.help in told, name
         assert ": missing" not in told, name
@@ -44,7 +44,7 @@ SOME = [
 ]  # fmt: skip
 
 
-@pytest.mark.sampled(every=4)
+@pytest.mark.sampled(every=6)
 @pytest.mark.parametrize(("face", "mount"), SOME)
 def test_the_tables_say_what_the_wire_carries(face: str, mount: str) -> None:
     plays, found = wire.rehearse(wire.Pair(parse_device(face), parse_device(mount)))

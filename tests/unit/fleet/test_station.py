@@ -143,7 +143,7 @@ def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_path: P
         (COMMAND, b"", False, ": there is no such order"),
         (COMMAND, b"\xff\x00", False, "there is no such order"),
         (COMMAND, b"x" * 5000, False, "no order is longer than 100 characters"),
-        ("mount-gateway/all/command", b"park", False, "park: all mounts together can be told stop"),
+        ("mount-gateway/all/command", b"park", False, "park: the only order for all mounts together is stop"),
     ],
 )
 def test_what_is_not_obeyed_is_refused_in_words(
@@ -211,7 +211,7 @@ def test_a_broker_that_comes_and_goes_is_told_of_once(tmp_path: Path) -> None:
             there.broker.down = None
             await until(lambda: len(there.said) == 3)
             assert there.said[0] == "ready broker mqtt://broker.invalid:1883 as mount-gateway/pier"
-            assert "are not affected" in there.said[1] and there.said[2].endswith("is there again")
+            assert "are not affected" in there.said[1] and there.said[2].endswith("is connected again")
 
     play(work())
 

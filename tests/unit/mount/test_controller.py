@@ -8,6 +8,7 @@ import pytest
 
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, GetStatus, Goto, Position, Slewing
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -184,8 +185,8 @@ def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("mount", ["6-8se", "cge"])
-@pytest.mark.parametrize("asked", [b":Sr07:00:00#:Sd+30*00:00#:CM#", b":Sz090*00#:Sa+40*00#:MA#", b":hP#"])
+@each("mount", ["6-8se", "cge"])
+@each("asked", [b":Sr07:00:00#:Sd+30*00:00#:CM#", b":Sz090*00#:Sa+40*00#:MA#", b":hP#"])
 def test_an_unaligned_hand_control_takes_no_sync_and_no_axis_goto(mount: str, asked: bytes) -> None:
     """It says ``#`` to a sync and forgets it; to axis readings it goes, wherever they lead."""
 

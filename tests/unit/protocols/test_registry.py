@@ -17,6 +17,7 @@ from gateway.app.config import parse_device
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, guess, other_surface, pairs
 from gateway.protocols.wireformat.command_set import mappings_folder
+from tests.support.each import each
 
 ROOT = Path(gateway.__file__).parent
 THIRD = Path(__file__).parent / "third"
@@ -138,7 +139,7 @@ def test_what_the_list_says() -> None:
         assert spec.default_model in (spec.commands.models or [None])
 
 
-@pytest.mark.parametrize("device", ["lx200:autostar/new", "nexstar:cpc/new", "nexstar:cpc/0.5", "nexstar:starsense/9"])
+@each("device", ["lx200:autostar/new", "nexstar:cpc/new", "nexstar:cpc/0.5", "nexstar:starsense/9"])
 def test_a_version_that_there_never_was_is_refused(device: str) -> None:
     with pytest.raises(UserError, match="version"):
         parse_device(device)

@@ -14,6 +14,7 @@ import pytest
 
 from tests.support.process import GATEWAY
 
+QUIET = "--no-console"  # a web server takes as long to load as all else
 FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
 
 
@@ -45,7 +46,7 @@ def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, to
     words = (
         ["sim", "lx200:autostar", "--at", f"pty:{port}"]
         if command == "sim"
-        else ["run", "--mount", "nexstar:6-8se@sim", "--surface", f"lx200@pty:{port}", "--state", str(tmp_path)]
+        else ["run", "--mount", "nexstar:6-8se@sim", "--surface", f"lx200@pty:{port}", "--state", str(tmp_path), QUIET]
     )
     running = shell(redirected, *words)
     try:

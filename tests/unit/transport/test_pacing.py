@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.simulated import _Caller, serve_simulator
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-from gateway.transport.baud import LONGEST, SerialPace
+from gateway.transport.baud import MAX_BYTES, SerialPace
 from tests.support.simulated_meade import Clock
 from tests.support.virtual import run
 
@@ -39,9 +39,9 @@ def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -
     async def program() -> None:
         heard: list[bytes] = []
         pace = SerialPace(9600, heard.append)
-        pace.send(b"x" * (2 * LONGEST))
-        await asyncio.sleep((LONGEST + 1) * BYTE)
-        assert len(b"".join(heard)) == LONGEST
+        pace.send(b"x" * (2 * MAX_BYTES))
+        await asyncio.sleep((MAX_BYTES + 1) * BYTE)
+        assert len(b"".join(heard)) == MAX_BYTES
         pace.send(b"gone")
         pace.close()
         await asyncio.sleep(1.0)

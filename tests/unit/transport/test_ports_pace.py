@@ -5,27 +5,29 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.app.gateway import Gateway
 from gateway.protocols.lx200.framing import Framer
-from gateway.transport.intake import APART, BREATH, OTHERS, SHARE, SKIM, Pace, period, unrepeated
+from gateway.transport.intake import GAP, LARGE_READ, OTHERS, PAUSE, SHARE, Pace, period, skip_repetitions
 from tests.support.each import each
+from tests.support.sampling import as_a_rule
 from tests.unit.transport.test_ports import address, ask, serve
 
 
 def test_a_few_wait_for_a_breath_and_a_crowd_for_each_other() -> None:
     pace = Pace()
-    assert [pace.pause(10.0, 0.0001) for _ in range(4)] == pytest.approx([BREATH + APART * n for n in range(4)])
-    assert pace.pause(20.0, 0.0) == pytest.approx(BREATH)
+    assert [pace.pause(10.0, 0.0001) for _ in range(4)] == pytest.approx([PAUSE + GAP * n for n in range(4)])
+    assert pace.pause(20.0, 0.0) == pytest.approx(PAUSE)
 
 
 def test_whose_share_takes_long_costs_the_others_no_more() -> None:
     pace = Pace()
-    assert [pace.pause(10.0, 0.01) for _ in range(4)] == pytest.approx([BREATH + OTHERS * 0.01 * n for n in range(4)])
+    assert [pace.pause(10.0, 0.01) for _ in range(4)] == pytest.approx([PAUSE + OTHERS * 0.01 * n for n in range(4)])
 
 
+@settings(max_examples=as_a_rule(40, whole=100))
 @given(
     st.lists(st.sampled_from([b":Qn#", b":Qs#", b":Qe#", b":Qw#", b":Q#"]), min_size=1, max_size=9),
     st.integers(0, 40),
@@ -36,7 +38,7 @@ def test_what_is_left_of_a_repetition_ends_as_all_of_it_does(cycle: list[bytes],
     """A whole number of cycles is left out: what is framed begins where it would have, and at least one is kept."""
     stream = b"".join(cycle) * 800
     share, more = stream[begin : begin + SHARE], stream[begin + SHARE : begin + SHARE + length]
-    kept = unrepeated(share, more)
+    kept = skip_repetitions(share, more)
     assert len(kept) <= SHARE
     assert more.endswith(kept)
     whole, part = Framer(), Framer()
@@ -50,12 +52,12 @@ def test_what_is_left_of_a_repetition_ends_as_all_of_it_does(cycle: list[bytes],
 
 @each("more", [b":Mn#" + b":Qn#" * 9, b":Qn#:Mn#" * 20, b":Qn", b"", b"#" * 600])
 def test_nothing_is_left_out_of_what_is_no_repetition(more: bytes) -> None:
-    assert unrepeated(b":Qn#" * 128, more) == more
+    assert skip_repetitions(b":Qn#" * 128, more) == more
 
 
 def test_what_follows_a_repetition_is_kept() -> None:
-    assert unrepeated(b":Qn#" * 128, b":Qn#" * 900 + b":Mn#:Qn#") == b":Qn#:Mn#:Qn#"
-    assert unrepeated(b":Qn#" * 128, b":Qn#:Mn#:Qn#") == b":Qn#:Mn#:Qn#"
+    assert skip_repetitions(b":Qn#" * 128, b":Qn#" * 900 + b":Mn#:Qn#") == b":Qn#:Mn#:Qn#"
+    assert skip_repetitions(b":Qn#" * 128, b":Qn#:Mn#:Qn#") == b":Qn#:Mn#:Qn#"
 
 
 def test_noise_has_no_period() -> None:
@@ -71,7 +73,7 @@ def test_what_follows_a_flood_of_halts_is_heard(last: bytes) -> None:
 
     async def program(gateway: Gateway) -> None:
         reader, writer = await asyncio.open_connection(*address(gateway))
-        writer.write(b":Qn#" * (SKIM // 2) + last + b":GVP#")
+        writer.write(b":Qn#" * (LARGE_READ // 2) + last + b":GVP#")
         async with asyncio.timeout(10):
             assert await reader.readuntil(b"#") == b"Autostar#"
             while gateway.controller.wanted.axes != {2}:

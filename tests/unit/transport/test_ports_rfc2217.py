@@ -18,6 +18,7 @@ from gateway.transport import open_port
 from gateway.transport.handler import Listener
 from gateway.transport.rfc2217 import over_telnet
 from tests.support.each import each
+from tests.support.sampling import as_a_rule
 from tests.unit.transport.test_ports import ask, serve
 
 EVERY_BYTE = bytes(range(256)) + b"\xff\xff\xf0\xff\xfa"
@@ -46,7 +47,7 @@ class Echo:
     def network(self, hang_up: Callable[[bytes], None]) -> None:
         pass
 
-    def gone(self) -> None:
+    def peer_closed(self) -> None:
         pass
 
     def close(self) -> None:
@@ -181,7 +182,7 @@ def test_a_subnegotiation_without_end_is_not_kept() -> None:
     assert telnet.echo.heard.endswith(b":GR#")
 
 
-@settings(max_examples=50)
+@settings(max_examples=as_a_rule(20, whole=50))
 @given(st.lists(st.binary(max_size=12), max_size=12))
 def test_bytes_arrive_however_they_are_cut(pieces: list[bytes]) -> None:
     """Escaped as a client must, cut anywhere; and with anything at all nothing is raised."""

@@ -78,7 +78,7 @@ def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyPatch) 
         for again in (0.05, 60.0):  # and not a third time, to somebody who is gone
             async with asyncio.timeout(PATIENCE):
                 link, _ = await loop.sock_accept(listening)
-                monkeypatch.setattr(serial_port, "AGAIN", again)
+                monkeypatch.setattr(serial_port, "RETRY_AFTER", again)
                 with link:
                     link.setblocking(False)
                     heard = b""

@@ -1,9 +1,9 @@
-// All mounts on a broker: asked for once a second, shown as text, stopped at the press of a button.
+// Shows all mounts on a broker, reading them from the server once a second, and stops them at the press of a button.
 
 import { byId, button, el, say } from "./js/core/dom.js";
 
 const EVERY = 1000;
-/** Milliseconds after which an answer is not waited for any more. */
+/** Timeout for an answer of the server, milliseconds. */
 const PATIENCE = 5000;
 const token = document.querySelector('meta[name="token"]').content;
 const root = document.documentElement;
@@ -21,7 +21,7 @@ function trouble(words) {
   say(byId("trouble"), words);
 }
 
-/** Milliseconds for which it is said that a stop was sent: cards take a second or two to tell what came of it. */
+/** Milliseconds for which "stop sent" is shown: a card shows the result only after a second or two. */
 const TOLD = 4000;
 let unsent = "", sent = -TOLD;
 async function stop(pressed, of) {
@@ -40,7 +40,7 @@ async function stop(pressed, of) {
   trouble(unsent);
 }
 
-// It acts at the press, not at the release; a click without a pointer comes from Enter or from an assistive tool.
+// Act when the button is pressed, not released; a click without a pointer comes from Enter or an assistive tool.
 function stops(pressed, of) {
   pressed.addEventListener("pointerdown", (event) => event.button === 0 && stop(pressed, of));
   pressed.addEventListener("click", (event) => event.detail === 0 && stop(pressed, of));
@@ -129,7 +129,7 @@ byId("light").addEventListener("click", () => {
   try {
     localStorage.setItem("light-shown", root.dataset.light);
   } catch {
-    // A browser that keeps nothing starts by the hour each time.
+    // A browser without storage chooses the light by the hour at each start.
   }
 });
 light(root.dataset.light === "night");

@@ -1,9 +1,10 @@
-"""What moves the mount by hand, guides it or lets it track again: does it lead beyond a limit at once?
+"""Admission of motion by hand, guide pulses and tracking: would they lead beyond a limit at once?
 
-A motion is judged by its first stretch: where it leads until it has been seen and can be stopped. It is looked at
-whole, because over the zenith or past the Sun its end may be allowed again; and both ways of each axis, because what
-tells no axis may point the other way round. A guide pulse is a stretch, too. Tracking is judged by the next minute, and
-only where the mount stands beyond a limit already: what leads out of there is allowed, what leads farther is refused.
+A motion is judged by its first stretch, which ends where it has been seen and can be stopped. All of the stretch is
+checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of each axis, because a
+mount whose axes cannot be read may point the other way round. A guide pulse is a stretch, too. Tracking is judged by
+the next minute, and only if the mount is beyond a limit already: what leads back is allowed, what leads farther is
+refused.
 """
 
 from __future__ import annotations
@@ -24,18 +25,19 @@ from gateway.mount.safety.allow import can_be_told, leaving, past_meridian
 from gateway.mount.safety.stop_timing import SHORTEST
 from gateway.mount.safety.watch import LimitWatch
 
-#: Degrees of an axis between the places of a way that are looked at.
+#: Degrees of axis motion between two points of a stretch that are checked.
 STRIDE = 2.0
-#: A position older than that says nothing about where a motion begins.
+#: Seconds; an older position does not say where a motion begins.
 OLD_POSITION = 6.0
-#: How far ahead tracking is looked at, seconds.
+#: Seconds for which the effect of tracking is calculated.
 A_WHILE = 60.0
 
 
 class Start(NamedTuple):
-    """Where a stretch begins; ``tilt`` is by how much the altitude axis differs from what is reckoned.
+    """Where a stretch begins.
 
-    ``side`` is the side of the pier (E, W) that the tube is on, None where nobody knows or there is no pier.
+    ``tilt`` is by how many degrees the altitude axis differs from the calculated altitude. ``side`` is the side of the
+    pier (E, W) that the tube is on, None if it is unknown or there is no pier.
     """
 
     seen: op.Equatorial
@@ -45,13 +47,13 @@ class Start(NamedTuple):
 
 
 def turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
-    """How far an axis turns from the last position until the next was seen and has stopped it, degrees."""
+    """How far an axis turns from the last position until a stop at the next one has ended the motion, degrees."""
     age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
     return operation.sense * mount.speed(operation) * (mount.timing.reaction + SHORTEST + age)
 
 
 def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, float]:
-    """A guide pulse as a motion by hand, and how far it turns its axis at most, degrees."""
+    """Return a guide pulse as a motion by hand, and how far it turns its axis at most, degrees."""
     degrees, guide = SIDEREAL_RATE * pulse.ms / 1000.0, op.Rate(name="guide")
     if isinstance(pulse, op.Pulse):
         return op.Move(pulse.direction, guide), pulse.direction.sense * degrees
@@ -59,13 +61,13 @@ def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, fl
 
 
 def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
-    """The turns of the axes, degrees, each of them either way. Raises BelowHorizon, TooHigh, NearSun, PastMeridian."""
+    """Check all axes in both directions, degrees. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
     for way in product(*({degrees, -degrees} for degrees in turns.values())):
         check_turns(mount, limits, start, dict(zip(turns, way, strict=True)))
 
 
 def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
-    """The whole way of so many degrees of the axes. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
+    """Check a stretch of so many degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
     steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STRIDE))
     here = start.seen
     for step in range(1, steps + 1):
@@ -89,7 +91,7 @@ def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatoria
 
 
 def _soon(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
-    """Where so many degrees of the axes lead."""
+    """Return the position after the axes have turned by ``turns``, degrees."""
     first, second = turns.get(1, 0.0), turns.get(2, 0.0)
     if start.status.equatorial or mount.driver.moves_by_gotos:
         return op.Equatorial(*fold_declination(start.seen.ra - first, start.seen.dec + second))
@@ -98,13 +100,13 @@ def _soon(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatoria
 
 
 class HandAdmission:
-    """Asked for every motion by hand, every guide pulse, and when tracking is to go on."""
+    """Admits motions by hand, guide pulses, and turning on tracking."""
 
     def __init__(self, mount: Context, ask: Reader, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
 
     async def check(self, operation: op.Move | op.MoveAxis) -> None:
-        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian when it would be too late to stop it there."""
+        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a stop could not end the motion in time."""
         mount = self._mount
         start = await self._start()
         if start is None:
@@ -117,20 +119,20 @@ class HandAdmission:
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
-        """A guide pulse that leads beyond a limit, or farther beyond it. Raises the same."""
+        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit."""
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
             await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
-        """Tracking that is off and would lead farther beyond a limit. Raises BelowHorizon, TooHigh or PastMeridian."""
+        """Raises BelowHorizon, TooHigh or PastMeridian if turning on tracking would lead farther beyond a limit."""
         mount, limits = self._mount, self._mount.policy.limits
         start = await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
             return
         astrometry, seen = mount.astrometry, start.seen
-        soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * A_WHILE)  # where it stands over the ground in a while
+        soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * A_WHILE)  # where tracking will have carried it
         before, after = astrometry.horizon(seen).alt + start.tilt, astrometry.horizon(soon).alt + start.tilt
         try:
             if leaving(limits, before, after):
@@ -152,24 +154,24 @@ class HandAdmission:
     ) -> None:
         try:
             check_either_way(self._mount, limits, start, turns)
-        except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
+        except Fault:  # one direction is forbidden, so find out in which the motors turn the tube
             for axis, moving in by_hand.items():
                 turns[axis] *= await self._sense(moving, start.status)
             check_turns(self._mount, limits, start, turns)
 
     async def _start(self) -> Start | None:
-        """Where the mount stands; None where no limit can be reckoned."""
+        """Return the position and status of the mount; None if no limit can be calculated."""
         mount, readings = self._mount, self._mount.cache
         if mount.sources.site() is None:
             return None
-        # Programs switch tracking off before a slew, and nothing is known of it after that.
+        # Clients turn tracking off before a slew, which clears the cached status.
         status: op.Status = readings.value(op.GetStatus) or await self._ask.read(op.GetStatus())
         if not status.aligned:
             return None
         seen, age = readings.value(op.Position), readings.age(op.Position, mount.now())
         if seen is None or age > OLD_POSITION:
             seen = await self._ask.read(op.Position())
-        elif mount.now() - age < self._watch.rests_since and not mount.wanted.by_hand:  # it was seen on its way
+        elif mount.now() - age < self._watch.rests_since and not mount.wanted.by_hand:  # it was still moving then
             seen = await self._ask.anew(op.Position())
         watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
@@ -177,7 +179,7 @@ class HandAdmission:
         return Start(seen, status, await axis.asked(self._ask) if axis.tells else 0.0, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
-        """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
+        """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""
         mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
         if mount.driver.moves_by_gotos:
             return 1
@@ -186,12 +188,12 @@ class HandAdmission:
             return pole if by_motor else 1
         told_directions = not mount.driver.implementation(op.AxisPosition)  # a Meade
         if status.equatorial and not by_motor and not told_directions:
-            return 1  # the driver sees to it
+            return 1  # the driver handles this
         return (1 if told_directions else pole) * (-1 if await over(mount, self._ask, self._watch) else 1)
 
 
 async def over(mount: Context, ask: Reader, watch: LimitWatch) -> bool:
-    """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way."""
+    """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
         return not watch.seen.upright
     here: op.Horizontal = await ask.read(op.AxisPosition())

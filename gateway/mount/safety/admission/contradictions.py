@@ -1,8 +1,8 @@
-"""What does not fit together: sources of site or time that contradict each other, a park position beyond the limits.
+"""Contradictions: sources of site or time that differ, and a park position beyond the limits.
 
-It is said at the start, in one line, for it is cheaper to hear then than from a refusal; and what one of two sources of
-site or time forbids is not begun. What is under way already is ended by the best source alone: whoever is wrong must
-not stop a mount that is right.
+They are reported at the start, in one line, because that is better than to learn of them from a refusal. A goto that
+any of the differing sources forbids is refused. A motion under way is judged by the best source alone, so that a wrong
+source cannot stop a mount that is right.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from gateway.mount.policy import Limits, check_own_park
 from gateway.mount.site.astrometry import SUN_IS_UP
 from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site, Time
 
-#: Sources that differ by more than this contradict each other: degrees on the Earth, and seconds.
+#: The least differences that count as a contradiction: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
-#: A computer that is off by more than a day, which is no wrong zone and no morning for evening, contradicts nobody:
-#: many have no battery and no network.
+#: Seconds; a computer clock that is off by more than a day (no wrong time zone or AM/PM) is ignored, because it is
+#: lost: many computers have no clock battery and no network.
 LOST = 86400.0
-#: Without the date nobody knows where the Sun is.
+#: Without the date the position of the Sun is unknown.
 UNKNOWN_TIME = (
     "The time is unknown: this computer's clock is lost, and neither the mount nor a program tells it. "
     "Set the time, or sun = 0 at night."
@@ -32,7 +32,7 @@ UNKNOWN_TIME = (
 
 
 class Contradiction(NamedTuple):
-    """A site and a time that may be the true ones all the same; ``words`` say who says what."""
+    """Another site and time that may be the true ones; ``words`` say which sources differ."""
 
     place: Place | None
     unix: float
@@ -40,9 +40,10 @@ class Contradiction(NamedTuple):
 
 
 def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial, doubted: bool) -> None:
-    """A goto to ``goal`` by every source that contradicts the best one; its altitude only where that is ``doubted``.
+    """Check a goto to ``goal`` by every source that contradicts the best one.
 
-    Raises BelowHorizon, TooHigh or NearSun, with who says what; NearSun also where nobody knows the time.
+    The altitude is checked only if ``doubted``. Raises BelowHorizon, TooHigh or NearSun with the sources in words;
+    NearSun also if the time is unknown.
     """
     sites, times = sources.sites(), sources.times()
     if limits.sun > 0.0 and time_unknown(times[0]):
@@ -63,7 +64,7 @@ def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: E
 
 
 def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradiction]:
-    """What others say that differs by more than matters, each site and each time with the best of the other."""
+    """Yield what other sources say that differs too much, each site or time combined with the best of the other."""
     unix, by = times[0]
     if sites:
         (place, who), others = sites[0], sites[1:]
@@ -91,13 +92,13 @@ def _apart(one: Place, other: Place) -> float:
 
 
 def shown(place: Place) -> str:
-    """A site as people write it: ``45.0 N 10.0 E``."""
+    """Return a site in the usual notation: ``45.0 N 10.0 E``."""
     north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
     return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
 
 
 def mistaken(one: Place, other: Place) -> str:
-    """How one of two sites was most likely written wrongly; nothing where neither looks like the other."""
+    """Return the likely mistake that turns one site into the other; empty if none fits."""
     written = {
         "the sign of a longitude looks wrong, east is positive": Place(one.latitude, -one.longitude),
         "the sign of a latitude looks wrong, north is positive": Place(-one.latitude, one.longitude),
@@ -118,12 +119,12 @@ def _span(seconds: float) -> str:
 
 
 def time_unknown(best: Time) -> bool:
-    """Whether nobody tells the time: this computer has plainly lost its clock, and there is no other."""
+    """Whether the time is unknown: this computer's clock is lost, and there is no other source."""
     return best.source == COMPUTER and best.unix < EARLIEST
 
 
 def doubts(mount: Context) -> str:
-    """One line, or nothing."""
+    """Return the contradictions as one warning line; empty if there are none."""
     found = [
         f"{words} (gotos that either of them would forbid are refused)"
         for place, _, words in contradictions(mount.sources.sites(), mount.sources.times())
@@ -134,7 +135,7 @@ def doubts(mount: Context) -> str:
 
 
 def _park(mount: Context) -> Iterator[str]:
-    """Only where the mount can be parked at all."""
+    """Yield a warning if the mount can be parked and its park position is beyond the limits."""
     limits, status = mount.policy.limits, mount.cache.value(GetStatus)
     if not mount.driver.implementation(Park) or status is None:
         return
@@ -146,7 +147,7 @@ def _park(mount: Context) -> Iterator[str]:
         elif not mount.policy.own_park:
             check_own_park(Park(), limits)
     except Unsupported:
-        return  # without a site nobody knows
+        return  # without a site its altitude is unknown
     except Fault:
         yield (
             "its park position lies beyond lowest or highest, where it is parked all the same"

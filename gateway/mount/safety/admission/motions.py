@@ -1,8 +1,8 @@
-"""Before a motion: is it allowed, and in which form can this mount carry it out?
+"""Admission: decides before a motion whether it is allowed, and in which form this mount can carry it out.
 
-Nothing moves a mount that is held. Checked are the target of every goto, park and home, the ways that lead to it
-(``slew_paths.py``), what is moved by hand, guided or to track again (``by_hand.py``), and how far a sync moves the sky.
-What happens afterwards is watched (``watch.py``).
+A held mount may not be moved at all. Checked are the target of every goto, park and home, and the paths to it
+(``slew_paths.py``); motion by hand, guide pulses and tracking (``by_hand.py``); and how far a sync moves the sky.
+Motion that has begun is watched by ``watch.py``.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from gateway.mount.safety.allow import check_hour_angle, check_shaft
 from gateway.mount.safety.sync_sum import check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
-#: Seconds that a sync waits for the end of a goto, and between two looks at it.
+#: Seconds that a sync waits for the end of a goto, and between two checks.
 NEARLY, PAUSE = 2.5, 0.2
-#: Seconds that a goto waits, at most, for the site and the clock of a mount that was found just now: limits go by them.
+#: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
 TELLS_ITS_SITE = 4.0
 
 
 class Admission:
-    """``admit`` is asked for every motion, in its turn."""
+    """Admits the motions of one mount; the reconciler calls ``admit`` before each."""
 
     def __init__(self, mount: Context, ask: Reader, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
         self._by_hand = HandAdmission(mount, ask, watch)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
-        """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
+        """Return the operation, if the limits allow it, in the form that this mount can carry out. Raises Fault."""
         if isinstance(operation, GOTOS):
-            with contextlib.suppress(TimeoutError):  # where and when the mount is, it tells right after who it is
+            with contextlib.suppress(TimeoutError):  # a mount is asked for site and clock right after it was identified
                 async with asyncio.timeout(TELLS_ITS_SITE):
                     await self._mount.settled.wait()
         return await self._admit(operation)
@@ -79,20 +79,20 @@ class Admission:
         return operation
 
     async def still_allowed(self) -> None:
-        """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""
+        """Raises BelowHorizon, TooHigh or NearSun if the motion by hand under way must not continue."""
         moving = next(iter(self._mount.wanted.by_hand.values()), None)
-        if moving is not None:  # the other axis is looked at with it
+        if moving is not None:  # this checks the other axis, too
             await self._by_hand.check(moving)
 
     async def _status(self) -> op.Status:
         return await self._ask.read(op.GetStatus())
 
     async def _check_aligned(self, operation: op.Operation) -> None:
-        """Raises NotAligned."""
+        """Raises NotAligned if the operation needs an aligned mount and this one is not aligned."""
         if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.policy.unaligned):
             return
         if not (await self._status()).aligned:
-            anew: op.Status = await self._ask.anew(op.GetStatus())  # it may be so since a moment ago
+            anew: op.Status = await self._ask.anew(op.GetStatus())  # it may have been aligned just now
             if not anew.aligned:
                 raise NotAligned
 
@@ -112,7 +112,7 @@ class Admission:
         return mount.astrometry.to_mount(operation)
 
     async def _goto_ends(self) -> None:
-        """Wait a moment for the end of a goto: programs that compare positions take it for over a little too early."""
+        """Wait briefly for the end of a goto: clients that compare positions assume its end a little too early."""
         mount = self._mount
         until = mount.now() + NEARLY
         while True:
@@ -145,10 +145,10 @@ class Admission:
         return await self._admit(op.Goto(goal.ra, goal.dec, fastest=operation.fastest))
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
-        """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
+        """Check where park or home leads. The owner's park position may have any altitude, but not be near the Sun."""
         mount, limits = self._mount, self._mount.policy.limits
         if isinstance(operation, op.Park):
-            await self._status()  # how the mount stands decides where it is parked
+            await self._status()  # the park position depends on the kind of mounting
             if mount.policy.own_park:
                 limits = limits.at_any_altitude()
         there = mount.driver.destination(operation)
@@ -161,7 +161,7 @@ class Admission:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
     async def _check_target(self, limits: Limits, goal: op.Equatorial, told: bool) -> None:
-        """Raises BelowHorizon or TooHigh. ``told``: an axis tells the altitude."""
+        """Raises BelowHorizon or TooHigh for a target. ``told``: the altitude axis can be read."""
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
@@ -173,7 +173,7 @@ class Admission:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
 
     async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
-        """Axis readings: a place over the horizon on a fork, on the sky on an equatorial mount whose site is known."""
+        """Check axis readings: azimuth and altitude on a fork, a sky position on an equatorial mount with a site."""
         mount = self._mount
         if not (await self._status()).equatorial:
             limits.check_altitude(wanted.alt)
@@ -193,12 +193,12 @@ class Admission:
         await self._check_way(limits, goal, (wanted.az, wanted.alt))
 
     async def _check_way(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
-        """Raises NearSun. ``axes`` are the readings that a fork or a German mount goes to, where they are given.
+        """Raises NearSun if a path comes too near to the Sun. ``axes`` are the target readings, if they are given.
 
-        A way out of the circle is clear as long as it comes no nearer than it begins. Before the alignment nobody knows
-        where the tube is, so only the target counts. A way that leads beyond an altitude limit is begun all the same (a
-        German mount seldom has another) and watched like a motion by hand, unless it does so at once: then it raises
-        BelowHorizon or TooHigh.
+        A path out of the circle around the Sun is clear if it never comes nearer than where it begins. Before the
+        alignment the direction of the tube is unknown, so only the target is checked. A path that leads beyond an
+        altitude limit later on is allowed (a German mount seldom has another) and watched like a motion by hand; if it
+        does so at once, BelowHorizon or TooHigh is raised.
         """
         mount, astrometry = self._mount, self._mount.astrometry
         limit, suns = mount.suns.limit, mount.suns.up()
@@ -225,31 +225,31 @@ class Admission:
         self._watch.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in possible)
 
     async def _pointing(self) -> set[bool]:
-        """In which of the two ways the axes point where the mount is: the first (False), the other one, or who knows.
+        """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
 
-        The other one is the W side of the pier in the north; of a fork, over the pole or the zenith. A hand control
-        that was synced there may take it for the first way, so there both count.
+        The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
+        that was synced there may take it for the first way, so both are returned then.
         """
         mount = self._mount
         site = mount.astrometry.site_clock.site()
         if not mount.driver.german or site is None:
             return {False, not mount.driver.german and await over(self._mount, self._ask, self._watch)}
-        # under way it tells the side of its goal
+        # during a goto the mount reports the pier side of the target
         under_way = mount.movement.slewing and await self._ask.anew(op.Slewing())
         side = None if under_way else await self._ask.tube_side()
         return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
 
 
 def _first(turned: Pair, stretch: float) -> Pair:
-    """No more than the first degrees of either axis."""
+    """Limit the turn of each axis to its first ``stretch`` degrees."""
     first, second = (max(-stretch, min(stretch, degrees)) for degrees in turned)
     return first, second
 
 
 def needs_alignment(operation: op.Operation, sync_aligns: bool, unaligned: str) -> bool:
-    """Whether only an aligned mount may be told this; ``unaligned`` is the owner's word on axis readings.
+    """Whether the operation requires an aligned mount; ``unaligned`` is the owner's setting for axis readings.
 
-    A hand control without alignment acknowledges whatever it is told and does nothing, or moves who knows where.
+    A hand control that is not aligned acknowledges every command and does nothing, or moves unpredictably.
     """
     by_axes = isinstance(operation, op.GotoAxes | op.GotoHorizontal | op.Park | op.Home)
     if sync_aligns or not (by_axes or isinstance(operation, op.Sync)):

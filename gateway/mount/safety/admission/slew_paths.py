@@ -1,10 +1,11 @@
-"""The ways that a goto may take, as readings of the two axes, and whether one of them comes near the Sun.
+"""The paths that a goto may take, as readings of the two axes, and whether one of them comes near the Sun.
 
-What a mount tells leaves open at times in which of the two ways its axes point where it is (a reading of the second
-axis beyond 90 is the other way of pointing), and which way round they go: then there are several. A mount turns both
-axes straight to their goals. How fast each of them is nobody says, so a way has two shapes: both arrive together, or
-both are equally fast and the one with less to do rests while the other goes on. All readings of a polar mount are
-counted like a German one's, so that one Sun, one zenith and one nadir serve every build. Angles are degrees.
+A position does not always tell in which of the two ways the axes point there (a second axis beyond 90 degrees is the
+other way of pointing), nor in which direction they will turn, so there may be several paths. A mount turns both axes
+straight to their targets. Their relative speed is unknown, so a path has two shapes: both axes arrive together, or both
+are equally fast and the one with the shorter turn rests while the other continues. All readings of an equatorial mount
+are expressed like those of a German mount, so that Sun, zenith and nadir are the same for every build. Angles are
+degrees.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from gateway.mount.policy import Limits
 from gateway.mount.site.astrometry import SiteAstrometry
 
 Way = tuple[Pair, Pair]
-#: By how much a sync may have displaced what the axes of a fork read from where they point.
+#: By how much a sync may have shifted the axis readings of a fork from where it points.
 DISPLACED = 15.0
-#: How finely a way is looked at where it grazes the circle, degrees: half of it is the greatest error.
+#: Step along a path where it passes close to a circle, degrees; the greatest error is half of it.
 STEP = 0.2
 
 
 class Circle(NamedTuple):
-    """What is too high or too low: so many degrees around readings, and the altitude of these."""
+    """A region around axis readings that is too high or too low: its altitude, centre and radius."""
 
     altitude: float
     middle: Pair
@@ -35,8 +36,10 @@ class Circle(NamedTuple):
 
 
 def circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
-    """The forbidden ones. A fork in alt-az goes straight up or down: only back over the zenith (``over``) it comes
-    higher than both ends of its way.
+    """Return the regions that the altitude limits forbid.
+
+    A fork in alt-azimuth moves straight up or down. It passes higher than both ends of its path only when it returns
+    over the zenith (``over``).
     """
     if astrometry.site_clock.site() is None:
         return []
@@ -50,7 +53,7 @@ def circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: 
 
 
 def reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) -> Pair:
-    """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
+    """Return the axis readings at which this mount points at the Sun in the first way."""
     if equatorial:
         return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
     seen = astrometry.horizon(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
@@ -66,9 +69,9 @@ def possible(
     axes: Pair | None,
     others: set[bool],
 ) -> list[Way]:
-    """The ways from here to the goal, or to ``axes`` where the readings are given that the mount is to go to.
+    """Return the paths from ``here`` to ``goal``, or to the target readings ``axes`` if they are given.
 
-    ``others`` says whether the axes may be at the first of the two ways to point (False), at the other one, or both.
+    ``others`` says whether the axes may now point in the first of the two ways (False), the other (True), or both.
     """
     if not equatorial:
         return [way for other in others for way in _either_way_round(_fork(astrometry, here, goal, axes, other))]
@@ -79,7 +82,7 @@ def possible(
 
 
 def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
-    """Of an alt-az fork; without a site, as if on a wedge. At the zenith only ``axes`` tell where it turns to."""
+    """The path of an alt-azimuth fork; without a site, as if on a wedge. At the zenith ``axes`` give its azimuth."""
     if astrometry.site_clock.site() is None:
         start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
     else:
@@ -97,7 +100,7 @@ def _polar(
     axes: Pair | None,
     other: bool,
 ) -> Way:
-    """Of an equatorial mount; a German one goes to the side of its goal."""
+    """The path of an equatorial mount; a German one goes to the pier side of its target."""
     begin, end = _hour_angle(astrometry, here), _hour_angle(astrometry, goal)
     if geometry.build is Build.GERMAN:
         there = axes or geometry.axes(end, goal.dec, geometry.other_side(end))
@@ -110,12 +113,12 @@ def _polar(
 
 
 def _pointing(first: float, second: float, other: bool) -> Pair:
-    """One of the two pairs of readings that point at a place; the other one is over the pole, or over the zenith."""
+    """Return one of the two pairs of readings for the same direction; ``other`` is over the pole or the zenith."""
     return (first + 180.0, 180.0 - second) if other else (first, second)
 
 
 def _either_way_round(way: Way) -> Iterator[Way]:
-    """With half a turn before it the first axis may go round the other side, too."""
+    """Yield the path, and for a turn of about 180 degrees also the one with the first axis turning the other way."""
     start, (first, second) = way
     yield way
     if abs(first) > 180.0 - DISPLACED:
@@ -128,27 +131,27 @@ def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
 
 
 def _hour_angle(astrometry: SiteAstrometry, seen: op.Equatorial) -> float:
-    """From the meridian; without a site, from some hour circle."""
+    """Hour angle in degrees; without a site, relative to an arbitrary hour circle."""
     return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - seen.ra)
 
 
 def together(start: Pair, turn: Pair, turned: float) -> Pair:
-    """Where the axes are when the longer turn is done so far and both arrive together."""
+    """Where the axes are after the longer turn has done ``turned`` degrees, if both arrive together."""
     part = turned / max(abs(turn[0]), abs(turn[1]), 1e-9)
     return start[0] + turn[0] * part, start[1] + turn[1] * part
 
 
 def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
-    """The same when both are equally fast."""
+    """Where the axes are after ``turned`` degrees, if both are equally fast."""
     first, second = (copysign(min(abs(whole), turned), whole) for whole in turn)
     return start[0] + first, start[1] + second
 
 
 def clear(start: Pair, turn: Pair, sun: Pair, limit: float) -> bool:
-    """Whether neither shape of the way from ``start`` by ``turn`` comes nearer to ``sun`` than ``limit`` degrees.
+    """Whether neither shape of the path from ``start`` by ``turn`` comes nearer to ``sun`` than ``limit`` degrees.
 
-    Where the tube is far from the circle the next look can be far ahead: two axes at one degree each carry it no
-    farther than the root of two.
+    Far from the circle the next check can be far ahead: two axes that turn one degree each move the tube by no more
+    than the square root of two.
     """
     length = max(abs(turn[0]), abs(turn[1]))
     for shape in (together, one_rests):

@@ -1,1 +1,1 @@
-"""Alpaca over HTTP: requests become lines for the surface, its answers become JSON, and programs find the port."""
+"""Alpaca over HTTP: requests become lines for the surface, replies become JSON; and discovery of the port."""

@@ -1,7 +1,7 @@
-"""ASCOM's discovery: programs ask everybody on the network for Alpaca ports, and each port answers by itself.
+"""ASCOM's discovery: a program asks the whole network for Alpaca ports, and every port answers for itself.
 
-A question comes to UDP port 32227, by broadcast, or over IPv6 to a group; the answer is one line of JSON. Several
-servers of one computer share that port. One that only this computer reaches is told to programs of this computer alone.
+The question is sent to UDP port 32227, by broadcast or to an IPv6 multicast group; the answer is one line of JSON. The
+servers of one computer share that UDP port. A loopback port is only reported to programs on this computer.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from typing import cast
 from gateway.system.own_names import held
 
 PORT, GROUP = 32227, "ff12::a1:9aca"
-#: What a question begins with; the number behind it is the version.
+#: The beginning of a question; its last digit is the version.
 QUESTION = b"alpacadiscovery1"
 
-#: The address that a server listens on, in numbers, and its port.
+#: The numeric address and the port that a server listens on.
 Place = tuple[str, int]
 
 
@@ -39,7 +39,7 @@ class _Answering(asyncio.DatagramProtocol):
 
 
 def answers(question: bytes, places: Sequence[Place], asker: str) -> Iterable[bytes]:
-    """One for every place that the asker reaches; none to what is no such question."""
+    """Yield the answer for each port that the asker can reach; nothing if ``question`` is not a discovery request."""
     if not question.startswith(QUESTION):
         return
     theirs = ip_address(asker.partition("%")[0])
@@ -51,11 +51,11 @@ def answers(question: bytes, places: Sequence[Place], asker: str) -> Iterable[by
 
 
 async def answer_discovery(places: Sequence[Place], port: int = PORT) -> Callable[[], None]:
-    """Answer until the returned function is called. Raises OSError where no question can be heard."""
+    """Answer until the returned function is called. Raises OSError if the UDP port cannot be opened."""
     loop = asyncio.get_running_loop()
     sockets = [_ipv4(port)]
     if any(":" in host for host, _ in places):
-        with contextlib.suppress(OSError):  # this computer has no IPv6
+        with contextlib.suppress(OSError):  # without IPv6, answer over IPv4 only
             sockets.append(_ipv6(port))
     made = [await loop.create_datagram_endpoint(lambda: _Answering(places), sock=one) for one in sockets]
 
@@ -67,7 +67,7 @@ async def answer_discovery(places: Sequence[Place], port: int = PORT) -> Callabl
 
 
 def _shared(family: socket.AddressFamily) -> socket.socket:
-    """A socket whose port others may use, too."""
+    """Return a UDP socket that shares its port with other programs."""
     made = socket.socket(family, socket.SOCK_DGRAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     if hasattr(socket, "SO_REUSEPORT"):
@@ -87,7 +87,7 @@ def _ipv4(port: int) -> socket.socket:
 
 
 def _ipv6(port: int) -> socket.socket:
-    """A member of the group on every interface that takes one."""
+    """Return a socket that has joined the multicast group on every interface that allows it."""
     made = _shared(socket.AF_INET6)
     try:
         made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)

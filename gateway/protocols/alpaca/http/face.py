@@ -1,4 +1,4 @@
-"""Alpaca towards HTTP, as the registry offers it. Nothing of the web server is loaded before somebody asks."""
+"""The HTTP part of Alpaca for the registry. The web server is imported when the first client connects."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ from gateway.transport.web_port import WebDevice, WebPort, WebServer
 
 
 class AlpacaWeb:
-    """Ports of its own, and its part of another's."""
+    """Alpaca on a port of its own, and as a part of the console's port."""
 
     async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
-        """``tcp://HOST:PORT``. Raises UserError."""
+        """Listen on ``tcp://HOST:PORT``. Raises UserError for another kind of address."""
         if not where.startswith("tcp://"):
-            raise UserError(
-                f"{where}: Alpaca is spoken over HTTP: write tcp://HOST:PORT, for example tcp://0.0.0.0:11111"
-            )
+            raise UserError(f"{where}: Alpaca uses HTTP: write tcp://HOST:PORT, for example tcp://0.0.0.0:11111")
 
         async def load() -> WebServer:
             await asyncio.to_thread(import_module, "aiohttp.web")
@@ -35,7 +33,7 @@ class AlpacaWeb:
     def add_routes(
         self, app: Any, devices: Sequence[WebDevice], names: Sequence[str], may_act: Callable[[Any], bool]
     ) -> Callable[[], None]:
-        """Serve the devices as a part of the console's application -> what ends that."""
+        """Add the devices to the console's application; return the function that ends this."""
         from gateway.protocols.alpaca.http.server import AlpacaServer
 
         server = AlpacaServer(devices, names, may_act, console=True)
@@ -43,7 +41,7 @@ class AlpacaWeb:
         return server.close
 
     async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
-        """By ASCOM's own way -> what ends that. Raises OSError."""
+        """Answer ASCOM's discovery; return the function that ends this. Raises OSError."""
         from gateway.protocols.alpaca.http.discovery import answer_discovery
 
         return await answer_discovery(places)

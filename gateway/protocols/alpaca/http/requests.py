@@ -1,9 +1,8 @@
-"""A request as HTTP has it -> one line for the surface, and the numbers by which program and request are known.
+"""Converts an HTTP request to one line for the surface, with the numbers of the client and of the request.
 
-As ASCOM has it: the address is in lower case; a GET has its parameters in the address, in any case; a PUT has them in
-its body, in exactly this case. What lacks a parameter, or has one that is no such value, is not understood (400).
-Parameters that nobody knows are passed over. A line ends with a line feed; what is longer than any request is dropped
-up to its end, and so is a line that is not finished.
+As ASCOM defines: the path is in lower case; a GET has its parameters in the query, whose names may be in any case; a
+PUT has them in its body, with names in exact case. A missing or invalid parameter is an error (400); unknown parameters
+are ignored. A line ends with a line feed; a line that is too long or not finished is dropped.
 """
 
 from __future__ import annotations
@@ -18,19 +17,19 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.numerals import quoted
 
-#: The largest number of a program, and of a request.
+#: The greatest number of a client and of a request.
 MOST = 2**32 - 1
 #: Bytes of the longest line.
 LONGEST = 4096
-#: Why bytes are of no use.
-TOO_LONG = "no request is as long as this"
+#: Why bytes are dropped, for the log.
+TOO_LONG = "longer than any request"
 _PARAMETER = re.compile(r" (\w+)=\{(\w+):")
 _PLAIN_NUMBER = re.compile(r"[0-9]{1,10}")
 Pairs = Sequence[tuple[str, str]]
 
 
 class BadRequest(Exception):
-    """It cannot be understood; ``allow`` names the methods that there are where another one was used."""
+    """The request is invalid; ``allow`` names the methods of this member if another one was used."""
 
     def __init__(self, words: str, allow: str = "") -> None:
         super().__init__(words)
@@ -38,7 +37,7 @@ class BadRequest(Exception):
 
 
 class Asked(NamedTuple):
-    """A request for a member: its line, its command, and who asks by which numbers, 0 where they were not told."""
+    """A request for a member: its line and command, and the numbers of client and request, 0 if they are missing."""
 
     line: bytes
     command: Command
@@ -47,7 +46,7 @@ class Asked(NamedTuple):
 
 
 class Signature(NamedTuple):
-    """A member with one method: its command, and the names of its parameters in their order."""
+    """A member with one method: its command, and the names of its parameters in order."""
 
     command: Command
     parameters: tuple[str, ...]
@@ -64,8 +63,8 @@ def signatures() -> Mapping[tuple[str, str], Signature]:
     return found
 
 
-def understood(method: str, member: str, pairs: Pairs) -> Asked:
-    """``pairs`` are the parameters where this method has them. Raises BadRequest."""
+def parse_request(method: str, member: str, pairs: Pairs) -> Asked:
+    """Convert a request with these parameters. Raises BadRequest."""
     verb = method.lower()
     found = signatures().get((verb, member))
     if found is None:
@@ -80,11 +79,11 @@ def understood(method: str, member: str, pairs: Pairs) -> Asked:
         found.command.request.decode(line)
     except (ValueError, OverflowError) as error:
         raise BadRequest(f"{member}: {error}") from None
-    return Asked(line, found.command, *who_asks(pairs, any_case=verb == "get"))
+    return Asked(line, found.command, *client_numbers(pairs, any_case=verb == "get"))
 
 
-def who_asks(pairs: Pairs, *, any_case: bool) -> tuple[int, int]:
-    """ClientID and ClientTransactionID. Raises BadRequest for what is no such number."""
+def client_numbers(pairs: Pairs, *, any_case: bool) -> tuple[int, int]:
+    """Return ClientID and ClientTransactionID. Raises BadRequest if one is not a valid number."""
     given = _Given(pairs, any_case)
     return given.number("ClientID"), given.number("ClientTransactionID")
 
@@ -113,10 +112,12 @@ class _Given:
 
 
 class LineFramer(WholeFramer):
-    cut_off = "half a request, whose end did not come"
+    """Cuts the byte stream of a client into lines."""
+
+    cut_off = "half a request, whose end did not arrive"
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """The lines that these bytes complete, in order."""
+        """Return the lines that these bytes complete, in order."""
         self.dropped.clear()
         *whole, rest = (bytes(self._pending) + data).split(b"\n")
         frames = [line + b"\n" for line in whole]

@@ -1,8 +1,8 @@
-"""The web server's part: addresses, who may ask, and what is answered to what is not understood.
+"""The web server: its addresses, the check of requests, and the answers to invalid ones.
 
-Alpaca knows no password, and a page in somebody's browser can send requests here, too. So what a page sends is refused
-(``Origin``, ``Sec-Fetch-Site``), and what was not meant for this computer (``Host``). aiohttp is loaded with this
-module: import it when somebody has asked.
+Alpaca has no passwords, and web pages in a browser can send requests here too. Therefore requests from web pages are
+refused (``Origin``, ``Sec-Fetch-Site``), and those addressed to another computer (``Host``). Importing this module
+imports aiohttp, which is slow: import it when the first client connects.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from aiohttp import web
 from gateway.core.about import VERSION
 from gateway.core.errors import ReadOnly
 from gateway.protocols.alpaca.http.programs import Device, numbered
-from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, understood, who_asks
+from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, client_numbers, parse_request
 from gateway.protocols.alpaca.tables import member, refused
 from gateway.system.own_names import known_host
 from gateway.system.web_log import web_log
@@ -29,23 +29,23 @@ from gateway.transport.web_port import WebDevice
 
 #: The longest body of a request, bytes.
 LONGEST = 8192
-#: Seconds that it may take to come.
-PATIENCE = 5.0
-#: Seconds that requests under way are given at the end.
+#: Seconds in which it must arrive.
+TIMEOUT = 5.0
+#: Seconds in which open requests may be answered at the end.
 END = 0.5
 FORM = "application/x-www-form-urlencoded"
 CONSOLE = '<a href="/">The console</a> shows and moves the mount.'
 NO_CONSOLE = (
-    "Its console shows and moves the mount; the address stands in the line <q>ready console</q> that it prints."
+    "Its console shows and moves the mount; its address is in the line <q>ready console</q> that the gateway prints."
 )
-#: What the identities of these devices are made in.
+#: The UUID namespace of the devices' identifiers.
 _SPACE = uuid.UUID("6f3d2c1e-7c1b-5d0e-9a53-6d6f756e7467")
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class AlpacaServer:
-    """The devices of one port. ``names`` are further names by which this computer may be called; who ``may_act`` may do
-    more than look and stop; ``console``: the same port has the console's page.
+    """The devices of one port. ``names`` are additional host names of this computer; requests that pass ``may_act`` may
+    do more than read and stop; ``console``: the same port has the console's page.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class AlpacaServer:
         self._may_act, self._console = may_act, console
 
     def add_to(self, app: web.Application) -> None:
-        """Serve it under the addresses that ASCOM has for it."""
+        """Add the routes that ASCOM defines."""
         serve = self._guarded
         app.add_routes([
             web.get("/management/apiversions", serve(self._versions)),
@@ -72,11 +72,11 @@ class AlpacaServer:
         ])  # fmt: skip
 
     def close(self) -> None:
-        """Nobody is answered any more."""
+        """Close the connections of all programs."""
         for device in self._devices:
             device.programs.close()
 
-    # --- who may ask ------------------------------------------------------------------------------------------------
+    # --- the check of requests --------------------------------------------------------------------------------------
 
     def _guarded(self, handler: Handler) -> Handler:
         async def guarded(request: web.Request) -> web.StreamResponse:
@@ -93,12 +93,12 @@ class AlpacaServer:
         return guarded
 
     def _refused(self, request: web.Request) -> str:
-        """Why a request is not served; nothing where it is."""
+        """Return why a request is refused, or an empty string."""
         local = request.transport.get_extra_info("sockname") if request.transport else None
         if not known_host(request.headers.get("Host"), str(local[0]) if local else "", self._names):
-            return "This computer is not called that."
+            return "The Host header is not a name of this computer."
         if "Origin" in request.headers or request.headers.get("Sec-Fetch-Site", "none") != "none":
-            return "Web pages may not ask for this."
+            return "Requests from web pages are refused."
         return ""
 
     # --- the device -------------------------------------------------------------------------------------------------
@@ -106,25 +106,25 @@ class AlpacaServer:
     async def _member(self, request: web.Request) -> web.StreamResponse:
         device = self._device(request)
         pairs = await _parameters(request)
-        asked = understood(request.method, request.match_info["member"], pairs)
+        asked = parse_request(request.method, request.match_info["member"], pairs)
         harmless = request.method == "GET" or member(asked.command.name).always
         if harmless or self._may_act(request):
-            told = await device.answer(asked, request.remote or "?")
+            reply = await device.answer(asked, request.remote or "?")
         else:
-            told = refused(ReadOnly())
-        return web.json_response(numbered(told, asked.transaction))
+            reply = refused(ReadOnly())
+        return web.json_response(numbered(reply, asked.transaction))
 
     def _device(self, request: web.Request) -> Device:
-        """Raises BadRequest."""
+        """Return the device of the address. Raises BadRequest."""
         kind, number = request.match_info["kind"], request.match_info["number"]
         if kind != "telescope":
-            raise BadRequest(f"There is no device of the kind {kind!r} here; there are telescopes")
+            raise BadRequest(f"There is no device of type {kind!r} here; the only type is telescope")
         if not (number.isascii() and number.isdecimal() and len(number) < 11 and int(number) < len(self._devices)):
-            raise BadRequest(f"There is no telescope {number!r} here; their numbers go up to {len(self._devices) - 1}")
+            raise BadRequest(f"There is no telescope {number!r} here; the numbers are 0 to {len(self._devices) - 1}")
         return self._devices[int(number)]
 
     async def _unknown(self, request: web.Request) -> web.StreamResponse:
-        raise BadRequest("There is nothing at this address: /api/v1/telescope/0/ and a member in lower case")
+        raise BadRequest("There is nothing at this address: use /api/v1/telescope/0/ and a member in lower case")
 
     # --- management -------------------------------------------------------------------------------------------------
 
@@ -154,12 +154,14 @@ class AlpacaServer:
             '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>mount-gateway</title>\n'
             f"<h1>mount-gateway {VERSION}</h1>\n<p>by the mount-gateway developers. Its telescopes:\n<ul>{rows}</ul>\n"
             f"<p>{CONSOLE if self._console else NO_CONSOLE}\n"
-            "<p>It is set up where it was started: by its command line or its configuration file.\n"
+            "<p>It is configured by its command line or its configuration file.\n"
         )
         return web.Response(text=page, content_type="text/html")
 
 
 class OwnServer:
+    """The web server of a port that has only Alpaca."""
+
     def __init__(self, runner: web.AppRunner, alpaca: AlpacaServer) -> None:
         self._runner, self._alpaca = runner, alpaca
 
@@ -176,43 +178,43 @@ class OwnServer:
         return self._runner.server()
 
     async def close(self) -> None:
-        """Nobody is answered any more."""
+        """Stop answering and close all connections."""
         self._alpaca.close()
         await self._runner.cleanup()
 
 
 def _unique_id(title: str) -> str:
-    """The same as long as the mount is at the same place on the same computer."""
+    """Return an identifier that stays the same while the mount is at the same endpoint of the same computer."""
     return str(uuid.uuid5(_SPACE, f"{socket.gethostname()} {title}"))
 
 
 async def _parameters(request: web.Request) -> Pairs:
-    """Of the address, or of the body of a PUT. Raises BadRequest."""
+    """Return the parameters of the query, or of the body of a PUT. Raises BadRequest."""
     if request.method != "PUT":
         return list(request.query.items())
     if request.content_type not in (FORM, "application/octet-stream"):
-        raise BadRequest(f"The parameters of a PUT stand in its body as {FORM}")
+        raise BadRequest(f"The parameters of a PUT must be in its body as {FORM}")
     try:
         body = (await _body(request)).decode("utf-8")
         return parse_qsl(body, keep_blank_values=True, max_num_fields=100, errors="strict")
     except ValueError:
-        raise BadRequest("The parameters cannot be read") from None
+        raise BadRequest("The parameters cannot be decoded") from None
 
 
 async def _body(request: web.Request) -> bytes:
-    """All of it: it may come in pieces, and half a number is another number. Raises BadRequest."""
+    """Return the whole body, which may arrive in pieces; half a number would be another number. Raises BadRequest."""
     body = b""
     try:
-        async with asyncio.timeout(PATIENCE):
+        async with asyncio.timeout(TIMEOUT):
             async for piece in request.content.iter_any():
                 body += piece
                 if len(body) > LONGEST:
                     raise BadRequest(f"The body is longer than {LONGEST} bytes")
     except TimeoutError:
-        raise BadRequest(f"The body has not come within {PATIENCE:g} s") from None
+        raise BadRequest(f"The body has not arrived within {TIMEOUT:g} s") from None
     return body
 
 
 def _value(request: web.Request, value: Any) -> web.StreamResponse:
-    _, transaction = who_asks(list(request.query.items()), any_case=True)
+    _, transaction = client_numbers(list(request.query.items()), any_case=True)
     return web.json_response(numbered({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))

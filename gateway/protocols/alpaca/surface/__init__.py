@@ -1,1 +1,1 @@
-"""The Alpaca surface: what its rows in ``mappings/alpaca/surface.toml`` call."""
+"""The Alpaca surface: the functions that the rows of ``mappings/alpaca/surface.toml`` call."""

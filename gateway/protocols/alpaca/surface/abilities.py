@@ -1,6 +1,6 @@
-"""What kind of mount it is: how it is built, what its coordinates mean, the side of its pier, and what it can do.
+"""The properties of the mount: its type, the equinox of its coordinates, the side of the pier, and its abilities.
 
-What it can do is told by the tables of the model and version that it has told.
+Its abilities are those that the tables have for the model and version that it has reported.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from gateway.protocols.base.surface import Handler
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.wireformat.command import Command
 
-#: ASCOM's numbers for how a mount is built.
+#: ASCOM's numbers for types of mounts.
 ALT_AZ, POLAR, GERMAN = 0, 1, 2
-#: ASCOM's numbers for what coordinates mean, and for the sides of the pier.
+#: ASCOM's numbers for coordinate systems, and for the sides of the pier.
 TOPOCENTRIC, J2000 = 1, 2
 EAST, WEST, UNKNOWN = 0, 1, -1
 
@@ -28,12 +28,12 @@ def alignment_mode(session: AlpacaSession, command: Command, values: Values) -> 
 
 
 def equatorial_system(session: AlpacaSession, command: Command, values: Values) -> int:
-    """By the setting of the surface."""
+    """Return the equinox that is configured for the surface."""
     return J2000 if session.model["equinox"] == "j2000" else TOPOCENTRIC
 
 
 def side_of_pier(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """East is where a German mount looks west, its counterweight below: ASCOM's normal pointing state."""
+    """East is ASCOM's normal pointing state: the tube is east of the pier and points west, counterweight down."""
     try:
         side = yield op.TubeSide()
     except Unsupported:
@@ -42,7 +42,7 @@ def side_of_pier(session: AlpacaSession, command: Command, values: Values) -> Ha
 
 
 def destination_side(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """With every goto such a mount chooses the side from which it looks over the pier."""
+    """A German mount chooses, at every goto, the side from which it looks across the pier."""
     ra, _ = place(values)
     if not (yield op.GetAbilities()).german:
         return UNKNOWN
@@ -50,7 +50,7 @@ def destination_side(session: AlpacaSession, command: Command, values: Values) -
 
 
 def axis_rates(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Of a third axis none."""
+    """Return the rates of an axis, degrees per second; a third axis has none."""
     third = axis(values) == 2
     speeds = (yield op.GetAbilities()).speeds
     return {"value": [] if third else [{"Minimum": low, "Maximum": high} for low, high in speeds]}
@@ -62,7 +62,7 @@ def can_move_axis(session: AlpacaSession, command: Command, values: Values) -> H
 
 
 def _able(*operations: type[op.Operation]) -> Handler:
-    """A member that says whether the mount can do all of these."""
+    """Return the handler of a member that reports whether the mount can do all of these."""
 
     def able(session: AlpacaSession, command: Command, values: Values) -> Handling:
         can = (yield op.GetAbilities()).can
@@ -73,7 +73,7 @@ def _able(*operations: type[op.Operation]) -> Handler:
 
 can_find_home = _able(op.Home)
 can_park = _able(op.Park)
-#: What cannot be parked needs no unparking.
+#: A mount that cannot park cannot unpark either.
 can_unpark = _able(op.Park, op.Unpark)
 can_pulse_guide = _able(op.Pulse)
 can_set_guide_rates = _able(op.SetGuideRate)

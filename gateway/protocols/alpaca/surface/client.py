@@ -1,7 +1,7 @@
-"""A program that speaks Alpaca: what belongs to it, what its requests must be, and what must be so for them.
+"""The session of an Alpaca program, the conditions of its requests, and the ranges of their parameters.
 
-A program has to be connected, the mount must not be parked for some of what is asked, and every parameter has its
-range. Every request is answered, also one that is refused.
+A program must be connected, and for some requests the mount must not be parked. Every request is answered, also a
+refused one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class AlpacaKept(Kept):
-    """``ra``, ``dec`` are the target, degrees; ``elevation`` is in metres. None: not set yet."""
+    """``ra``, ``dec`` are the target, degrees; ``elevation`` is in metres. None means not set yet."""
 
     connected: bool = False
     ra: float | None = None
@@ -30,15 +30,15 @@ class AlpacaKept(Kept):
 
 
 class AlpacaSession(Session):
-    """One client: a program on one computer that counts as one by its ClientID."""
+    """One client: a ClientID on one computer."""
 
-    inherits = False  # another one of the same computer is another program
+    inherits = False  # another ClientID on the same computer is another program
     state = AlpacaKept
     kept: AlpacaKept
 
 
 class AlpacaSurface(Surface):
-    """Every request is answered: with the value, with nothing, or with the number and the words of a refusal."""
+    """Answers every request: with a value, with null, or with the number and the text of a refusal."""
 
     def __init__(self, protocol: CommandSet, handlers: Mapping[str, Handler]) -> None:
         super().__init__(protocol, handlers, refusal)
@@ -50,7 +50,7 @@ class AlpacaSurface(Surface):
 
 
 def _admitted(session: Session, name: str) -> Handling:
-    """Whether this program may ask for it, as the mount stands. Raises Fault where not."""
+    """Check the conditions of a member. Raises Fault if one is not met."""
     assert isinstance(session, AlpacaSession)
     needs = member(name)
     if not (needs.always or session.kept.connected):
@@ -70,7 +70,7 @@ def _admitted(session: Session, name: str) -> Handling:
 
 
 def within(values: Values, field: str, name: str, low: float, high: float, per: float = 1.0) -> Any:
-    """A parameter that is in its range, which is told in units of ``per``. Raises Invalid."""
+    """Return a parameter. Raises Invalid if it is out of range, with a text in units of ``per``."""
     value = given(values)[field]
     if not low <= value <= high:
         raise Invalid(f"{name} is {value / per:.10g}; it must be from {low / per:.6g} to {high / per:.6g}.")
@@ -78,12 +78,12 @@ def within(values: Values, field: str, name: str, low: float, high: float, per: 
 
 
 def place(values: Values) -> tuple[float, float]:
-    """Right ascension and declination, degrees. Raises Invalid."""
+    """Return right ascension and declination, degrees. Raises Invalid."""
     ra = within(values, "ra", "RightAscension", 0.0, 360.0, per=15.0)
     return ra % 360.0, within(values, "dec", "Declination", -90.0, 90.0)
 
 
 def axis(values: Values) -> int:
-    """0 for the first axis, 1 for the second, 2 for a third that no mount has. Raises Invalid."""
+    """Return 0 for the first axis, 1 for the second, 2 for a third one, which no mount has. Raises Invalid."""
     found: int = within(values, "axis", "Axis", 0, 2)
     return found

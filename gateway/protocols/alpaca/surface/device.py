@@ -1,4 +1,4 @@
-"""What every ASCOM device has: connecting, names, its state as a list, and commands that are not handed on."""
+"""The members of every ASCOM device: connecting, names, the list of its state, and those not available here."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from gateway.protocols.wireformat.numerals import moment
 
 
 def no_action(session: AlpacaSession, command: Command, values: Values) -> None:
-    """Raises Unsupported."""
+    """Raise Unsupported: there are no actions."""
     raise Unsupported("This mount has no actions of its own.")
 
 
 def not_here(session: AlpacaSession, command: Command, values: Values) -> None:
-    """Raises Unsupported."""
+    """Raise Unsupported: the gateway does not have this member."""
     raise Unsupported(f"Not available: {command.help}.")
 
 
 def connect(session: AlpacaSession, command: Command | None, values: Values) -> Handling:
-    """Raises NoAnswer while the mount is known not to be there."""
+    """Connect. Raises NoAnswer if the mount is known not to answer."""
     yield Possible(op.Position())
     session.kept.connected = True
 
@@ -37,7 +37,7 @@ def connected(session: AlpacaSession, command: Command, values: Values) -> bool:
 
 
 def set_connected(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Both are done when they are answered."""
+    """Connect or disconnect; this is completed before the reply."""
     if given(values)["on"]:
         yield from connect(session, command, values)
     else:
@@ -49,7 +49,7 @@ def disconnect(session: AlpacaSession, command: Command, values: Values) -> None
 
 
 def name(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """As the mount calls itself; as a mount, while it has not said so."""
+    """Return the mount's own product name, or a general one until the mount has answered."""
     try:
         return (yield op.GetIdentity()).product
     except Fault:
@@ -57,13 +57,13 @@ def name(session: AlpacaSession, command: Command, values: Values) -> Handling:
 
 
 def description(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """The mount with its model and version."""
+    """Return the mount's product name, model and version."""
     try:
-        told: op.Identity = yield op.GetIdentity()
+        found: op.Identity = yield op.GetIdentity()
     except Fault:
         return "A mount that has not answered yet, by mount-gateway"
-    version = f" {told.version}" if told.version not in ("", "?") else ""
-    return f"{told.product}, {told.model}{version}, by mount-gateway"
+    version = f" {found.version}" if found.version not in ("", "?") else ""
+    return f"{found.product}, {found.model}{version}, by mount-gateway"
 
 
 def driver_version(session: AlpacaSession, command: Command, values: Values) -> dict[str, str]:
@@ -71,9 +71,9 @@ def driver_version(session: AlpacaSession, command: Command, values: Values) -> 
 
 
 def device_state(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """What a program looks at again and again, in one answer; what the mount does not tell now is left out."""
+    """Return the values that programs poll, in one reply; values that the mount does not report now are left out."""
     state: list[dict[str, Any]] = []
-    for label, reading in _looked_at(session, command):
+    for label, reading in _polled(session, command):
         try:
             state.append({"Name": label, "Value": (yield from reading)})
         except Fault:
@@ -81,7 +81,7 @@ def device_state(session: AlpacaSession, command: Command, values: Values) -> Ha
     return {"value": [*state, {"Name": "TimeStamp", "Value": moment(session.clock()).decode()}]}
 
 
-def _looked_at(session: AlpacaSession, command: Command) -> Iterator[tuple[str, Handling]]:
+def _polled(session: AlpacaSession, command: Command) -> Iterator[tuple[str, Handling]]:
     yield "Altitude", _of(op.HorizontalPosition(), "alt")
     yield "AtHome", motion.at_home(session, command, {})
     yield "AtPark", motion.at_park(session, command, {})

@@ -1,6 +1,6 @@
-"""What moves the mount: gotos, motion by hand, guiding, parking, tracking and its rates.
+"""Gotos, motion by hand, guiding, parking, tracking and its rates.
 
-A motion is begun here, and followed by what tells whether it lasts.
+A request that begins a motion is answered when the motion has begun; programs poll other members to see it end.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 
-#: By ASCOM's numbers.
+#: The directions in the order of ASCOM's numbers.
 DIRECTIONS = (op.Direction.NORTH, op.Direction.SOUTH, op.Direction.EAST, op.Direction.WEST)
-#: A speed this near to one that the mount has is that one, as a part of it.
+#: A speed that differs from one of the mount's by less than this fraction counts as that one.
 NEAR = 0.01
-#: Degrees a second.
+#: The sidereal rate, degrees per second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
-#: ASCOM's numbers for drive rates: what the mount is told, and multiples of sidereal.
+#: ASCOM's number of a drive rate -> its name in operations, and the multiple of sidereal.
 RATES = {0: ("sidereal", 1.0), 1: ("lunar", 14.685 / SIDEREAL_ARCSECONDS), 2: ("solar", 15.0 / SIDEREAL_ARCSECONDS)}
 
 
@@ -40,7 +40,7 @@ def sync(session: AlpacaSession, command: Command, values: Values) -> Handling:
 
 
 def _target(session: AlpacaSession, values: Values) -> tuple[float, float]:
-    """A place that comes with the command is the target from now on."""
+    """Return the target, which coordinates in the command replace. Raises NoTarget if none is set."""
     if values:
         session.kept.ra, session.kept.dec = place(values)
     if session.kept.ra is None or session.kept.dec is None:
@@ -53,7 +53,7 @@ def slewing(session: AlpacaSession, command: Command, values: Values) -> Handlin
 
 
 def _slews(moves: op.Activity) -> Handling:
-    """From the moment in which a motion was asked for; the mount tells of those of its own hand control."""
+    """Return whether a motion was requested and has not ended, or the mount itself reports one of its hand control."""
     return moves.goto or moves.by_hand or (yield op.Slewing())
 
 
@@ -62,7 +62,7 @@ def is_pulse_guiding(session: AlpacaSession, command: Command, values: Values) -
 
 
 def at_park(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Once it stands there: what has acknowledged the end of a park may run down for a moment."""
+    """Return whether it is parked and at rest: some mounts report the end of a park while they still move."""
     moves: op.Activity = yield op.GetActivity()
     return moves.parked and not (yield from _slews(moves))
 
@@ -72,25 +72,25 @@ def at_home(session: AlpacaSession, command: Command, values: Values) -> Handlin
 
 
 def park(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """A mount that is parked stays so."""
+    """Park the mount, unless it is parked already."""
     if not (yield op.GetActivity()).parked:
         yield op.Park()
 
 
 def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """It tracks again, where it can be told to. Raises Unsupported for a mount that cannot be parked."""
+    """Unpark and turn tracking on if possible. Raises Unsupported for a mount that cannot be parked."""
     if "Park" not in (yield op.GetAbilities()).can:
         raise Unsupported("This mount cannot be parked.")
     if not (yield op.GetActivity()).parked:
         return
     yield op.Unpark()
     if (yield op.GetStatus()).tracking is op.Tracking.OFF:
-        with suppress(Fault):  # it is in service all the same
+        with suppress(Fault):  # it is unparked all the same
             yield op.SetTracking(True)
 
 
 def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """At one of the rates of ``AxisRates``, either way; 0 ends it. Raises Invalid for any other."""
+    """Move an axis at a rate of ``AxisRates``, positive or negative; 0 ends the motion. Raises Invalid."""
     number, rate = axis(values), given(values)["rate"]
     if number == 2:
         raise Unsupported("This mount has no third axis.")
@@ -99,12 +99,12 @@ def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handl
         return
     speeds = (yield op.GetAbilities()).speeds
     if not any(low * (1.0 - NEAR) <= abs(rate) <= high * (1.0 + NEAR) for low, high in speeds):
-        raise Invalid(f"Rate {rate:g} is none of this axis: AxisRates lists them, in degrees a second.")
+        raise Invalid(f"Rate {rate:g} is none of this axis: AxisRates lists them, in degrees per second.")
     yield op.MoveAxis(number + 1, 1 if rate > 0.0 else -1, op.Rate(degrees=abs(rate)))
 
 
 def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """The answer comes when it has begun."""
+    """Send a guide pulse; the reply is sent when it has begun."""
     direction = DIRECTIONS[within(values, "direction", "Direction", 0, 3)]
     ms = within(values, "ms", "Duration", 0, 600_000)
     if ms:
@@ -115,7 +115,7 @@ def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Han
 
 
 def tracking(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """A parked mount does not, whatever it said last."""
+    """Return whether the mount tracks; a parked mount does not, whatever it reported last."""
     tracks = (yield op.GetStatus()).tracking is not op.Tracking.OFF
     return tracks and not (yield op.GetActivity()).parked
 
@@ -128,7 +128,7 @@ def set_tracking(session: AlpacaSession, command: Command, values: Values) -> Ha
 
 
 def tracking_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """The nearest of those that have a number."""
+    """Return the number of the nearest drive rate."""
     try:
         factor = yield op.DriveRate()
     except Unsupported:
@@ -141,7 +141,7 @@ def tracking_rates(session: AlpacaSession, command: Command, values: Values) -> 
 
 
 def set_tracking_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Raises Invalid for a rate that the mount has not."""
+    """Set a drive rate. Raises Invalid if the mount does not have it."""
     number = given(values)["rate"]
     if number not in (yield from _rates()):
         raise Invalid(f"TrackingRate {number} is not among the rates of this mount (TrackingRates).")
@@ -149,17 +149,17 @@ def set_tracking_rate(session: AlpacaSession, command: Command, values: Values) 
 
 
 def _rates() -> Handling:
-    """A mount without a way to set one has the sidereal rate alone."""
+    """Return the numbers of the mount's drive rates; if they cannot be set it is sidereal only."""
     return list(RATES) if "TrackRate" in (yield op.GetAbilities()).can else [0]
 
 
 def guide_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Degrees a second."""
+    """Return the guide rate, degrees per second."""
     return (yield op.GetAbilities()).guides[_axis(command) - 1] * SIDEREAL
 
 
 def set_guide_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Up to the sidereal rate."""
+    """Set the guide rate, degrees per second, at most sidereal."""
     rate = within(values, "rate", "The guide rate", 0.0, SIDEREAL * 1.0001)
     if "SetGuideRate" not in (yield op.GetAbilities()).can:
         raise Unsupported("The guide rates of this mount cannot be set.")

@@ -1,4 +1,4 @@
-"""The site, the clock, and the target that a program sets before it sends the mount there."""
+"""The site, the clock, and the target that a program sets before a goto."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gateway.protocols.alpaca.surface.client import AlpacaSession, within
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 
-#: What a program sets for itself: its field, its name in messages, its range, and in units of how much it is told.
+#: The values that a program sets for itself: field, name in messages, range, and the size of the unit in messages.
 OWN = {
     "siteelevation": ("elevation", "SiteElevation", -300.0, 10000.0, 1.0),
     "targetrightascension": ("ra", "TargetRightAscension", 0.0, 360.0, 15.0),
@@ -18,7 +18,7 @@ OWN = {
 
 
 def kept(session: AlpacaSession, command: Command, values: Values) -> float:
-    """Raises NoTarget for what was not set."""
+    """Return a value that the program has set. Raises NoTarget if it was not set."""
     field, name, *_ = OWN[command.name]
     value: float | None = getattr(session.kept, field)
     if value is None:
@@ -37,12 +37,12 @@ def set_latitude(session: AlpacaSession, command: Command, values: Values) -> Ha
 
 
 def set_longitude(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """East counts positive."""
+    """Set the longitude, east positive."""
     yield op.SetSite(longitude=within(values, "longitude", "SiteLongitude", -180.0, 180.0))
 
 
 def set_clock(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """UTC; local time stays as far from it as it was."""
+    """Set UTC and keep the UTC offset."""
     unix = given(values)["unix"]
     before: op.Moment = yield op.GetClock()
     yield op.SetClock(unix, before.offset, before.dst)

@@ -1,1 +1,1 @@
-"""The LX200 driver: operations become the commands of the Meade that was found."""
+"""The LX200 driver: turns operations into commands of the connected Meade."""

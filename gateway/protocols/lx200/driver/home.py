@@ -1,7 +1,7 @@
 """Home, park and sleep.
 
-While it seeks its home a Meade hears :Q# and :h?# alone, so nothing else is sent until it has found it (``ask`` sees to
-that). What a model has no command for, the rows refuse.
+While a Meade seeks its home it accepts only :Q# and :h?#, so ``ask`` sends nothing else until the search has ended.
+Operations for which a model has no command are refused by the rows of ``driver.toml``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.protocols.base.driver import Schedule, Steps, Wait
 from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
-from gateway.protocols.lx200.driver.ends import MOUNT, begins
+from gateway.protocols.lx200.driver.ends import MOUNT, count_motion
 from gateway.protocols.lx200.driver.identify import read_status
 from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
@@ -21,21 +21,21 @@ SETTLE, SEEK_EVERY = 0.5, 2.0
 
 
 class SeekOn(op.Operation, frozen=True):
-    """Internal: look whether home was found."""
+    """Internal: check whether the search for home has ended."""
 
 
 def park(mount: Lx200Driver, _: op.Park) -> Steps:
-    """:hP - the telescope switches its drives off when it is there."""
+    """:hP - the telescope turns its drives off when it has arrived."""
     yield from stop_current_motion(mount)
     yield from begin(mount, "hP", then="park")
 
 
 def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
-    """:hF, and :hS, by which the telescope stores where its switches are."""
+    """:hF, or :hS, which stores the positions of the home switches."""
     yield from stop_current_motion(mount)
-    mount.seeking = True  # from here on nothing is asked; what waits for the line already is answered first
+    mount.seeking = True  # from here on no other command is sent; requests in the queue are answered first
     yield Wait(SETTLE)
-    begins(mount, *MOUNT)
+    count_motion(mount, *MOUNT)
     try:
         yield from ask(mount, "hS" if isinstance(operation, op.SetHome) else "hF")
     except Fault:
@@ -46,7 +46,7 @@ def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
 
 
 def seek_on(mount: Lx200Driver, _: SeekOn) -> Steps:
-    """Look again and again, for nobody else may be asking, and nothing else is asked until it has found it."""
+    """Check repeatedly whether the search has ended: all other commands wait for it, and no client may be asking."""
     if not mount.seeking:
         return
     with contextlib.suppress(Busy, NoAnswer):
@@ -61,15 +61,15 @@ def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
 
 
 def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
-    """A parked LX200GPS wakes by :I; the state is read anew, and tracking goes on where it can. Raises Unsupported."""
+    """:I wakes a parked LX200GPS; then read the status and turn tracking on if possible. Raises Unsupported."""
     if mount.parked and mount.supports("I"):
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
         mount.powerless = False
-        if mount.rate is not None:  # that was a new start, at its own rate
+        if mount.rate is not None:  # :I restarts the telescope at its default rate
             yield from track_rate(mount, mount.rate)
     elif mount.parked and not mount.tells_status:
-        raise Unsupported("This telescope comes back into service with the next goto.")
+        raise Unsupported("This telescope has no command to unpark: the next goto unparks it.")
     mount.parked = False
     yield from read_status(mount)
     if mount.tells_status and mount.tracking is op.Tracking.OFF:
@@ -77,7 +77,7 @@ def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
 
 
 def sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
-    """:hN - from then on nothing is sent that would turn a motor: a telescope that sleeps says yes and stays."""
+    """:hN - afterwards no motion is sent: a sleeping telescope would accept it and not move."""
     yield from ask(mount, "hN")
     mount.powerless = True
 

@@ -1,7 +1,7 @@
-"""Finding out which Meade this is: where it points first, then its name; silence means a classic LX200.
+"""Identifies the Meade: its position is read first, then its name; a telescope without a name is a classic LX200.
 
-Whatever tells where it points is a telescope. All else may stay unanswered, or be answered in a form that nobody knows:
-then it can do less. What was not answered is not asked again before the line comes up anew.
+A device that reports a position is a telescope. All other questions may stay unanswered or get a reply of an unknown
+form; the driver then does without them, and does not ask again until the line is connected again.
 """
 
 from __future__ import annotations
@@ -12,31 +12,31 @@ from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, 
 from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
 
-#: A question that may stay unanswered is waited for so many times longer than two answers took, and at least so long.
+#: The timeout of a question that may stay unanswered: TIMES the usual reply time, and at least so many seconds.
 TIMES, AT_LEAST = 2.0, 0.6
 #: The length of a right ascension in high precision.
 HIGH = len("HH:MM:SS#")
 
 
 def contact(mount: Lx200Driver, _: object = None) -> Steps:
-    """ACK, :GR and :GD in high precision -> Equatorial: from then on programs can be told where it points."""
+    """ACK, :GR and :GD in high precision -> Equatorial: enough to report the position to clients."""
     mount.power_on()
-    mount.mute, mount.quick = frozenset(), OWN_PATIENCE
+    mount.mute, mount.reply_time = frozenset(), OWN_PATIENCE
     yield from _probe(mount, "ACK", light=True)
     began = mount.now()
     first = yield from high_precision(mount)
     since = mount.now()
     second = yield from ask(mount, "GD")
     mount.read_at = since, mount.now()
-    mount.quick, mount.met = min(OWN_PATIENCE, since - began, mount.now() - since), True
+    mount.reply_time, mount.contacted = min(OWN_PATIENCE, since - began, mount.now() - since), True
     return Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
 def identity(mount: Lx200Driver, _: Operation) -> Steps:
     """ACK, :GVP, :GVN, :GW -> Identity."""
-    if not mount.met:
+    if not mount.contacted:
         yield from contact(mount)
-    mount.met = False
+    mount.contacted = False
     letter = yield from _probe(mount, "ACK")
     if letter is not None:
         _learn_letter(mount, letter["mode"])
@@ -50,17 +50,17 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
         firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
         mount.tells_status = (yield from _probe(mount, "GW")) is not None
-    mount.more = frozenset({"GW"} if mount.tells_status else ())
+    mount.extra_commands = frozenset({"GW"} if mount.tells_status else ())
     try:
         yield from read_status(mount)
-    except Fault as fault:  # whatever it says of that, it is there
+    except Fault as fault:  # a refusal is an answer too: the telescope is connected
         if isinstance(fault, NoAnswer) and not isinstance(fault, Garbled):
             raise
     return Identity(product=mount.product or "LX200", version=mount.firmware or "?", model=mount.model or "autostar")
 
 
 def _name(mount: Lx200Driver) -> Steps:
-    """The name, asked for twice where the model hangs on it: one question may have been lost on its way."""
+    """:GVP, repeated if the model depends on it, because the first question may have been lost."""
     product = yield from _probe(mount, "GVP")
     if product is None and mount.named_model is None:
         mount.mute -= {"GVP"}
@@ -69,22 +69,22 @@ def _name(mount: Lx200Driver) -> Steps:
 
 
 def _probe(mount: Lx200Driver, command: str, light: bool = False) -> Steps:
-    """A question that need not be answered -> its fields or None. Raises NoAnswer where the line is down."""
+    """Send a question that may stay unanswered; return its fields or None. Raises NoAnswer if the line is down."""
     if command in mount.mute:
         return None
     try:
-        patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.quick))
+        patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.reply_time))
         return (yield Send(command, patience=patience, light=light))
     except (Garbled, Silence):
         mount.mute |= {command}
-    except Fault as fault:  # one that is busy will know the answer when it has time for it
+    except Fault as fault:  # a busy telescope may answer this question later
         if isinstance(fault, NoAnswer):
             raise
     return None
 
 
 def _model(mount: Lx200Driver, product: str) -> Steps:
-    """The model that a product text stands for; a nameless one is a classic, one with a home is the 16 inch."""
+    """Return the model for a product text; without one it is the 16 inch if it answers :h?, else a classic."""
     if product.startswith(("LX2001", "LX200GPS")):
         return "lx200gps"
     if product.startswith("LX200 16"):
@@ -97,7 +97,7 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
 
 
 def high_precision(mount: Lx200Driver) -> Steps:
-    """Make sure once: read, toggle if the answer is short, read again -> the last answer."""
+    """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply."""
     for attempt in range(3):
         if attempt:
             yield from ask(mount, "U")
@@ -114,12 +114,12 @@ def _learn_letter(mount: Lx200Driver, letter: str) -> None:
 
 
 def read_status(mount: Lx200Driver) -> Steps:
-    """:GW where the telescope knows it, else ACK; where it knows neither, it is taken to be aligned and to track.
+    """Read :GW, or ACK if the telescope lacks it; without both it is assumed to be aligned and to track.
 
-    In motion a Meade tells what its motors do: under a key that it does not track, for a moment of a goto that it does.
-    How it goes on afterwards is what it said at rest.
+    In motion a Meade reports what its motors do: no tracking while a key is pressed, tracking for a moment of a goto.
+    What it reported at rest is therefore kept during a motion.
     """
-    if mount.product and not mount.tells_status and "GW" not in mount.mute:  # it was too busy to tell
+    if mount.product and not mount.tells_status and "GW" not in mount.mute:  # it was too busy when it was identified
         mount.tells_status = (yield from _probe(mount, "GW")) is not None
     answer = (yield from ask(mount, "GW")) if mount.tells_status else None
     if answer is not None:
@@ -134,7 +134,7 @@ def read_status(mount: Lx200Driver) -> Steps:
                 _learn_letter(mount, answer["build"])
         mount.land = mount.land and not (tracks and mount.goto is None)
         mount.aligned = answer["aligned"] not in "0"
-        mount.powerless = mount.powerless and not tracks  # somebody has woken it at its keys
+        mount.powerless = mount.powerless and not tracks  # the user has woken it on the hand control
     else:
         answer = yield from _probe(mount, "ACK")
         if answer is None:
@@ -148,10 +148,10 @@ def read_status(mount: Lx200Driver) -> Steps:
 
 
 def _in_land_mode(mount: Lx200Driver) -> Steps:
-    """Whether the alignment mode is L.
+    """ACK -> whether the alignment mode is L (land).
 
-    Of a polar telescope whose tracking is off for that reason, ``:GW#`` may tell an A, and a T while it slews. How it
-    stands is then what it said before; if somebody has taken it off its wedge, the alignment mode is an A.
+    A polar telescope in land mode may report an A in ``:GW#``, and a T while it slews. Its mounting is then what it
+    reported before; if the user has taken it off the wedge, the alignment mode is A.
     """
     answer = yield from _probe(mount, "ACK")
     return answer is not None and answer["mode"] == "L"
@@ -162,11 +162,11 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
-    """-> Status."""
+    """:GW or ACK -> Status."""
     try:
         yield from read_status(mount)
     except Fault:
-        if mount.goto is None:  # some are mute to this while they slew
+        if mount.goto is None:  # some do not answer this while they slew
             raise
     return Status(
         tracking=mount.tracking,

@@ -1,9 +1,9 @@
-"""Arrows, their rates, and guiding.
+"""Motion by hand, its rates, and guiding.
 
-Motor sense is kept: positive is west on the first axis (east in the south); on the second it lifts the tube of a fork,
-towards the elevated pole where it stands on a wedge. On a Meade that is a German mount the second one turns with the
-side of the pier, as the motors of a German hand control do. A variable rate of the motor in right ascension takes the
-place of tracking, an arrow of the sky does not.
+The sense of the motors is preserved: positive is west on the first axis (east in the southern hemisphere); on the
+second axis it lifts the tube of a fork, on a wedge towards the elevated pole. On a German Meade the sense of the second
+axis is reversed on one side of the pier, like that of the motors of a German hand control. A variable rate of the right
+ascension motor replaces tracking; a motion in a sky direction is added to it.
 """
 
 from __future__ import annotations
@@ -13,22 +13,30 @@ import math
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.protocols.base.driver import SLEWING, Remark, Steps
-from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
-from gateway.protocols.lx200.driver.ends import MOUNT, at_most, begins, end, guide_at, put_back_later
+from gateway.protocols.lx200.driver.drive import drive_at, restore_drive_rate
+from gateway.protocols.lx200.driver.ends import (
+    MOUNT,
+    count_motion,
+    end,
+    restore_rates_later,
+    set_fastest,
+    use_guide_rate,
+)
 from gateway.protocols.lx200.driver.pointing import beyond_pole
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
-#: What is off by more than this part of what was asked is said.
-_SAID_FROM = math.log(1.1)
+#: A speed that deviates from the requested one by more than this ratio is reported in the log.
+_REPORT_FROM = math.log(1.1)
 _NAMED_DRIVES = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
 
 
 def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
-    if axis == 2 and mount.equatorial and not mount.german and mount.southern:  # it lifts the tube to the southern pole
+    """Return the letter of the sky direction for a sense of a motor."""
+    if axis == 2 and mount.equatorial and not mount.german and mount.southern:  # lifting is towards the southern pole
         sense = -sense
-    elif axis == 2 and mount.german:  # its second motor turns the tube the other way on one side of the pier
+    elif axis == 2 and mount.german:  # the motor's sense is reversed on one side of the pier
         sense = -sense if (yield from beyond_pole(mount)) is not mount.southern else sense
     if axis == 2:
         return "n" if sense > 0 else "s"
@@ -44,7 +52,7 @@ def move(mount: Lx200Driver, operation: op.Move) -> Steps:
 
 
 def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
-    """:M… by motor sense. A variable rate in right ascension counts from rest, where the mount tracks."""
+    """:M… by motor sense. If the mount tracks, a variable rate in right ascension is relative to a motor at rest."""
     axis, rate = operation.axis, operation.rate
     letter = yield from _letter(mount, axis, operation.sense)
     tracks = mount.equatorial and not mount.land and mount.tracking is not op.Tracking.OFF
@@ -54,43 +62,43 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
         return
     west = rate.degrees if letter == "w" else -rate.degrees
     speed = instead_of_tracking(mount.abilities, west, _drive(mount))
-    yield from _say(west, speed.degrees)
+    yield from _report(west, speed.degrees)
     if speed.hertz is not None:
-        mount.driven = True
+        mount.drive_changed = True
         yield from drive_at(mount, speed.hertz)
     else:
-        yield from put_drive_back(mount)
+        yield from restore_drive_rate(mount)
     if speed.west is not None:
         letter = "w" if speed.west else "e"
     yield from _move(mount, axis, letter, rate, speed)
 
 
 def _drive(mount: Lx200Driver) -> float:
-    """What it tracks at, degrees a second."""
+    """Return the current tracking speed, degrees per second."""
     rate = mount.rate
     factor = 1.0 if rate is None else rate.factor if rate.factor is not None else _NAMED_DRIVES[rate.name or "sidereal"]
     return factor * SPEEDS["RG"]
 
 
 def _speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
-    """The nearest to so many degrees a second; None for a rate that has a name, or is one of the telescope's keys."""
+    """Return the speed nearest to a variable rate; None for a named rate or a hand-control key."""
     if rate.name is not None or rate.degrees is None:
         return None
     speed = nearest(mount.abilities, rate.degrees)
-    yield from _say(rate.degrees, speed.degrees)
+    yield from _report(rate.degrees, speed.degrees)
     return speed
 
 
-def _say(asked: float, done: float) -> Steps:
-    if off(asked, done) > _SAID_FROM:
+def _report(asked: float, done: float) -> Steps:
+    if off(asked, done) > _REPORT_FROM:
         yield Remark(
-            f"{abs(asked) * 3600:.5g} arcseconds a second go as {done * math.copysign(3600, asked):.5g}: "
-            "no other speed of this Meade is nearer"
+            f"a motion at {abs(asked) * 3600:.5g} arcseconds per second is done at "
+            f"{done * math.copysign(3600, asked):.5g}: this Meade has no nearer speed"
         )
 
 
 def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
-    """``speed`` of None is the one of its name; one without a command is tracking itself, at another rate."""
+    """Begin a motion by hand. Without ``speed`` the rate is a named one; a speed without a command is only tracking."""
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
     if old and (old != letter or none):
@@ -99,25 +107,25 @@ def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Spee
         mount.moving[axis], mount.parked = "", False
         return
     yield from (_named(mount, axis, rate) if speed is None else _chosen(mount, axis, speed))
-    begins(mount, axis)
+    count_motion(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.moving[axis], mount.parked = letter, False
 
 
 def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
-    """One of the four rates by its name."""
+    """Set one of the four rates."""
     command = rate_command(rate)
     if command == "RS":
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
     elif command == "RG":
-        yield from guide_at(mount, mount.guide_rate)
+        yield from use_guide_rate(mount, mount.guide_rate)
     yield from ask(mount, command)
 
 
 def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
-    """The rate, and before or behind it what it is to mean."""
+    """Set the rate of a chosen speed, and the values that define it."""
     if speed.guide is not None:
-        yield from guide_at(mount, speed.guide)
+        yield from use_guide_rate(mount, speed.guide)
     if speed.command == "RS" and speed.free is None:
         yield from _fastest(mount, axis, speed.fastest)
     assert speed.command is not None
@@ -128,8 +136,8 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
 
 
 def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
-    """What :RS is to mean on this axis: a rate of its own is taken back."""
-    yield from at_most(mount, degrees)
+    """Set the speed of :RS, also if this axis has a rate of its own."""
+    yield from set_fastest(mount, degrees)
     if axis in mount.free_axes:
         fastest = float(mount.fastest or mount.facts["max_rate"])
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=fastest)
@@ -137,13 +145,13 @@ def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
 
 
 def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
-    """The fraction of sidereal that :RG and guide pulses mean: :Rg where the model has it and it is another one."""
+    """Set the guide rate, a fraction of sidereal, and send :Rg if the model has it and the rate differs."""
     mount.guide_rate = min(1.0, operation.rate)
-    yield from guide_at(mount, mount.guide_rate)
+    yield from use_guide_rate(mount, mount.guide_rate)
 
 
 def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
-    """:Q… of the arrow that was pressed; both of the axis when none is known to be."""
+    """:Q… in the direction of the motion; in both directions of the axis if none is known."""
     pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
     letter = moved or pulsed
     if moved != "" or pulsed:
@@ -151,8 +159,8 @@ def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
         for one in letters:
             yield from end(mount, f"Q{one}", (operation.axis,), letter is not None)
     if operation.axis == 1:
-        yield from put_drive_back(mount)
-    yield from put_back_later(mount)
+        yield from restore_drive_rate(mount)
+    yield from restore_rates_later(mount)
 
 
 def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
@@ -163,43 +171,43 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
     mount.pulsing.clear()
     yield from end(mount, "Q", MOUNT, moved)
     mount.seeking = False
-    yield from put_drive_back(mount)
-    yield from put_back_later(mount)
+    yield from restore_drive_rate(mount)
+    yield from restore_rates_later(mount)
 
 
 # --- guiding ----------------------------------------------------------------------------------------------------
 
 
 def pulse(mount: Lx200Driver, operation: op.Pulse) -> Steps:
-    """-> Pulsed. :Mg where the model has it, four digits at most; else guide rate, which has to be ended."""
+    """:Mg -> Pulsed, at most four digits; without :Mg a motion at guide rate, which the gateway must end."""
     return (yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
 
 
 def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
-    """-> Pulsed. The same by motor sense, at a rate of its own."""
+    """Like ``pulse``, by motor sense and at the rate of the operation."""
     letter = yield from _letter(mount, operation.axis, operation.sense)
     return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
 def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
-    """A model that guides at its one rate alone does so for as much shorter."""
+    """Send a guide pulse. A model with a fixed guide rate gets a proportionally shorter pulse. Raises Refused."""
     if mount.goto is not None:
         raise Refused(SLEWING)
     fraction = mount.guide_rate if rate is None else rate
     shorter = 1.0 if mount.supports("Rg") else fraction
-    yield from guide_at(mount, fraction)
+    yield from use_guide_rate(mount, fraction)
     ms = round(ms * shorter)
     if ms <= 0:
         return None
     if mount.supports("Mg") and mount.product:
         piece = min(ms, LONGEST_PULSE)
-        begins(mount, axis)
+        count_motion(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)
         mount.pulses_until = max(mount.pulses_until, mount.now() + piece / 1000.0)
-        yield from put_back_later(mount)
+        yield from restore_rates_later(mount)
         return op.Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
     yield from ask(mount, "RG")
-    begins(mount, axis)
+    count_motion(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.pulsing[axis] = letter
     return op.Pulsed(ms / 1000.0, ends=False)

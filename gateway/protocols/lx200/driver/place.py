@@ -1,4 +1,4 @@
-"""Site and clock of a Meade. What is preserved is UTC; an LX200GPS takes the UTC date."""
+"""Site and clock of a Meade. Setting the clock preserves UTC; an LX200GPS expects the UTC date with the local time."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 from gateway.protocols.lx200.nmea import fix
 
 ARCMINUTE = 1.0 / 60.0
-#: Sentences to listen to for one that tells place and time, and seconds for each: they come in blocks.
+#: How many NMEA sentences to read until one has site and time, and seconds for each: they are sent in blocks.
 SENTENCES, NEXT_SENTENCE = 8, 2.5
 
 
 def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
-    """:Gt :Gg -> Place."""
+    """:Gt :Gg -> Place (degrees, east positive)."""
     latitude = (yield from ask(mount, "Gt"))["latitude"]
     longitude = -(yield from ask(mount, "Gg"))["longitude"]
     mount.site = Place(latitude, wrap180(longitude))
@@ -27,7 +27,7 @@ def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
 
 
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
-    """:St :Sg - some answer 0 to a good latitude, so what counts is what they say afterwards."""
+    """:St :Sg - some telescopes answer 0 to a valid latitude, so the site is read back. Raises Refused if another."""
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     with suppress(Invalid):
@@ -41,7 +41,7 @@ def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
 
 
 def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
-    """:GG :GC :GL, the date again when midnight may have passed between -> Moment."""
+    """:GG :GC :GL -> Moment; the date is read again if midnight may have passed in between."""
     offset = -(yield from ask(mount, "GG"))["offset"]
     day = (yield from ask(mount, "GC"))["date"]
     seconds = (yield from ask(mount, "GL"))["time"]
@@ -51,7 +51,7 @@ def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
 
 
 def gps(mount: Lx200Driver, _: GetGps) -> Steps:
-    """:gps until a sentence tells place and time -> Gps; a receiver that is silent or off has no fix."""
+    """:gps until a sentence has site and time -> Gps; a receiver that is silent or off has no fix."""
     for _attempt in range(SENTENCES):
         try:
             seen = fix((yield Send("gps", patience=NEXT_SENTENCE))["text"])
@@ -63,17 +63,17 @@ def gps(mount: Lx200Driver, _: GetGps) -> Steps:
 
 
 def clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
-    """:gT - minutes on a real one, whose keypad is dead meanwhile: not while anything moves. Raises Busy, NoDevice."""
+    """:gT - takes minutes, during which the hand control is blocked. Raises Busy while the mount moves, NoDevice."""
     if mount.goto is not None or mount.moving or mount.seeking:
-        raise Busy("The mount moves: its GPS can be asked when it stands.")
+        raise Busy("The mount is moving: it can set its clock by GPS when it stands still.")
     yield from ask(mount, "gT")
 
 
 def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
-    """:SG :SL :SC - quarter hours as the next lower half, with the local time to match."""
+    """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour, and the local time set to match."""
     offset, began = operation.offset * 2 // 1 / 2, mount.now()
     yield from ask(mount, "SG", offset=-offset)
-    universal = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC)  # the line may have been slow
+    universal = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC)  # :SG may have taken long
     local = universal + timedelta(hours=offset)
     day = universal.date() if mount.facts["utc_date"] else local.date()
     yield from ask(mount, "SL", time=local.hour * 3600 + local.minute * 60 + local.second)

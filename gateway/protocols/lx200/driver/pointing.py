@@ -1,8 +1,8 @@
-"""Where it points and where it is sent: positions, gotos, syncs, the side of the pier, targets of its own library.
+"""Positions, gotos, syncs, the side of the pier, and targets from the telescope's object library.
 
-A Meade says no to a goto, with words; that no is passed on. No Meade tells the side of the pier of a German mount, so
-it follows the hour angle: such a mount chooses its side with every goto by the hour angle of the goal, and keeps it
-while it tracks on past the meridian. Before the first goto the place where it is found counts as one.
+A Meade refuses a goto with a text, which is passed on to the client. No Meade reports the side of the pier of a German
+mount, so it is computed from the hour angle: such a mount chooses its side at every goto by the hour angle of the goal,
+and keeps it while it tracks past the meridian. Before the first goto its current position counts as the goal.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, wrap1
 from gateway.core import operations as op
 from gateway.core.errors import Garbled, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import Send, Steps
-from gateway.protocols.lx200.driver.ends import MOUNT, at_most, begins, end, put_back_later
+from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200Driver, ask
 
-#: A goto counts as under way this long at least, and until the bars were empty twice.
+#: A goto counts as under way for at least START_GRACE seconds, and until :D# has replied QUIET times with no bars.
 START_GRACE = 0.8
 QUIET = 2
-#: Seconds between the halves of a position, and how often both are asked until they are no further apart.
+#: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
-#: After so many silences in a row it is not asked any more where it points over the horizon.
+#: After so many missing replies in a row, azimuth and altitude are not asked for any more.
 GIVEN_UP = 2
-#: So many times longer than two answers took before is no delay.
+#: A reply may take this many times longer than before without counting as delayed.
 SLOWER = 1.25
-#: Degrees: so near to the target of before it is that one, for it is told in whole seconds.
+#: Degrees: targets this near to each other are the same, because they are reported in whole seconds.
 SAME = 20.0 / 3600.0
 
 
 def position(mount: Lx200Driver, _: op.Position) -> Steps:
-    """:GR and :GD -> Equatorial. A telescope that was switched off and on answers short: it is made precise again."""
+    """:GR :GD -> Equatorial. After a restart the telescope replies in low precision: switch to high again."""
     first, second, _ = yield from _pair(mount, "GR", "GD", PAIR_TRIES)
     if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)
@@ -39,9 +39,9 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
 
 
 def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
-    """:GZ and :GA -> Horizontal; None where the telescope does not answer that, or the line is too busy for both.
+    """:GZ :GA -> Horizontal; None if the telescope does not answer them, or the line is too busy to read both together.
 
-    The controller derives it then. One silence may be an answer that was lost.
+    The controller then computes it. A single missing reply may have been lost, so GIVEN_UP are needed to stop asking.
     """
     if mount.mute.intersection(("GZ", "GA")):
         return None
@@ -57,9 +57,9 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
 
 
 def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
-    """Two answers, and whether they are of about one instant: what comes between them on the line may take long.
+    """Return two replies and whether they are of about the same instant: other requests may delay the second.
 
-    Where the line itself takes long they are no nearer to each other however often both are asked.
+    On a slow line repeating both does not help, so the delay is compared with the usual reply time.
     """
     nearest = math.inf
     for _ in range(tries):
@@ -68,14 +68,14 @@ def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
         other = yield from ask(mount, second)
         mount.read_at = since, mount.now()
         nearest = min(nearest, mount.now() - since)
-        if mount.now() - since <= max(INSTANT, SLOWER * mount.quick):
+        if mount.now() - since <= max(INSTANT, SLOWER * mount.reply_time):
             return one, other, True
-    mount.quick = nearest
+    mount.reply_time = nearest
     return one, other, False
 
 
 def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
-    """:D -> bool, latched from the goto until the telescope has settled; hand motion is none."""
+    """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count."""
     if mount.seeking:
         return (yield from still_seeking(mount))
     if mount.goto is None:
@@ -96,19 +96,19 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 
 
 def still_seeking(mount: Lx200Driver) -> Steps:
-    """:h? -> whether it still looks for its home."""
+    """:h? -> whether it still seeks its home."""
     mount.seeking = (yield from ask(mount, "h?"))["state"] == "2"
     return mount.seeking
 
 
 def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
-    """:Sr :Sd :MS - refusals come with the telescope's own words."""
+    """:Sr :Sd :MS - a refusal has the telescope's own text."""
     yield from stop_current_motion(mount)
-    yield from at_most(mount, operation.fastest)
+    yield from set_fastest(mount, operation.fastest)
     yield from aim(mount, operation.ra, operation.dec)
     yield from begin(mount, "MS")
     chooses_side(mount, operation.ra)
-    yield from put_back_later(mount)
+    yield from restore_rates_later(mount)
 
 
 def aim(mount: Lx200Driver, ra: float, dec: float) -> Steps:
@@ -118,28 +118,28 @@ def aim(mount: Lx200Driver, ra: float, dec: float) -> Steps:
 
 
 def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
-    """:Sz :Sa :MA - where the model has it."""
+    """:Sz :Sa :MA"""
     yield from stop_current_motion(mount)
-    yield from at_most(mount, operation.fastest)
+    yield from set_fastest(mount, operation.fastest)
     yield from ask(mount, "Sz", az=operation.az)
     yield from ask(mount, "Sa", alt=operation.alt)
     yield from begin(mount, "MA")
-    yield from put_back_later(mount)
+    yield from restore_rates_later(mount)
 
 
 def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
-    """Send what begins a goto."""
-    begins(mount, *MOUNT)
+    """Send the command that begins a goto."""
+    count_motion(mount, *MOUNT)
     yield from mount.begin_goto(GotoState(since=mount.now(), then=then), ask(mount, command), _bars)
 
 
 def _bars(mount: Lx200Driver) -> Steps:
-    """-> whether the bars tell that a goto is under way."""
+    """:D -> whether its bars show that a goto is under way."""
     return bool((yield from ask(mount, "D"))["bars"].strip())
 
 
 def stop_current_motion(mount: Lx200Driver) -> Steps:
-    """The newer goto wins; arrows are let go."""
+    """End a goto, a motion by hand or a search for home before a newer goto begins."""
     if mount.goto is not None or mount.moving or mount.pulsing or mount.seeking:
         yield from ask(mount, "Q")
         mount.goto, mount.seeking = None, False
@@ -148,7 +148,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
-    """:Q, when a goto or a search for home is under way: it would end hand motion, too."""
+    """:Q, only if a goto or a search for home is under way: it would end a motion by hand too."""
     if mount.goto is not None or mount.seeking:
         mount.goto = None
         yield from end(mount, "Q", MOUNT, True)
@@ -156,7 +156,7 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
-    """:Sr :Sd :CM - an empty text is a no."""
+    """:Sr :Sd :CM - an empty text is a refusal."""
     yield from aim(mount, operation.ra, operation.dec)
     answer = yield from ask(mount, "CM")
     if not answer["text"].strip():
@@ -167,12 +167,12 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
 
 
 def chooses_side(mount: Lx200Driver, ra: float) -> None:
-    """A goto to this right ascension was begun."""
+    """Note that a goto to this right ascension has begun."""
     mount.side_by, mount.beyond_pole = (ra, mount.now()), None
 
 
 def beyond_pole(mount: Lx200Driver) -> Steps:
-    """-> whether the second axis is turned over the pole; by :GS and the last goto, or by :GR. False for a fork."""
+    """Return whether the second axis is turned beyond the pole, by :GS and the last goto, or :GR. False for a fork."""
     if not mount.german:
         return False
     if mount.beyond_pole is None:
@@ -187,37 +187,37 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
 
 
 def pier_side(mount: Lx200Driver, _: op.PierSide) -> Steps:
-    """-> the letter, as a German hand control up to 5.24 has it: W where the second motor's axis reads beyond the pole.
+    """Return the letter as a German hand control up to 5.24 does: W if the second axis reads beyond the pole, else E.
 
-    Raises Unsupported for a fork, which has no sides.
+    Raises Unsupported for a fork, which has no sides of the pier.
     """
     if not mount.german:
         raise Unsupported("A fork has no sides of the pier.")
     return "W" if (yield from beyond_pole(mount)) else "E"
 
 
-# --- the telescope's own object library, for programs that speak its protocol -----------------------------------------
+# --- the telescope's own object library, for clients of its protocol --------------------------------------------------
 
 
 def choose(mount: Lx200Driver, operation: op.Choose) -> Steps:
-    """:Sr :Sd, the choice, :LI :Gr :Gd -> Chosen. Gotos and syncs set the same target: none comes in between.
+    """:Sr :Sd, the client's command, :LI :Gr :Gd -> Chosen. These are one operation, so no goto or sync comes between.
 
-    The library knows one target, and so does the telescope: what this client has aimed at is put there first, so that a
-    number that is not found leaves it as it was, as on the telescope itself.
+    The telescope has one target for all. The target of this client is set first, so that an object that is not found
+    leaves it unchanged, as on the telescope itself.
     """
     yield from aim(mount, operation.ra, operation.dec)
     for name, fields in operation.first:
         yield from ask(mount, name, **dict(fields))
-    reply = yield from _said(mount, operation.command, dict(operation.fields))
-    text = yield from _said(mount, "LI", {})
+    reply = yield from _raw_reply(mount, operation.command, dict(operation.fields))
+    text = yield from _raw_reply(mount, "LI", {})
     ra = (yield from ask(mount, "Gr"))["ra"]
     dec = (yield from ask(mount, "Gd"))["dec"]
     same = abs(wrap180(ra - operation.ra)) < SAME and abs(dec - operation.dec) < SAME
     return op.Chosen(None if same else op.Equatorial(ra, dec), text.decode("latin-1").rstrip("#"), reply)
 
 
-def _said(mount: Lx200Driver, command: str, values: dict[str, object]) -> Steps:
-    """The bytes of a reply; none where it has none, or the telescope does not know the command."""
+def _raw_reply(mount: Lx200Driver, command: str, values: dict[str, object]) -> Steps:
+    """Return the bytes of a reply; empty if the command has none or the telescope does not have the command."""
     if not mount.protocol.commands[command].replies:
         yield from ask(mount, command, **values)
         return b""

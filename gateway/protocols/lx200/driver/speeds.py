@@ -1,8 +1,8 @@
-"""Which of its speeds a Meade comes nearest with, in ratio, to one that was asked for.
+"""Chooses the speed of a Meade that is nearest, in ratio, to a requested one.
 
-Asked is either a speed on the sky or of an axis, or what the motor in right ascension is to turn at altogether, instead
-of tracking: then the drive rate, and guiding that adds to it, count as well. What the choice changes on the telescope
-(``:Sw :RA :RE :Rg``, the drive rate) is put back when the motion is over (``ends.py``).
+``nearest`` is for a speed on the sky or of an axis. ``instead_of_tracking`` is for the total speed of the right
+ascension motor, where drive rates, and guiding that adds to them, are candidates too. The rates that the choice changes
+(``:Sw :RA :RE :Rg``, the drive rate) are restored after the motion (``ends.py``).
 """
 
 from __future__ import annotations
@@ -15,22 +15,24 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 
-#: Hertz of the sidereal rate, by which drive rates are counted; what of them counts as sidereal.
+#: The sidereal rate in hertz, the unit of drive rates; and the range of displayed values that means sidereal.
 SIDEREAL_HERTZ, SIDEREAL_SHOWN = 60.16427, (60.1, 60.2)
-#: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
+#: The four rates in degrees per second, from the manual: 1x and 16x sidereal, 2 and 8 degrees per second.
 SPEEDS = {"RG": SIDEREAL_ARCSECONDS / 3600, "RC": 16 * SIDEREAL_ARCSECONDS / 3600, "RM": 2.0, "RS": 8.0}
-#: Two ratios that differ by less are alike: then the simpler way is taken.
+#: Ratios that differ by less are equal: then the simpler choice is taken.
 ALIKE = 1e-4
-#: The slowest of :RA and :RE, degrees a second, and of :Rg, arcseconds a second: one in the last digit.
+#: The slowest rate and the step of :RA and :RE, degrees per second; the step of :Rg, arcseconds per second.
 _FREE_FROM, _FREE_STEP, _GUIDE_STEP = 0.1, 0.1, 0.1
 
 
 class Speed(Struct, frozen=True):
-    """``command`` is the rate of the arrow, None where none is pressed; ``degrees`` what comes of it, degrees a second.
+    """A choice of rates. ``degrees`` is the resulting speed, degrees per second.
 
-    ``guide`` is what :RG is to mean, a fraction of sidereal; ``fastest`` is for :Sw, ``free`` for :RA or :RE, degrees a
-    second; ``hertz`` is the drive rate, None for the one that runs. ``west`` is the sense of an arrow in the first axis
-    where that is not the one asked for.
+    command         the rate command of the direction key, None if no key is pressed
+    guide           the guide rate to set for :RG, a fraction of sidereal
+    fastest, free   the values for :Sw, and for :RA or :RE, degrees per second
+    hertz           the drive rate to set, None to leave it
+    west            the direction of the key on the first axis, if it is not the requested one
     """
 
     command: str | None
@@ -43,7 +45,7 @@ class Speed(Struct, frozen=True):
 
 
 class Abilities(Struct, frozen=True):
-    """What a model has: :Rg, :RA and :RE, :Sw; its ordinary fastest rate and its range; its drive rates, hertz."""
+    """Whether a model has :Rg, :RA and :RE, :Sw; its default fastest rate and the range; its drive rates, hertz."""
 
     guides: bool
     free: bool
@@ -54,21 +56,21 @@ class Abilities(Struct, frozen=True):
 
 
 def off(asked: float, done: float) -> float:
-    """How far apart two speeds are in ratio, as a logarithm; without end where one goes the other way or rests."""
+    """Return how far apart two speeds are in ratio, as a logarithm; infinite if one is reversed or zero."""
     if asked == done:
         return 0.0
     return abs(math.log(done / asked)) if asked * done > 0.0 else math.inf
 
 
 def nearest(able: Abilities, degrees: float) -> Speed:
-    """The arrow's speed that is nearest to so many degrees a second."""
+    """Return the choice for a direction key that is nearest to this speed, degrees per second."""
     return _best([*_arrows(able, degrees)], degrees)
 
 
 def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
-    """What turns the motor in right ascension nearest to ``west`` degrees a second, which may be negative.
+    """Return the choice that turns the right ascension motor nearest to ``west`` degrees per second (signed).
 
-    ``drive`` is the drive rate that runs, degrees a second.
+    ``drive`` is the current drive rate, degrees per second.
     """
     return _best(
         [
@@ -84,13 +86,13 @@ def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
 
 
 def _best(speeds: list[Speed], asked: float) -> Speed:
-    """The first of those that come nearest."""
+    """Return the first of the nearest speeds."""
     least = min(off(asked, speed.degrees) for speed in speeds)
     return next(speed for speed in speeds if off(asked, speed.degrees) <= least + ALIKE)
 
 
 def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:
-    """The simple ones first."""
+    """Yield the speeds of a direction key, the simpler ones first."""
     if able.guides:
         arcseconds = min(
             math.floor(SIDEREAL_ARCSECONDS / _GUIDE_STEP) * _GUIDE_STEP, max(_GUIDE_STEP, degrees * 3600.0)
@@ -112,7 +114,7 @@ def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:
 
 
 def _drives(able: Abilities, west: float, drive: float) -> Iterator[Speed]:
-    """Tracking at another rate, with and without an arrow that adds to it."""
+    """Yield drive rates, with and without a direction key that adds to them."""
     yield Speed(None, drive)
     if able.guides:
         more = west - drive
@@ -135,7 +137,7 @@ def _hertz(able: Abilities, degrees: float) -> float:
 
 
 def _speed(hertz: float) -> float:
-    """Degrees a second of a drive rate; a telescope takes 60.1 to 60.2 for sidereal."""
+    """Return a drive rate in degrees per second; a telescope treats 60.1 to 60.2 hertz as sidereal."""
     if SIDEREAL_SHOWN[0] <= hertz <= SIDEREAL_SHOWN[1]:
         return SIDEREAL_ARCSECONDS / 3600.0
     return hertz / SIDEREAL_HERTZ * SIDEREAL_ARCSECONDS / 3600.0

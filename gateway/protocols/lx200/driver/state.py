@@ -1,4 +1,4 @@
-"""What the driver knows of the Meade it has found, and what it remembers between two operations."""
+"""What the driver knows of the Meade it has found, and its state between two operations."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
 BUSY_RETRIES, BUSY_WAIT = 5, 0.4
-#: Questions whose answers belong to one moment alone: they are believed as they come.
+#: Questions whose answers are of one moment only: they are accepted without verification.
 ONCE = frozenset({"GS", "Gr", "Gd"})
-#: Differs from every rate that may be wanted.
+#: Stands for an unknown value of a rate register: it differs from every rate.
 UNKNOWN = -1
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
-#: What tells who it is; a nameless one is silent to them all.
+#: The commands that identify it; telescopes without a product name answer none of them.
 NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
-#: Seconds in which a telescope answers what it knows; its firmware may know less than its manual.
+#: Seconds in which a telescope answers a command that it has; its firmware may lack commands of the manual.
 OWN_PATIENCE = 1.5
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 
 
 class GotoState(GotoUnderWay):
-    """``quiet`` is how often the bars have been empty."""
+    """A goto under way; ``quiet`` counts how often :D# has replied with no bars."""
 
     quiet: int = 0
 
 
 class Lx200Driver(Driver):
-    """A Meade telescope. ``now`` is any clock that never goes back, in seconds."""
+    """A Meade telescope. ``now`` is a monotonic clock, seconds."""
 
     protocol = load("lx200")
     takes_site_aligned = True
     patience = OWN_PATIENCE
-    #: Two digits: from 51 on they are those of the century before.
+    #: The year has two digits on the wire; from 51 on they mean the 20th century.
     years = range(1951, 2051)
     position_reads = 2
 
@@ -59,74 +59,76 @@ class Lx200Driver(Driver):
         self.low = False
         # alignment and tracking
         self.home_letter = "A"
-        #: It was put into land mode, in which it does not track.
+        #: Whether it is in land mode, in which it does not track.
         self.land = False
+        #: Whether it answers :GW#.
         self.tells_status = False
-        #: The questions that it has not answered, or not in a form that is known; how long its answers take, seconds.
+        #: The questions that it did not answer, or not in a known form; and how long a reply takes, seconds.
         self.mute: frozenset[str] = frozenset()
-        self.quick = 0.0
+        self.reply_time = 0.0
+        #: How many reads of azimuth and altitude in a row had no reply.
         self.unanswered = 0
-        #: It is known to be there, and not yet who it is.
-        self.met = False
-        #: The commands that it has beyond those of its model: some that tell a classic's name answer what that lacks.
-        self.more: frozenset[str] = frozenset()
+        #: Whether it has answered, but is not identified yet.
+        self.contacted = False
+        #: Commands that it has beyond those of its model: some that report a classic's name have more than a classic.
+        self.extra_commands: frozenset[str] = frozenset()
         self.aligned = True
         self.tracking = Tracking.ALTAZ
-        #: The drive rate that was asked for last; None for its own.
+        #: The drive rate that was requested last; None for the telescope's default.
         self.rate: TrackRate | None = None
         # motion
         self.goto: GotoState | None = None
         self.moving: dict[int, str] = {}
         self.pulsing: dict[int, str] = {}
-        #: When the last pulse that the telescope times itself is over.
+        #: When the last pulse that the telescope times itself ends.
         self.pulses_until = -math.inf
         self.focusing = False
-        #: How often each axis was set moving; and by the command that has ended it, how often it had been then.
+        #: How many motions were begun on each axis; and for each end command sent, these numbers at that time.
         self.begun: dict[int, int] = {}
         self.ended: dict[str, dict[int, int]] = {}
-        #: What is meant by it, a fraction of sidereal; on models that take none, pulses are so much shorter.
+        #: The configured guide rate, a fraction of sidereal; on models with a fixed rate, pulses are shortened by it.
         self.guide_rate = settings.guide_rate or 1.0
-        #: What :Sw was sent last, degrees a second; None before the first.
+        #: The last value sent with :Sw, degrees per second; None before the first.
         self.fastest: int | None = None
-        #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg).
+        #: Axes with a rate of their own (:RA :RE); and the guide rate sent last (:Rg).
         self.free_axes: set[int] = set()
-        self.guides_at = 1.0
-        #: A motion in right ascension has changed the drive rate.
-        self.driven = False
+        self.guide_rate_sent = 1.0
+        #: Whether a motion in right ascension has changed the drive rate.
+        self.drive_changed = False
         self.power_on()
 
     def power_on(self) -> None:
-        """What no Meade tells, as after switching it on: that may have happened while the line was lost, or not.
+        """Reset what no Meade reports: it may have been switched off and on while the line was lost, or not.
 
-        So a register that was changed may hold either value, and is sent before it is used again.
+        A rate register that was changed may then hold either value, and is sent again before it is used.
         """
-        #: It seeks its home.
+        #: Whether it seeks its home.
         self.seeking = False
-        #: It was told to sleep: its motors have no power, though it may say yes to a goto.
+        #: Whether it was put to sleep: its motors have no power, although it may accept a goto.
         self.powerless = False
         if self.fastest is not None:
             self.fastest = UNKNOWN
-        if self.guides_at != 1.0:
-            self.guides_at = float(UNKNOWN)
-        #: The right ascension of the last goto, and when it was begun: a German mount chose its side of the pier by it.
+        if self.guide_rate_sent != 1.0:
+            self.guide_rate_sent = float(UNKNOWN)
+        #: The right ascension of the last goto, and when it began: by these a German mount chose its side of the pier.
         self.side_by: tuple[float, float] | None = None
-        #: Whether its second axis is turned over the pole since; None until it was worked out.
+        #: Whether its second axis is turned beyond the pole since then; None until this is computed.
         self.beyond_pole: bool | None = None
-        #: Whether it corrects periodic errors.
+        #: Whether periodic error correction is on.
         self.corrects = False
 
     def supports(self, name: str) -> bool:
-        """Whether it has a command, by the manual or because it was seen to answer it."""
-        return name in self.more or super().supports(name)
+        """Whether it has a command, according to the manual or because it has answered it."""
+        return name in self.extra_commands or super().supports(name)
 
     @property
     def facts(self) -> Model:
-        """The row of models.toml; unknown telescopes are driven as an Autostar."""
+        """The row of models.toml; an unknown telescope is driven as an Autostar."""
         return self.protocol.models[self.model or "autostar"]
 
     @property
     def resolution(self) -> float:  # type: ignore[override]
-        """A second of right ascension, or a tenth of its minute."""
+        """One second of right ascension, or a tenth of a minute in low precision."""
         return (90.0 if self.low else 20.0) / 3600.0
 
     @property
@@ -143,7 +145,7 @@ class Lx200Driver(Driver):
         return None
 
     def presented(self) -> Model:
-        """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
+        """Return the row of its model and the commands that it does not answer, such as those for its name."""
         lacking = {
             name for name, command in self.protocol.commands.items() if command.replies and not self.supports(name)
         }
@@ -163,7 +165,10 @@ class Lx200Driver(Driver):
         return "autostar" if self.product and not self.product.startswith("LX200") else None
 
     def own(self, operation: Own) -> Steps:
-        """Firmware differs in what it knows: nobody waits long for an answer, and silence is one. Raises Busy."""
+        """Send a client's command unchanged. Firmware may lack it, so the wait is short and no reply is an answer.
+
+        Raises Busy while it seeks its home.
+        """
         if self.seeking and not self.protocol.commands[operation.command].while_seeking:
             raise Busy("The mount seeks its home.")
         if not self.supports(operation.command):
@@ -172,25 +177,26 @@ class Lx200Driver(Driver):
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """A telescope keeps its home itself, and stops by a command that all of them have.
+        """Return what no command can read: parked, a changed drive rate, and the mounting while tracking is off.
 
-        How it stands is remembered while its tracking is off: some do not tell it then.
+        (Some telescopes do not report it then.) The telescope stores its home, and all models stop by the same command.
         """
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
-        return {**stands, **({"parked": True} if self.parked else {}), **({"driven": True} if self.driven else {})}
+        driven = {"driven": True} if self.drive_changed else {}
+        return {**stands, **({"parked": True} if self.parked else {}), **driven}
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
-        self.parked, self.driven = saved.get("parked") is True, saved.get("driven") is True
+        self.parked, self.drive_changed = saved.get("parked") is True, saved.get("driven") is True
         if saved.get("stands") in ("P", "G"):
             self.home_letter = saved["stands"]
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
-        """The letter G says so; a P is a fork on a wedge or a German mount."""
+        """True for the letter G, False for A; P is a fork on a wedge or a German mount."""
         return {"G": True, "A": False}.get(self.home_letter)
 
     def speed(self, rate: Rate) -> float:
-        """Degrees a second, at most, at a hand rate."""
+        """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""
         if rate.name is None and rate.degrees is not None:
             speed = nearest(self.abilities, rate.degrees).degrees
             return max(min(rate.degrees, SPEEDS["RS"]), speed) if rate.key is None else speed
@@ -201,7 +207,7 @@ class Lx200Driver(Driver):
 
     @property
     def abilities(self) -> Abilities:
-        """What there is to choose a speed from."""
+        """What its model offers to choose a speed from."""
         low, high = self.facts["max_rates"]
         slow, fast = self.facts["hertz"]
         return Abilities(
@@ -215,17 +221,17 @@ class Lx200Driver(Driver):
 
 
 def rate_command(rate: Rate) -> str:
-    """The one of the four rates that a name or a hand-control key stands for."""
+    """Return the rate command for the name of a rate or a hand-control key."""
     return _NAMES[rate.name] if rate.name is not None else _KEYS[rate.key or 1]
 
 
 def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
-    """Send a command; a busy telescope (NAK) is waited for, a few times, except with what moves it by hand.
+    """Send a command; retry a few times if the telescope is busy (NAK), unless the command begins a motion by hand.
 
-    Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
+    Raises Unsupported if the model lacks it, Busy while it seeks its home, and Refused if a sleeping mount would move.
     """
     if not mount.supports(command):
-        raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
+        raise Unsupported(f"This model does not have the command {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]
     if mount.seeking and not row.while_seeking:
         raise Busy("The mount seeks its home.")

@@ -1,1 +1,1 @@
-"""The simulated Meade."""
+"""The simulated Meade: its state and mechanics, and the handlers of its commands."""

@@ -1,6 +1,6 @@
-"""What a simulated Meade tells: positions, names, modes, bars, menus, help.
+"""What a simulated Meade reports: positions, names, modes, bars, menus, help.
 
-Standard forms come from ``commands.toml``; what real telescopes do otherwise is in ``form`` and in few lines here.
+Reply forms are from ``commands.toml``; ``form`` and some handlers change what real telescopes write differently.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ BARS = 16
 _MENU = {"0": "ALTAZ", "1": "POLAR", "2": "LAND"}
 _TEXTS = {"GVP": "product", "GVN": "firmware", "GVD": "firmware_date", "GVT": "firmware_time", "GVF": "full_name"}
 _HELP = ("LX200 help", "Use the arrow keys to move.", "MODE shows the next menu.", "GO TO slews to the object.")
-#: What an LX200GPS tells before anybody has set a tracking rate.
+#: The tracking rate that an LX200GPS reports before one is set.
 _POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 
 def form(sim: Telescope, name: str, **values: object) -> bytes:
-    """The reply of a command in the format that is set, with the degree byte of real hardware."""
+    """Return the reply of a command in the current format, with the degree byte of real hardware."""
     wanted = "high" if sim.high else "low"
     for reply, template in sim.protocol.commands[name].replies:
         if reply.fault is None and reply.when in (None, wanted, sim.model):
@@ -35,7 +35,7 @@ def equatorial(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def horizon(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GZ :GA - the classic's long azimuth has an apostrophe before the seconds."""
+    """:GZ :GA - a classic writes an apostrophe before the seconds of the azimuth."""
     ra, dec = sim.position()
     az, alt = hour_angle_to_horizon(wrap180(sim.mechanics.sky.sidereal(sim.now) - ra), dec, sim.site[0])
     reply = form(sim, name, az=az, alt=alt)
@@ -43,7 +43,7 @@ def horizon(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def bars(sim: Telescope, name: str, _: Values) -> bytes:
-    """:D - one bar until a slew is over; on a classic 16 columns for each axis, as many bars as there is way to go."""
+    """:D - one bar until a slew ends; on a classic 16 columns for each axis, with bars for the remaining distance."""
     going = sim.mechanics.slewing(sim.now)
     if not sim.classic:
         return b"\x7f#" if going else b"#"
@@ -59,7 +59,7 @@ def _bar(degrees: float) -> bytes:
 
 
 def status(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GW - how it is built, whether it tracks, whether it is aligned: three characters, no #."""
+    """:GW - mount type, tracking, alignment: three characters without a #."""
     polar = sim.mechanics.build is Build.WEDGE and not (sim.letter == "L" and sim.land_tells_altaz)
     build = "G" if sim.mechanics.build is Build.GERMAN else "P" if polar else "A"
     tracks = sim.mechanics.tracking(sim.now) or sim.mechanics.slewing(sim.now)
@@ -67,13 +67,13 @@ def status(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def hertz(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GT - the LX200GPS writes a sign."""
+    """:GT - an LX200GPS writes a sign."""
     rate = sim.kept.get("hertz", _POWER_ON_HERTZ.get(sim.model, 60.1))
     return (f"{rate:+05.1f}#" if sim.model == "lx200gps" else f"{rate:04.1f}#").encode()
 
 
 def menu(sim: Telescope, name: str, _: Values) -> bytes:
-    """:G0 :G1 :G2 - 16 columns on a classic, nothing elsewhere."""
+    """:G0 :G1 :G2 - 16 columns on a classic, empty on other models."""
     if not sim.classic:
         return b"#"
     word = _MENU[name[1]]
@@ -87,7 +87,7 @@ def help_text(sim: Telescope, name: str, _: Values) -> bytes:
     return _HELP[sim.kept["help"]].encode() + b"#"
 
 
-#: Understood, without a reply or an effect that could be seen.
+#: Commands that are accepted without a reply or a visible effect.
 _SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
 HANDLERS: dict[str, Handler] = {
     "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "D": bars,

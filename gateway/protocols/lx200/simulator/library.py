@@ -1,7 +1,7 @@
-"""The object library of a simulated Meade: a handful of objects, and the Moon.
+"""The object library of a simulated Meade: a few objects, and the Moon.
 
-The classics really look things up and step through what they have; Autostar and LX200GPS know objects by their
-number only and answer ``:LI#`` and ``:Lf#`` with the manual's static texts. What is not found leaves the target alone.
+The classics look objects up and step through their list; Autostar and LX200GPS select objects by number only and
+answer ``:LI#`` and ``:Lf#`` with the manual's fixed texts. An object that is not found leaves the target unchanged.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Thing(NamedTuple):
     dec: float
 
 
-#: NGC 0 is none: the Pleiades are not in that catalogue.
+#: NGC 0 means none: the Pleiades are not in that catalogue.
 _THINGS = (
     Thing(1, 1952, "SNR", 83.633, 22.015),
     Thing(13, 6205, "GLOB CLUS", 250.423, 36.461),
@@ -60,7 +60,7 @@ def star(sim: Telescope, name: str, values: Values) -> None:
 
 
 def step(sim: Telescope, name: str, _: Values) -> None:
-    """:LF :LN :LB - the first, next or previous object that is up; nothing but on a classic."""
+    """:LF :LN :LB - the first, next or previous object above the horizon; only on a classic."""
     if not sim.classic:
         return
     up = [thing for thing in _THINGS if altitude(sim, *_SKY.to_of_date(thing.ra, thing.dec, sim.utc())) > 0]
@@ -70,7 +70,7 @@ def step(sim: Telescope, name: str, _: Values) -> None:
 
 
 def catalogue(sim: Telescope, name: str, values: Values) -> bytes:
-    """:Lo :Ls - "not found" is 0 for the one and 2 for the other; only a classic ever says so."""
+    """:Lo :Ls - "not found" is 0 for :Lo and 2 for :Ls; only a classic sends it."""
     present = values["catalog"] in (_DEEP_SKY if name == "Lo" else _STAR_CATALOGUES)
     if present or not sim.classic:
         return b"1"
@@ -85,7 +85,7 @@ def describe(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def moon(sim: Telescope, name: str, values: Values) -> bytes:
-    """:SE :Se - the Moon's middle whatever the feature; 0 while it is down."""
+    """:SE :Se - aim at the Moon's centre for every feature; 0 while the Moon is below the horizon."""
     ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
     if altitude(sim, ra, dec) <= 0:
         return b"0"

@@ -1,6 +1,6 @@
-"""How a simulated Meade moves: targets, slews and their refusals, syncs, arrows, guiding.
+"""The motion of a simulated Meade: targets, slews and their refusals, syncs, motion by hand, guiding.
 
-North raises declination or altitude, west turns the first axis with the stars. Rates are degrees a second.
+North increases declination or altitude, west turns the first axis with the stars. Rates are degrees per second.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from gateway.astro.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_a
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 
-#: :RG and :RC in multiples of the sidereal rate, :RM in degrees a second; :RS is the fastest.
+#: :RG and :RC in multiples of the sidereal rate, :RM in degrees per second; :RS is the fastest rate.
 GUIDE, CENTER, FIND = 1.0, 16.0, 2.0
 _BELOW = {True: b"1Object below    horizon.        #", False: b"1Object Below Horizon.#"}
 _ABOVE = {True: b"2Object above    higher limit.  #", False: b"2Object Below Higher.#"}
-_SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds a second
+_SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds per second
 
 
 def set_target(sim: Telescope, name: str, values: Values) -> bytes:
@@ -26,7 +26,7 @@ def set_target(sim: Telescope, name: str, values: Values) -> bytes:
 
 
 def altitude(sim: Telescope, ra: float, dec: float) -> float:
-    """Of a place of date, over the site that is selected."""
+    """Return the altitude of a position of date at the selected site, degrees."""
     hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - ra)
     return hour_angle_to_horizon(hour_angle, dec, sim.site[0])[1]
 
@@ -38,7 +38,7 @@ def slew(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def slew_horizontal(sim: Telescope, name: str, _: Values) -> bytes:
-    """:MA - 1 is a fault."""
+    """:MA - 1 is a refusal."""
     az, alt = sim.kept.get("az", 0.0), sim.kept.get("alt", 0.0)
     hour_angle, dec = horizon_to_hour_angle(az, alt, sim.site[0])
     ra = wrap360(sim.mechanics.sky.sidereal(sim.now) - hour_angle)
@@ -46,26 +46,26 @@ def slew_horizontal(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def _slew(sim: Telescope, ra: float, dec: float, height: float) -> bytes | None:
-    """Begin, or say why not."""
+    """Begin a slew, or return the refusal."""
     if height < sim.kept["lowest"] - 1e-3:
         return _BELOW[sim.classic]
     if height > sim.kept["highest"] + 1e-3:
         return _ABOVE[sim.classic]
-    take_up(sim)
+    unpark(sim)
     sim.goal = (ra, dec), False
     sim.mechanics.goto_sky(sim.now, ra, dec)
     return None
 
 
 def slew_axes(sim: Telescope, goal: Pair) -> None:
-    """Begin a slew that ends at these axis positions."""
+    """Begin a slew to these axis positions."""
     release(sim)
     sim.goal = goal, True
     sim.mechanics.goto_axes(sim.now, *goal)
 
 
-def take_up(sim: Telescope) -> None:
-    """In service again, if it was parked; no arrow is pressed."""
+def unpark(sim: Telescope) -> None:
+    """Release all direction keys, and unpark the telescope if it is parked."""
     release(sim)
     if sim.parked:
         sim.parked = False
@@ -91,7 +91,7 @@ def key_rate(sim: Telescope, name: str, values: Values) -> None:
 
 
 def free_rate(sim: Telescope, name: str, values: Values) -> None:
-    """:RA :RE :Rg - degrees a second for :RS, arcseconds a second for :RG."""
+    """:RA :RE :Rg - degrees per second for :RS, arcseconds per second for :RG."""
     sim.kept[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
 
 
@@ -109,7 +109,7 @@ def _guide_speed(sim: Telescope) -> float:
 
 
 def _speed(sim: Telescope, axis: int) -> float:
-    """Degrees a second of the arrows."""
+    """Return the current rate of motion by hand, degrees per second."""
     name = sim.kept["rate"]
     if name == "RG":
         return _guide_speed(sim)
@@ -121,7 +121,7 @@ def _speed(sim: Telescope, axis: int) -> float:
 
 
 def _axis(sim: Telescope, letter: str) -> tuple[int, float]:
-    """The motor and its sense for an arrow: north is up the declination, west the way of the stars."""
+    """Return the motor and its sense for a direction: north increases declination, west follows the stars."""
     axis, sense = (2 if letter in "ns" else 1), (1.0 if letter in "nw" else -1.0)
     if sim.mechanics.build is not Build.ALTAZ:
         sense *= sim.mechanics.geometry.pole
@@ -131,12 +131,12 @@ def _axis(sim: Telescope, letter: str) -> tuple[int, float]:
 
 
 def arrow(sim: Telescope, name: str, _: Values) -> None:
-    """:Mn :Ms :Me :Mw - guiding adds to tracking, the other rates take its place."""
+    """:Mn :Ms :Me :Mw - the guide rate is added to tracking, the other rates replace it."""
     axis, sense = _axis(sim, name[1])
     if set(sim.arrows) - {axis}:
         release(sim, axis)
     else:
-        take_up(sim)
+        unpark(sim)
     sim.mechanics.cancel(sim.now)
     gentle = sim.kept["rate"] == "RG"
     if gentle:
@@ -147,7 +147,7 @@ def arrow(sim: Telescope, name: str, _: Values) -> None:
 
 
 def release(sim: Telescope, *axes: int) -> None:
-    """Let go of these arrows, or of all; when none is left, what is in view then is tracked."""
+    """Release the direction keys of these axes, or all; after the last one the telescope tracks where it points."""
     pressed = [axis for axis in (axes or (1, 2)) if axis in sim.arrows]
     for axis in pressed:
         if sim.arrows.pop(axis):
@@ -164,11 +164,11 @@ def let_go(sim: Telescope, name: str, _: Values) -> None:
 
 
 def stop(sim: Telescope, name: str, _: Values) -> None:
-    """:Q - everything but what a telescope that is busy does without moving."""
+    """:Q - end every motion; computing and waiting for satellites continue."""
     release(sim)
     if sim.mechanics.slewing(sim.now):
         sim.mechanics.cancel(sim.now)
-        take_up(sim)
+        unpark(sim)
     if sim.seeking:
         sim.seeking, sim.home = False, 0
 

@@ -1,25 +1,24 @@
-"""The simulated Meade: a classic LX200 under or at 16 inches, an Autostar, an LX200GPS.
+"""The simulated Meade: a classic LX200 below or of 16 inches, an Autostar, an LX200GPS.
 
-Bytes in, bytes out, at the time that the given clock shows; nothing sleeps. What it knows is what the manual gives that
-model, what it answers is what real ones were seen to answer, quirks included. Where nobody has said:
+It handles bytes at the time that the given clock shows, and never sleeps. Its commands are those that the manual gives
+the model, its replies those that real telescopes were seen to send, with their quirks. Where no source says what a real
+one does, these assumptions hold:
 
-- What takes a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) is answered late,
-  and nothing else meanwhile, to a caller that gave ``later``; to any other it is done at once.
-- A command with an argument that lost its ``#`` is refused with everything up to the next one, and nothing that comes
-  with it sets the telescope moving.
-- It answers after ``:hP#`` on every model, and any motion command takes a parked telescope into service.
-- While an LX200GPS sleeps (``:hN#``) it answers as before, but its motors have no power: nothing turns until ``:hW#``
-  or ``:I#``. It says yes (``0``) to ``:MS#`` and ``:MA#`` all the same.
-- ``:GW#`` tells how the telescope stands, in land mode too (``PN1`` on a wedge). With ``land_tells_altaz`` it tells
-  ``AN1`` there instead: nobody has seen what a real one does.
-- An argument that the manual does not write so is refused and changes nothing: other telescopes that speak this
-  protocol refuse it and keep what they had, and a driver that is tested against a lenient one never learns of it. Alone
-  the degree sign may be ``*``, the byte 0xDF or a colon, which programs have sent to real telescopes for decades.
-  Commands beyond the manual are not looked at. A ``tolerant`` one takes every spelling that the gateway's own surface
-  takes.
-- A classic reads a line of 15 characters of seven bits, and has no patience: its degree sign goes out as 0xDF and must
-  not come back in. Bytes above 0x7F, control characters and a sixteenth character drop the command they stand in,
-  without a word.
+- Commands that take a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) are
+  answered late if the caller passes ``later``, and nothing else is answered meanwhile; otherwise at once.
+- A command with an argument but without ``#`` is refused with everything up to the next ``#``, and no command that
+  arrives together with it begins a motion.
+- Every model still answers after ``:hP#``, and any motion command unparks the telescope.
+- While an LX200GPS sleeps (``:hN#``) it answers as before, but its motors have no power until ``:hW#`` or ``:I#``. It
+  accepts ``:MS#`` and ``:MA#`` (``0``) all the same.
+- ``:GW#`` reports the mounting, also in land mode (``PN1`` on a wedge). With ``land_tells_altaz`` it replies ``AN1``
+  there, because it is unknown what a real one replies.
+- An argument that is not in the manual's notation is refused and changes nothing: other telescopes with this protocol
+  refuse it, and tests of a driver against a lenient simulator would not show that. Only the degree sign may be ``*``,
+  the byte 0xDF or a colon, which programs have sent to real telescopes for decades. Commands beyond the manual are not
+  checked. A ``tolerant`` one accepts every notation that the gateway's own surface accepts.
+- A classic reads a line of 15 seven-bit characters: it sends the degree sign as 0xDF but does not accept that byte.
+  Bytes above 0x7F, control characters and a sixteenth character drop the command without a reply.
 """
 
 from __future__ import annotations
@@ -35,16 +34,16 @@ from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.wireformat.command import Command
 
 NAK = b"\x15"
-#: What is understood while the telescope is busy with itself.
+#: The commands that are accepted while the telescope is busy.
 WHILE_BUSY = frozenset({"Q", "h?", "ACK"})
-#: What turns a motor -> the answer of one whose motors have no power, because it sleeps.
+#: The commands that turn a motor -> the reply of a sleeping telescope.
 TURNS_MOTORS: dict[str, bytes] = {
     **dict.fromkeys(("MS", "MA", "Aa"), b"0"), **dict.fromkeys(("Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"), b""),
 }  # fmt: skip
 HANDLERS: dict[str, Handler] = {
     **answers.HANDLERS, **library.HANDLERS, **motion.HANDLERS, **settings.HANDLERS, **tracking.HANDLERS,
 }  # fmt: skip
-#: How the manual writes the arguments of its commands, and nothing else.
+#: The arguments of commands in exactly the manual's notation.
 _DEGREE, _MINUTES = rb"[*\xdf:]", rb"[0-5]\d"
 _SECONDS = rb"(?:[:']" + _MINUTES + rb")?"
 _NINETY = rb"[+-](?:[0-8]\d" + _DEGREE + _MINUTES + _SECONDS + rb"|90" + _DEGREE + rb"00(?:[:']00)?)"
@@ -69,16 +68,16 @@ _LOWEST, _HIGHEST = 0x20, 0x7F
 
 
 def well_formed(name: str, frame: bytes) -> bool:
-    """Whether a whole command is written as the manual writes it."""
+    """Whether a whole command is in the manual's notation."""
     check = _CHECKS.get(name)
     return check is None or check.fullmatch(frame) is not None
 
 
 class ClassicFramer(Framer):
-    """Cuts a byte stream into the commands that a classic would understand."""
+    """Cuts a byte stream into the commands that a classic accepts."""
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes as they came -> the commands that are now complete, in order. ``now``: any clock, in seconds."""
+        """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
         frames: list[bytes] = []
         for byte in data:
             if _LOWEST <= byte <= _HIGHEST or byte == ACK:
@@ -90,13 +89,13 @@ class ClassicFramer(Framer):
         return frames
 
     def _drop(self) -> None:
-        """Forget half a command; what comes with one that had an argument is suspect all the same."""
+        """Drop an incomplete command; if it had an argument, the commands that arrive with it are suspect."""
         self._suspect = self._suspect or setter(bytes(self._frame)) is not None
         self._begin()
 
 
 class SimulatedLx200(Telescope):
-    """A simulated telescope that listens to its serial port. Raises UserError for a model that does not exist."""
+    """A simulated telescope with its serial port. Raises UserError if the model does not exist."""
 
     def framer(self) -> Framer:
         return ClassicFramer() if self.classic else Framer()
@@ -126,12 +125,12 @@ class SimulatedLx200(Telescope):
 
     @staticmethod
     def _no(command: Command) -> bytes:
-        """What it says to a value that it cannot read, where it says anything."""
+        """Return the refusal of a value that it cannot read, or nothing."""
         refusals = [form for reply, form in command.replies if reply.fault]
         return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
 
     def _take_time(self, name: str, reply: bytes, later: Later | None) -> bytes:
-        """Of a reply that takes its time, what comes at once; the rest follows when the telescope is free again."""
+        """Return the part of a slow reply that is sent at once; pass the rest to ``later`` with the seconds to wait."""
         seconds = settings.takes(self, name)
         if later is None or not seconds or reply == b"0":
             return reply

@@ -1,4 +1,4 @@
-"""What a simulated Meade can be told: site, clock, formats, limits, names."""
+"""The settings of a simulated Meade: site, clock, formats, limits, names."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.lx200.simulator.tracking import ALIGNING
 from gateway.protocols.wireformat import sexagesimal
 
-#: Seconds: a classic calculates its planets after a new date; an LX200GPS looks for satellites.
+#: Seconds in which a classic computes its planets after a new date, and an LX200GPS finds satellites.
 PLANETS, GPS_FIX = 5.0, 60.0
-_MARKED = b"\x02"  # the site that is selected, in a classic's menu
+_MARKED = b"\x02"  # marks the selected site in a classic's menu
 _NAME = 12  # columns of that menu
 _TYPES = re.compile("[Gg][Pp][Dd][Cc][Oo]")
 _SEARCH = {
@@ -31,7 +31,7 @@ _QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 
 
 def takes(sim: Telescope, name: str) -> float:
-    """How many seconds pass before the last part of this command's reply."""
+    """Return how many seconds pass before the last part of this command's reply."""
     return {"SC": PLANETS if sim.classic else 0.0, "gT": GPS_FIX, "Aa": ALIGNING}.get(name, 0.0)
 
 
@@ -46,19 +46,19 @@ def clock(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def offset(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GG - unpadded on a classic."""
+    """:GG - without padding on a classic."""
     if sim.classic and sim.offset == int(sim.offset):
         return f"{-int(sim.offset):+d}#".encode()
     return form(sim, name, offset=-sim.offset)
 
 
 def sidereal(sim: Telescope, name: str, _: Values) -> bytes:
-    """:GS - as it was set, else by clock and site."""
+    """:GS - as set by :SS, else by clock and site."""
     return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.kept.get("sidereal ahead", 0.0))
 
 
 def set_sidereal(sim: Telescope, name: str, values: Values) -> bytes:
-    """:SS - a display of its own here: the motors go by clock and site."""
+    """:SS - changes only the displayed time: the motors use clock and site."""
     sim.kept["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.sidereal(sim.now)
     return b"1"
 
@@ -76,7 +76,7 @@ def set_time(sim: Telescope, name: str, values: Values) -> bytes:
 
 
 def set_date(sim: Telescope, name: str, values: Values) -> bytes:
-    """:SC - an LX200GPS takes the UTC date."""
+    """:SC - an LX200GPS expects the UTC date."""
     new: date = values["date"]
     if sim.row["utc_date"]:
         sim.ahead += (new - datetime.fromtimestamp(sim.utc(), UTC).date()).total_seconds()
@@ -89,7 +89,7 @@ def set_date(sim: Telescope, name: str, values: Values) -> bytes:
 
 
 def set_offset(sim: Telescope, name: str, values: Values) -> bytes:
-    """:SG - the local time stays."""
+    """:SG - keeps the local time."""
     sim.ahead += (sim.offset + values["offset"]) * 3600.0
     sim.offset = -values["offset"]
     sim.relocate()
@@ -120,7 +120,7 @@ def latitude(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def longitude(sim: Telescope, name: str, _: Values) -> bytes:
-    """:Gg - unsigned, west, with seconds on an LX200GPS, without on a classic; signed on an Autostar."""
+    """:Gg - west positive; unsigned with seconds on an LX200GPS, without on a classic; signed on an Autostar."""
     west = -sim.site[1] % 360.0
     if sim.model == "autostar":
         return form(sim, name, longitude=wrap180(west))
@@ -128,12 +128,12 @@ def longitude(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def _angle(text: str) -> bytes:
-    """With the degree byte of real hardware."""
+    """Return the reply with the degree byte of real hardware."""
     return text.replace("*", "\xdf").encode("latin-1") + b"#"
 
 
 def set_half(sim: Telescope, name: str, values: Values) -> bytes:
-    """:St :Sg - an Autostar says 0 to a good latitude."""
+    """:St :Sg - an Autostar replies 0 to a valid latitude."""
     north, east = sim.site
     sim.sites[sim.site_number] = values.get("latitude", north), wrap180(-values.get("longitude", -east))
     sim.relocate()
@@ -141,7 +141,7 @@ def set_half(sim: Telescope, name: str, values: Values) -> bytes:
 
 
 def select(sim: Telescope, name: str, values: Values) -> None:
-    """:W - counted from 0 or from 1 by the model, which takes a 0 for the first, too."""
+    """:W - models count from 0 or from 1; the latter treat 0 as the first site too."""
     number = max(0, values["site"] - sim.row["first_site"])
     if number < len(sim.sites):
         sim.site_number = number

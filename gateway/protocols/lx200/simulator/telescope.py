@@ -1,7 +1,7 @@
-"""A simulated Meade as it is: what it was told, what it knows, how its motors turn. Nothing here knows a command.
+"""The state and the mechanics of a simulated Meade; its commands are handled in the other modules of this folder.
 
-What it knows is what the manual gives that model, and what real ones were seen to know. The classics and the Autostar
-begin in low precision, the LX200GPS in high.
+It has the commands that the manual gives its model, and those that real telescopes were seen to have. The classics and
+the Autostar begin in low precision, the LX200GPS in high.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
-#: Beyond the manual, yet known to these; other forms beyond it are known to none.
+#: Commands beyond the manual, and the models that have them; no model has any other command beyond the manual.
 BEYOND = {
     "Mg": {"autostar", "lx200gps"}, "GW": {"autostar", "lx200gps"}, "GVF": {"autostar"}, "hI": {"lx200gps"},
     "TS": {"autostar", "lx200", "lx200-16", "lx200gps"}, "R": {"autostar", "lx200gps"},
 }  # fmt: skip
-#: A classic has no name to tell.
+#: The commands for the telescope's name, which a classic does not have.
 NAMELESS = {"GVP", "GVN", "GVD", "GVT", "GVF"}
 STARTS_HIGH = {"lx200gps"}
 SITES = 4
 
 
 class Telescope(Simulated):
-    """One simulated telescope. ``site`` is latitude and longitude east in degrees, ``utc_offset`` local minus UTC.
+    """One simulated telescope.
 
-    ``clock`` gives Unix seconds and is the only source of time. The motors gather and lose speed as real ones do; with
-    ``ramps`` False they change it at once, for whoever reckons with plain rates. Raises UserError for a model that does
+    ``site`` is latitude and longitude, degrees, north and east positive; ``utc_offset`` is local time minus UTC, hours.
+    ``clock`` returns Unix seconds and is the only source of time. The motors accelerate like real ones; without
+    ``ramps`` they change speed at once, for tests that compute with constant rates. Raises UserError if the model does
     not exist.
     """
 
@@ -65,9 +66,9 @@ class Telescope(Simulated):
         self.ahead, self.offset = 0.0, utc_offset
         self.aligned: bool = aligned
         self.letter: str = "P" if self.classic else "A"
-        #: Where a slew goes, and whether that is axis positions instead of a place on the sky.
+        #: The goal of a slew, and whether it is in axis positions instead of right ascension and declination.
         self.goal: tuple[Pair, bool] = (0.0, 0.0), False
-        #: Axes moved by hand, and whether that only adds to what the motor does anyway.
+        #: Axes moved by hand, and whether that motion is added to tracking instead of replacing it.
         self.arrows: dict[int, bool] = {}
         self.busy_until = 0.0
         self.seeking, self.home = False, 0
@@ -79,7 +80,7 @@ class Telescope(Simulated):
         self.power_on()
 
     def power_on(self) -> None:
-        """Formats, rates and target as they are after switching on; site, clock and names are remembered."""
+        """Reset formats, rates and target as at power-on; site, clock and names are kept."""
         self.high: bool = self.model in STARTS_HIGH
         self.parts: dict[str, Any] = {}
         self.kept: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
@@ -89,7 +90,7 @@ class Telescope(Simulated):
         self.track(self.aligned)
 
     def supports(self, name: str) -> bool:
-        """Whether this model has a command: by the manual, else by what real ones do."""
+        """Whether this model has a command, according to the manual or to real telescopes."""
         command = self.protocol.commands[name]
         if command.beyond:
             return self.model in BEYOND.get(name, ())
@@ -101,12 +102,12 @@ class Telescope(Simulated):
 
     @property
     def site(self) -> Pair:
-        """Latitude and longitude east of the site that is selected."""
+        """Latitude and longitude (east positive) of the selected site, degrees."""
         return self.sites[self.site_number]
 
     @property
     def busy(self) -> bool:
-        """Whether the telescope hears hardly anything: seeking home, calculating, waiting for satellites."""
+        """Whether the telescope accepts hardly any command: it seeks its home, computes, or waits for satellites."""
         return self.seeking or self.now < self.busy_until
 
     def utc(self) -> float:
@@ -114,30 +115,30 @@ class Telescope(Simulated):
         return self.now + self.ahead
 
     def start(self, build: Build) -> Pair:
-        """Axes at power-on: on the meridian, half way up or on the equator."""
+        """Return the axis positions at power-on: on the meridian, at 45 degrees altitude or on the equator."""
         return (180.0 if self.site[0] >= 0 else 0.0), (0.0 if build is Build.WEDGE else 45.0)
 
     def track(self, on: bool) -> None:
-        """Follow the sky, or stand still: asleep it can only do the latter."""
+        """Turn tracking on or off; asleep it stays off."""
         self.mechanics.track(self.now, on and not self.asleep, self.mechanics.geometry.pole)
 
     def forget(self) -> None:
-        """Lose the alignment: the tube is taken to stand where it should at power-on."""
+        """Lose the alignment: the telescope assumes that the tube is at its power-on position."""
         first, second = self.mechanics.axes(self.now)
         there = self.start(self.mechanics.build)
         self.mechanics.correct(self.now, (wrap180(there[0] - first), wrap180(there[1] - second)))
         self.aligned = False
 
     def relocate(self) -> None:
-        """After a new site or time."""
+        """Apply a new site or time to the mechanics."""
         self.mechanics.relocate(self.now, Sky(*self.site, self.ahead))
 
     def position(self) -> Pair:
-        """Right ascension and declination of date, as the telescope believes."""
+        """Return right ascension and declination of date according to the telescope's alignment, degrees."""
         return fold_declination(*self.mechanics.believed(self.now))
 
     def come_to_now(self) -> None:
-        """Let time pass: motion, and the end of a search for home."""
+        """Advance the motion, and a search for home, to the present time."""
         self.now = self.clock()
         self.mechanics.advance(self.now)
         if self.seeking and not self.mechanics.slewing(self.now):
@@ -145,5 +146,5 @@ class Telescope(Simulated):
             self.mechanics.correct(self.now, (0.0, 0.0))
 
 
-#: Answers a command: (telescope, its name, its values) -> the reply, or None.
+#: Handles a command: (telescope, name, values) -> the reply, or None.
 Handler = Callable[[Telescope, str, Values], bytes | None]

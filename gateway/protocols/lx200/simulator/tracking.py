@@ -1,7 +1,7 @@
-"""What a simulated Meade does besides being moved: tracking rates, alignment modes, park, home and sleep.
+"""Tracking rates, alignment modes, park, home and sleep of a simulated Meade, and its accessories.
 
-And what hangs on it: focuser, smart drive, backlash, fan, derotator, reticle, GPS power. None of that can be asked for
-over the line; ``parts`` shows it to whoever watches.
+The accessories are focuser, smart drive, backlash, fan, derotator, reticle and GPS power. No command reads their state;
+tests find it in ``parts``.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
-from gateway.protocols.lx200.simulator.motion import release, slew_axes, take_up
+from gateway.protocols.lx200.simulator.motion import release, slew_axes, unpark
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 
-#: Seconds that an LX200GPS takes to align itself.
+#: Seconds in which an LX200GPS aligns itself.
 ALIGNING = 120.0
-#: Hertz as shown, and degrees a second.
+#: The displayed rate in hertz, and degrees per second.
 _DRIVES = {"TQ": (60.1, SIDEREAL_RATE), "TS": (60.0, SOLAR_RATE), "TL": (57.9, LUNAR_RATE)}
 _SIDEREAL_HERTZ = (60.1, 60.2)
 _CLASSIC_HERTZ, _ANY_HERTZ = (56.4, 60.1), (0.0, 99.9)
@@ -47,7 +47,7 @@ def drive(sim: Telescope, name: str, _: Values) -> None:
 
 
 def set_drive(sim: Telescope, name: str, values: Values) -> bytes:
-    """:ST :T - a classic takes 56.4 to 60.1 only, and :ST only in manual mode."""
+    """:ST :T - a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = values["hertz"]
     if not low <= round(hertz, 1) <= high or (sim.classic and name == "ST" and not sim.kept.get("manual")):
@@ -58,7 +58,7 @@ def set_drive(sim: Telescope, name: str, values: Values) -> bytes:
 
 
 def step_drive(sim: Telescope, name: str, _: Values) -> None:
-    """:T+ :T- - the manual rate, in use or not."""
+    """:T+ :T- - change the manual rate, whether it is in use or not."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = round(sim.kept.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
     sim.kept["custom"] = max(low, min(high, hertz))
@@ -67,7 +67,7 @@ def step_drive(sim: Telescope, name: str, _: Values) -> None:
 
 
 def align(sim: Telescope, name: str, _: Values) -> None:
-    """:AA :AP :AL - where :GW is not known, the alignment begins anew: what was learnt before is gone."""
+    """:AA :AP :AL - on a telescope without :GW the alignment is lost."""
     release(sim)
     sim.letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
     if sim.letter != "L" and sim.mechanics.build is not Build.GERMAN:
@@ -83,7 +83,7 @@ def auto_align(sim: Telescope, name: str, _: Values) -> bytes:
     """:Aa"""
     if sim.letter != "A":
         return b"0"
-    take_up(sim)
+    unpark(sim)
     sim.mechanics.cancel(sim.now)
     sim.aligned = True
     sim.mechanics.correct(sim.now, (0.0, 0.0))
@@ -95,7 +95,7 @@ def auto_align(sim: Telescope, name: str, _: Values) -> bytes:
 
 
 def park(sim: Telescope, name: str, _: Values) -> None:
-    """:hP - level and north, or the pole; then the motors are off."""
+    """:hP - slew to the horizon in the north, or to the pole; tracking is off."""
     sim.track(False)
     build = sim.mechanics.build
     slew_axes(sim, _LEVEL if build is Build.ALTAZ else (sim.start(build)[0], _POLE))
@@ -103,8 +103,8 @@ def park(sim: Telescope, name: str, _: Values) -> None:
 
 
 def seek_home(sim: Telescope, name: str, _: Values) -> None:
-    """:hS :hF - until it is found, hardly anything is heard."""
-    take_up(sim)
+    """:hS :hF - until home is found, hardly any command is accepted."""
+    unpark(sim)
     slew_axes(sim, sim.start(sim.mechanics.build))
     sim.seeking, sim.home = True, 0
 
@@ -132,7 +132,7 @@ def restart(sim: Telescope, name: str, _: Values) -> bytes:
     return b"X"
 
 
-# --- what hangs on it ---------------------------------------------------------------------------------------------
+# --- accessories --------------------------------------------------------------------------------------------------
 
 
 def focus(sim: Telescope, name: str, _: Values) -> None:
@@ -151,12 +151,12 @@ def switch(sim: Telescope, name: str, _: Values) -> None:
 
 
 def backlash(sim: Telescope, name: str, values: Values) -> None:
-    """:$BA the second axis, :$BZ the first."""
+    """:$BA for the second axis, :$BZ for the first."""
     sim.parts[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
 
 
 def correct(sim: Telescope, name: str, _: Values) -> None:
-    """$Q the other way round on both axes, :$QA :$QZ on and off for one."""
+    """$Q :$QA :$QZ - $Q toggles both axes, the others turn one axis on or off."""
     if name == "$Q":
         wanted = not sim.parts.get("pec 1", False)
         sim.parts["pec 1"] = sim.parts["pec 2"] = wanted

@@ -1,1 +1,1 @@
-"""The LX200 surface: what its rows in ``mappings/lx200/surface.toml`` call."""
+"""The LX200 surface: the functions that the rows of ``mappings/lx200/surface.toml`` call."""

@@ -1,6 +1,6 @@
-"""The small commands: formats, home, focuser, drive corrections, and the help text.
+"""The smaller commands: formats, home, focuser, drive corrections, and the help text.
 
-The help says what answers here, which mount stands behind it, and how to ask: a page of lines for each client.
+The help text says that this is a gateway, which mount it controls, and how its commands are written.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from gateway.protocols.base.wants import FireAndForget, Handling, Speed, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
-#: The digit of :SB -> baud. The manual prints the first one as 56.7K.
+#: Digit of :SB -> baud rate. The manual prints the first one as 56.7K.
 RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
 _STEPS = {"??": None, "?+": 1, "?-": -1}
-#: Without the hash sign, which would end the line.
+#: These lines have no hash sign, because it would end the line.
 _USAGE = (
     "Every command ends with a hash sign",
     "Target by place:   :Sr05:34:32 and :Sd+22*00:52",
@@ -35,25 +35,25 @@ _USAGE = (
 
 
 def toggle_precision(session: LxSession, command: Command, values: op.Values) -> None:
-    """:U - the format of coordinates, for this client."""
+    """:U - toggle the format of coordinates for this client."""
     session.kept.precision = "low" if session.kept.precision == "high" else "high"
 
 
 def baud(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:SB - 1 at the old rate; a network connection has none. Raises Invalid for what is none of the nine."""
+    """:SB - reply 1 at the old baud rate, then change it if the client is on a serial port. Raises Invalid."""
     if values.get("rate") not in RATES:
         raise Invalid("The baud rates are 1 to 9.")
     yield Speed(RATES[values["rate"]])
 
 
 def restart(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:I - back into service, and this client's state as at power-on; the stop in it was begun when it came."""
+    """:I - unpark, and reset this client's settings. As an urgent command it stopped the mount when it arrived."""
     session.forget()
     yield FireAndForget(op.Unpark())
 
 
 def home_state(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:h? - 0 of a telescope that has no way home: it was not found."""
+    """:h? - 0 (not found) also for a telescope without a home position."""
     try:
         return {"state": str((yield op.HomeState()))}
     except Unsupported:
@@ -67,7 +67,7 @@ def focus(session: LxSession, command: Command, values: op.Values) -> Handling:
 
 
 def focus_speed(session: LxSession, command: Command, values: op.Values) -> None:
-    """:FF :FS :F<n> - 1 to 4; any other number leaves the speed as it was. Raises Invalid."""
+    """:FF :FS :F<n> - speeds 1 to 4; Invalid is raised for any other number."""
     speed = {"FF": 4, "FS": 1}.get(command.name) or given(values)["speed"]
     if not 1 <= speed <= 4:
         raise Invalid("The focus speeds are 1 to 4.")
@@ -75,12 +75,12 @@ def focus_speed(session: LxSession, command: Command, values: op.Values) -> None
 
 
 def backlash(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:$BA the declination motor, :$BZ the right-ascension motor."""
+    """:$BA for the declination motor, :$BZ for the right ascension motor."""
     yield FireAndForget(op.Backlash(2 if command.name == "$BA" else 1, given(values)["value"]))
 
 
 def periodic_error(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """$Q :$QA :$QZ - a toggle for both axes, or on and off for one; the toggle goes by right ascension's."""
+    """$Q :$QA :$QZ - $Q toggles both axes by the state of right ascension, the others turn one axis on or off."""
     if command.name.startswith("$QA"):
         yield FireAndForget(op.PeriodicError(2, command.name.endswith("+")))
         return
@@ -91,7 +91,7 @@ def periodic_error(session: LxSession, command: Command, values: op.Values) -> H
 
 
 def silence(session: LxSession, command: Command, values: op.Values) -> bytes:
-    """Nothing needs doing, and nothing is what programs take best; or nothing true could be said."""
+    """Send no reply: nothing has to be done and programs cope best with silence, or no true reply exists."""
     return b""
 
 
@@ -99,7 +99,7 @@ def silence(session: LxSession, command: Command, values: op.Values) -> bytes:
 
 
 def help_line(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:?? :?+ :?- - an empty line before the first and after the last; models without help say nothing."""
+    """:?? :?+ :?- - an empty line precedes the first and follows the last; models without help do not reply."""
     if not session.model["help"]:
         return b""
     kept = session.kept
@@ -113,7 +113,7 @@ def help_line(session: LxSession, command: Command, values: op.Values) -> Handli
 
 
 def _text() -> Handling:
-    """-> the lines, as things stand now."""
+    """Return the lines of the help text, with the present state of the mount."""
     try:
         identity: op.Identity = yield op.GetIdentity()
         status: op.Status = yield op.GetStatus()

@@ -1,8 +1,8 @@
 """Local time, date and UTC offset.
 
-A client sets the three in any order, even over several connections; they are handed on as one instant, once all three
-are there, when a moment has passed, or before the clock is needed. What is preserved is UTC. Meade's offset is what
-must be ADDED to local time to get UTC; inside, offsets are local minus UTC.
+A client sets the three in any order, even over several connections. They are collected in a draft and sent to the mount
+as one instant when all three are set, after a pause, or before the clock is read. The UTC they define is preserved.
+Meade's offset must be ADDED to local time to get UTC; the gateway's offsets are local time minus UTC.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from gateway.protocols.lx200.nmea import rmc
 from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.wireformat.command import Command
 
-#: One pause after the last piece, then what is there is taken.
+#: Seconds without a further part after which an incomplete draft is sent.
 QUIET = 2.0
-#: What comes this long after another piece still belongs to it: local time and date stay, as on a Meade.
+#: Parts set within so many seconds belong together: a new offset then keeps local time and date, as on a Meade.
 BELONGS = 60.0
-#: A host's clock that is this far from either reading of a date cannot tell which one is meant.
+#: If the host's clock is more seconds away from both readings of a date, it does not decide between them.
 HOST_KNOWS = 86400.0
 _TEXT = "Updating        planetary data. "
 
 
 def printable(offset: float) -> float:
-    """The offset that is told: whole and half hours as they are; a quarter would be read in two ways, so its half."""
+    """Return the offset for a reply in whole or half hours: quarters, whose notation is ambiguous, are rounded down."""
     return round(offset * 2) / 2 if abs(offset * 2 - round(offset * 2)) < 1e-6 else (offset * 2 // 1) / 2
 
 
 def _local(session: LxSession) -> Handling:
-    """The client's local time now, as a naive datetime, with the offset it will be told."""
+    """Return the client's local time now as a naive datetime, by the offset that it is told."""
     yield from _commit_if_allowed(session)
     moment: op.Moment = yield op.GetClock()
     offset = printable(moment.offset if session.kept.offset is None else session.kept.offset)
-    # Half a second is what a whole-second reply is off by on average; none is invented here: cut, as clocks do.
+    # Not rounded: whole seconds are cut off, as clocks do, although the reply is then half a second late on average.
     return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
 
 
 def tell_local(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:GL in 24 hours, :Ga in 12, :GC the date."""
+    """:GL (24 hours) :Ga (12 hours) :GC (date)"""
     local: datetime = yield from _local(session)
     return {"time": local.hour * 3600 + local.minute * 60 + local.second, "date": local.date()}
 
@@ -65,20 +65,20 @@ def stands_against(session: LxSession, name: str, values: op.Values) -> bool:
 
 
 def _commit_if_allowed(session: LxSession) -> Handling:
-    """Before the clock is told: whoever may not set it is told it as it is."""
+    """Send the draft before the clock is read; a read-only client reads it unchanged."""
     with contextlib.suppress(ReadOnly):
         yield from commit(session)
 
 
 def _draft(session: LxSession) -> Draft:
-    """The one that this client shares with the next connection of the same program."""
+    """Return the draft, which the next connection of the same program continues."""
     if session.kept.draft is None:
         session.kept.draft = Draft()
     return session.kept.draft
 
 
 def set_piece(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:SL :SC :SG - one of three; the third one, or a pause, hands them on."""
+    """:SL :SC :SG - set one of the three parts; the third one, or a pause, sends them to the mount."""
     values = given(values)
     session.check_may_set()
     draft = _draft(session)
@@ -97,20 +97,20 @@ def set_piece(session: LxSession, command: Command, values: op.Values) -> Handli
         yield from commit(session)
     else:
         yield Defer(QUIET, "commit_quiet")
-    return _said(session) if command.name == "SC" else None
+    return _date_reply(session) if command.name == "SC" else None
 
 
-def _said(session: LxSession) -> dict[str, str]:
-    """What :SC answers: as the mount itself does where that is presented, else in the columns that one needs."""
+def _date_reply(session: LxSession) -> dict[str, str]:
+    """Return the reply to :SC: the mount's own if the surface presents it, else one of the width programs expect."""
     if session.model.get("own"):
         return {"text": session.model["date_text"], "blank": " " * session.model["date_blanks"]}
     return {"text": _TEXT, "blank": " " * 32}
 
 
 def _keep_local_time(session: LxSession, draft: Draft, offset: float) -> None:
-    """A new offset for a local time that was handed on a moment ago: the time goes on, UTC is another one.
+    """If a local time was sent shortly before this new offset, keep the local time, so that UTC changes.
 
-    ``carried`` is what comes of that and not of this client's next pieces, which may follow yet.
+    The parts taken over are marked as ``carried``, because the client may still send its own.
     """
     if session.kept.local is None or draft.time is not None:
         return
@@ -122,13 +122,13 @@ def _keep_local_time(session: LxSession, draft: Draft, offset: float) -> None:
 
 
 def commit_quiet(session: LxSession, command: Command | None, values: op.Values) -> Handling:
-    """After the pause: hand on what is there, unless another piece has come meanwhile."""
+    """Send an incomplete draft after the pause, unless another part was set meanwhile."""
     if session.clock() - _draft(session).touched >= QUIET - 0.1:
         yield from commit(session)
 
 
 def commit(session: LxSession) -> Handling:
-    """Hand the drafted time and date on as one instant."""
+    """Send the time and date of the draft to the mount as one instant."""
     draft = _draft(session)
     pieces = copy(draft)
     draft.clear()
@@ -138,7 +138,7 @@ def commit(session: LxSession) -> Handling:
         present: op.Moment = yield op.GetClock()
     except Fault:
         present = op.Moment(session.clock(), 0.0)
-    # A draft goes on with the next connection, and the pause of the one before may hand it on: it carries its offset.
+    # The deferred commit of an earlier connection may send this draft, so the draft's own offset comes first.
     offset = next((told for told in (pieces.offset, session.kept.offset) if told is not None), present.offset)
     now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
     day = pieces.day or now.date()
@@ -155,7 +155,7 @@ def commit(session: LxSession) -> Handling:
 
 
 def _dated(session: LxSession) -> date | None:
-    """The date that this client set a moment ago: a zone that came since has not made it another day."""
+    """Return the date that this client set within the last minute: an offset set since does not change the day."""
     if session.kept.dated is None:
         return None
     day, at = session.kept.dated
@@ -163,10 +163,10 @@ def _dated(session: LxSession) -> date | None:
 
 
 def _instant(session: LxSession, day: date, seconds: float, offset: float, is_local: bool) -> float:
-    """Unix seconds of a local time. ``is_local``: the date can be no other than the local one.
+    """Return the Unix seconds of a local time. ``is_local``: the date is certainly the local one.
 
-    An LX200GPS is told the UTC date by the manual and the local one by some programs: the reading nearer the host's
-    clock counts, and the manual's where that clock shows another day altogether.
+    An LX200GPS expects the UTC date according to the manual, but some programs send the local one. The reading nearer
+    to the host's clock is used, or the manual's if that clock is more than a day away from both.
     """
     midnight = float(calendar.timegm(day.timetuple()))
     local = midnight + seconds - offset * 3600.0
@@ -178,7 +178,7 @@ def _instant(session: LxSession, day: date, seconds: float, offset: float, is_lo
 
 
 def set_stamp(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:hIyyMMddHHmmss - date and local time at once."""
+    """:hIyyMMddHHmmss - set date and local time together."""
     session.check_may_set()
     try:
         local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
@@ -191,19 +191,19 @@ def set_stamp(session: LxSession, command: Command, values: op.Values) -> Handli
 
 
 def tell_sidereal(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:GS - apparent, from the mount's clock and site."""
+    """:GS - the apparent sidereal time at the mount's site by its clock."""
     yield from _commit_if_allowed(session)
     sidereal: float = yield op.SiderealTime()
     return {"sidereal": sidereal % 360.0}
 
 
 def set_sidereal(session: LxSession, command: Command, values: op.Values) -> None:
-    """:SS - a mount has no sidereal clock of its own: it follows from clock and site. Raises Unsupported."""
+    """:SS - always raises Unsupported: sidereal time follows from clock and site."""
     raise Unsupported("The sidereal time follows from the mount's clock and site: :SL, :SC, :SG and :Sg set those.")
 
 
 def toggle_hours(session: LxSession, command: Command, values: op.Values) -> None:
-    """:H"""
+    """:H - toggle the 12-hour clock."""
     session.kept.twelve = not session.kept.twelve
 
 
@@ -212,11 +212,11 @@ def tell_hours(session: LxSession, command: Command, values: op.Values) -> dict[
     return {"hours": "12" if session.kept.twelve else "24"}
 
 
-# --- the GPS of an LX200GPS: the mount's own unit; without one, or without a fix, nothing says that there is one ---
+# --- GPS: the mount's own receiver; without one the reply is that of a receiver without a fix ---
 
 
 def gps_sentence(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:gps - one RMC sentence; without a fix one that says so (V), with the site and the clock in force."""
+    """:gps - one RMC sentence; without a fix its status is V, with the site and clock in force."""
     try:
         seen: op.Gps = yield op.GetGps()
     except (Unsupported, NoDevice):

@@ -1,8 +1,8 @@
-"""What moves the mount but gotos: arrows, their rates, guiding, tracking and its rate in hertz, the alignment mode.
+"""All motions but gotos: motion by hand, its rates, guiding, tracking and its rate, the alignment mode.
 
-Meade counts the rate of tracking as the frequency of a synchronous motor: 60 Hz is a turn in 24 hours, so sidereal is
-60.164 Hz, printed 60.1; that is also what programs send when they mean sidereal. Told is the rate that runs whenever
-the mount tracks, whoever has set it; one that cannot run is refused.
+Meade gives the tracking rate as the frequency of a synchronous motor: 60 Hz is one turn in 24 hours, so sidereal is
+60.164 Hz, printed 60.1; programs send 60.1 too when they mean sidereal. Replies report the rate at which the mount
+tracks, whichever client has set it; a rate that the mount cannot run at is refused.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from gateway.protocols.wireformat.command import Command
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
 LONGEST_PULSE = 60_000
 SIDEREAL_HERTZ = 60.16427
-#: What counts as sidereal, and how it is told; the highest frequency that can be told.
+#: The range that counts as sidereal, and the value reported for it; the highest frequency that can be reported.
 _SIDEREAL, _SIDEREAL_TOLD, _MOST = (60.1, 60.2), 60.1, 99.9
 _DRIVES = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
 _MENU = ("ALTAZ", "POLAR", "LAND")
 
 
 def move(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:Mn :Ms :Me :Mw - at this client's rate."""
+    """:Mn :Ms :Me :Mw - motion by hand at this client's rate."""
     direction = op.Direction(command.name[1])
     kept = session.kept
     own = kept.rate_ra if direction.axis == 1 else kept.rate_dec
@@ -39,14 +39,14 @@ def move(session: LxSession, command: Command, values: op.Values) -> Handling:
 
 
 def choose_rate(session: LxSession, command: Command, values: op.Values) -> None:
-    """:RG :RC :RM :RS, and :R<n> with the key's own number (0 is the slowest)."""
+    """:RG :RC :RM :RS, and :R<n> with the number of a key (0 is the slowest)."""
     name = _NAMES.get(command.name)
     session.kept.rate = op.Rate(name=name) if name else op.Rate(key=max(1, given(values)["key"]))
     session.kept.rate_ra = session.kept.rate_dec = None
 
 
 def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
-    """:RA :RE - degrees a second for the arrows of one axis, until another rate is chosen."""
+    """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
     rate = given(values)["rate"] or None
     if command.name == "RA":
         session.kept.rate_ra = rate
@@ -55,7 +55,7 @@ def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
 
 
 def max_rate(session: LxSession, command: Command, values: op.Values) -> None:
-    """:Sw - the fastest rate for this client; some programs use it as their rate slider, so it is chosen, too."""
+    """:Sw - set the fastest rate of this client and choose it: some programs use the command as a rate slider."""
     low, high = session.model["max_rates"]
     if "fault" in values or not low <= values["rate"] <= max(high, 8):
         raise Invalid(f"The slew rate is {low} to {high} degrees a second.")
@@ -64,7 +64,7 @@ def max_rate(session: LxSession, command: Command, values: op.Values) -> None:
 
 
 def guide_rate(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:Rg - arcseconds a second, at most sidereal."""
+    """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
     fraction = min(1.0, given(values)["rate"] / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
@@ -80,7 +80,7 @@ def pulse(session: LxSession, command: Command, values: op.Values) -> Handling:
 
 
 def alignment(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """ACK - L only to a client that asked for land mode: widely used programs fail on it."""
+    """ACK - the alignment mode. L is only sent to a client that requested land mode: some programs fail on it."""
     return {"mode": (yield from _letter(session))}
 
 
@@ -92,14 +92,14 @@ def _letter(session: LxSession) -> Handling:
 
 
 def menu(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:G0 :G1 :G2 - the alignment menu, the present mode marked."""
+    """:G0 :G1 :G2 - a line of the alignment menu, with a mark if it is the present mode."""
     index = int(command.name[1])
     letter = yield from _letter(session)
     return {"text": f"{'>' if _MENU[index].startswith(letter) else ' '}{_MENU[index]:<15}"}
 
 
 def status(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:GW - how it is built, whether it tracks, whether it is aligned."""
+    """:GW - mount type, tracking, alignment."""
     seen: op.Status = yield op.GetStatus()
     return {
         "build": "G" if session.model.get("build") == "G" else "P" if seen.equatorial else "A",
@@ -109,20 +109,20 @@ def status(session: LxSession, command: Command, values: op.Values) -> Handling:
 
 
 def align(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:Aa - a hand control cannot be aligned from outside: 1 when it is aligned already, else 0."""
+    """:Aa - 1 if the mount is aligned already, else 0: a hand control cannot be aligned from outside."""
     seen: op.Status = yield op.GetStatus()
     if not seen.aligned:
         raise NotAligned
 
 
 def land(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:AL - tracking off. What comes next is told what became of it."""
+    """:AL - tracking off. Waits for the outcome, so that the next reply reports the new state."""
     session.kept.land = True
     yield op.SetTracking(on=False)
 
 
 def track(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:AA :AP - tracking on, in the mount's own mode: its alignment must survive."""
+    """:AA :AP - tracking on, in the mount's own mode, so that its alignment is kept."""
     session.kept.land = False
     yield FireAndForget(op.SetTracking(on=True))
 
@@ -133,7 +133,7 @@ def named_rate(session: LxSession, command: Command, values: op.Values) -> Handl
 
 
 def tell_hertz(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:GT - also while it does not track, never 0: whether it does is in :GW."""
+    """:GT - the tracking rate; never 0, also while the mount does not track (see :GW)."""
     try:
         factor: float = yield op.DriveRate()
     except Fault:
@@ -143,7 +143,7 @@ def tell_hertz(session: LxSession, command: Command, values: op.Values) -> Handl
 
 
 def set_hertz(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:ST :T<ddd.ddd> - from now on at this rate; 60.1 to 60.2 is sidereal exactly."""
+    """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
     hertz = given(values)["hertz"]
     if not 0 < hertz < 100:
         raise Invalid("The tracking rate is given in hertz, 60.1 for sidereal.")
@@ -151,7 +151,7 @@ def set_hertz(session: LxSession, command: Command, values: op.Values) -> Handli
 
 
 def custom(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:TM :T+ :T- - the manual rate, a tenth of a hertz more or less."""
+    """:TM :T+ :T- - track at the manual rate, or change it by a tenth of a hertz."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round((session.shared.manual_hertz or 60.1) + step, 3)
     yield from _drive_at(session, max(0.1, min(99.9, hertz)))
@@ -160,4 +160,4 @@ def custom(session: LxSession, command: Command, values: op.Values) -> Handling:
 def _drive_at(session: LxSession, hertz: float) -> Handling:
     sidereal = _SIDEREAL[0] <= round(hertz, 3) <= _SIDEREAL[1]
     yield op.TrackRate(name="sidereal") if sidereal else op.TrackRate(factor=hertz / SIDEREAL_HERTZ)
-    session.set_for_all(replace(session.shared, manual_hertz=hertz), lasting=False)  # not one that was refused
+    session.set_for_all(replace(session.shared, manual_hertz=hertz), lasting=False)  # only reached if not refused

@@ -1,10 +1,10 @@
-"""The object library: what a client selects there is its target, so :MS# goes there; and the limits it searches by.
+"""The object library: an object that a client selects becomes its target for :MS#; and the limits of searches.
 
-The Moon, places on it and planets move: what is kept is the object, and where it is on the sky is worked out at every
-goto. A catalogue or an object that is refused leaves nothing selected, so that no goto follows to the object before.
-The classic models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the
-manual's static replies, but LC, LM and LS work, as in their later firmware. Where the Meade itself is presented its own
-library is asked, with its own words, so that two programs that look things up do not go to each other's objects.
+The Moon, places on it and planets move: the session stores the object, and its position is computed at every goto. If
+a catalogue or an object is refused, nothing is selected, so that no goto leads to the previous object. The classic
+models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the manual's
+fixed replies, but LC, LM and LS work, as in their later firmware. If the surface presents the mount itself, the
+telescope's own library is used; each client's choice is restored first, so that two clients do not mix up targets.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
-#: :Lo - catalogues that are to be had; Arp and Abell (4 and 5) are not.
+#: :Lo - the available catalogues; Arp and Abell (4 and 5) are not.
 _DEEP_SKY = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}
 _STAR, _HIPPARCOS = 0, 3
-#: :Ls - those whose numbers are known where the list of them is installed; GCVS (2) is not to be had.
+#: :Ls - catalogues that need the installed list of cross references; GCVS (2) is not available.
 _CROSS = {1: "SAO", 4: "HR", 5: "HD"}
-#: The STAR catalogue's numbers from 901 on. Its 351 alignment stars and Pluto (909) are in no catalogue at hand.
+#: The numbers of the STAR catalogue from 901 on. Its 351 alignment stars and Pluto (909) are not available.
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
 _MOON = 903
 _NOT_FOUND = "Catalog not found"
-#: Which catalogue a number is of: chosen by another command, which is said again before, for others choose as well.
+#: The command that chooses the catalogue of a number. It is sent again first, because other clients choose too.
 _CHOSEN_BY = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
 _CHOOSING = ("Lo", "Ls")
 _YEAR = 365.25 * 86400.0
-#: What :G and :S change.
+#: The search limit of a letter of :G and :S.
 _LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "smaller", "y": "types", "q": "quality"}
 _TYPES = re.compile("gpdco", re.IGNORECASE)
 
 
 def choose_catalog(session: LxSession, command: Command, values: op.Values) -> None:
-    """:Lo - on models that do not search the reply is always 1."""
+    """:Lo - choose a catalogue; on models that do not search the reply is always 1."""
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
     session.kept.deep_sky = catalog
     if catalog is None:
@@ -54,7 +54,7 @@ def choose_catalog(session: LxSession, command: Command, values: op.Values) -> N
 
 
 def choose_stars(session: LxSession, command: Command, values: op.Values) -> None:
-    """:Ls - planets, Hipparcos, and SAO, HR and HD where they are installed."""
+    """:Ls - choose a catalogue: planets, Hipparcos, and SAO, HR and HD if they are installed."""
     catalog = None if "fault" in values else values["catalog"]
     session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
     if session.kept.stars is None:
@@ -67,7 +67,7 @@ def choose_stars(session: LxSession, command: Command, values: op.Values) -> Non
 
 
 def _check(session: LxSession, look_up: Callable[[], object]) -> None:
-    """Raises Invalid where the catalogue is not installed; then nothing is selected either."""
+    """Raise Invalid and select nothing if the catalogue is not installed."""
     try:
         look_up()
     except Unsupported as missing:
@@ -76,13 +76,13 @@ def _check(session: LxSession, look_up: Callable[[], object]) -> None:
 
 
 def select_object(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:LM a Messier object, :LC one of the catalogue that :Lo chose."""
+    """:LM - select a Messier object; :LC - one of the catalogue that :Lo chose."""
     catalog = "M" if command.name == "LM" else session.kept.deep_sky
     yield from _select(session, catalog, values, deepsky.look_up)
 
 
 def select_star(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:LS - of the catalogue that :Ls chose, else STAR on models that have it and Hipparcos on the others."""
+    """:LS - select from the catalogue that :Ls chose; by default STAR on models that have it, else Hipparcos."""
     catalog = session.kept.stars
     if catalog == "model":
         catalog = _STAR if session.model["libraries"] else _HIPPARCOS
@@ -102,7 +102,7 @@ def select_star(session: LxSession, command: Command, values: op.Values) -> Hand
 
 
 def _aim_at(session: LxSession, entry: Entry) -> Handling:
-    """A catalogue's object becomes the target."""
+    """Make an object of a catalogue the target."""
     place: op.Equatorial = yield op.ToEquinoxOfDate(entry.ra, entry.dec)
     kept = session.kept
     kept.deselect()
@@ -110,7 +110,7 @@ def _aim_at(session: LxSession, entry: Entry) -> Handling:
 
 
 def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, words: str) -> Handling:
-    """Something that moves becomes the target. Raises Fault while it has no place: then nothing is selected."""
+    """Make a moving object the target. If its position is unknown, nothing is selected and Fault is raised."""
     kept = session.kept
     try:
         place: op.Equatorial = yield moving
@@ -122,7 +122,7 @@ def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, words: st
 
 
 def set_moon_target(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:SE the latitude north, :Se the longitude EAST positive (Mare Crisium is +59); the half not set yet is 0."""
+    """:SE latitude, north positive; :Se longitude, EAST positive (Mare Crisium is +59); a half not set is 0."""
     if "fault" in values:
         session.kept.select_nothing("No object selected")
         raise values["fault"]
@@ -133,7 +133,7 @@ def set_moon_target(session: LxSession, command: Command, values: op.Values) -> 
 def _select(
     session: LxSession, catalog: str | None, values: op.Values, look_up: Callable[[str, int], Entry | None]
 ) -> Handling:
-    """The object of that number becomes the target; what is not there leaves none."""
+    """Make the object of that number the target; if there is none, nothing is selected."""
     number = values.get("number")
     if catalog is None or number is None:
         return session.kept.select_nothing(_NOT_FOUND if catalog is None else "No object selected")
@@ -156,7 +156,7 @@ def tell_search(session: LxSession, command: Command, values: op.Values) -> obje
 
 
 def set_search(session: LxSession, command: Command, values: op.Values) -> None:
-    """:Sb :Sf :SF :Sl :Ss :Sy - the types are five letters in their order, capitals for what is wanted."""
+    """:Sb :Sf :SF :Sl :Ss :Sy - the types are five letters in fixed order, capitals for the wanted ones."""
     name = _LIMITS[command.name[1]]
     (value,) = given(values).values()
     if name == "types" and not _TYPES.fullmatch(value):
@@ -171,7 +171,7 @@ def step_quality(session: LxSession, command: Command, values: op.Values) -> Non
 
 
 def browse(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:LF the first within the limits, beginning in the west; :LN and :LB the ones after and before the object."""
+    """:LF - select the first object within the limits, from the west; :LN, :LB - the next or previous one."""
     if not session.model["libraries"]:
         return
     try:
@@ -191,7 +191,7 @@ def browse(session: LxSession, command: Command, values: op.Values) -> Handling:
 
 
 def identify(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:Lf - how many objects within the limits are in the field, and the one nearest to its centre."""
+    """:Lf - report how many objects within the limits are in the field, and the one nearest to its centre."""
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
     try:
@@ -208,21 +208,21 @@ def identify(session: LxSession, command: Command, values: op.Values) -> Handlin
 
 
 def object_text(session: LxSession, command: Command, values: op.Values) -> dict[str, str]:
-    """:LI"""
+    """:LI - the description of the selected object."""
     if not session.model["libraries"]:
         return {"text": session.model["object_text"]}
     return {"text": session.kept.object or "No object selected"}
 
 
 def _wanted(session: LxSession) -> Wanted:
-    """This client's limits."""
+    """Return this client's search limits as a query of the catalogue."""
     limits = session.kept.search
     kinds = "".join(letter for letter in limits.types if letter.isupper())
     return Wanted(limits.brighter, limits.fainter, limits.larger, limits.smaller, kinds, limits.quality)
 
 
 def _sky(session: LxSession) -> Handling:
-    """-> (what may be gone to now, the right ascension in the south); everything may, where the site is unknown."""
+    """Return (a test whether a position is visible now, the right ascension in the south); without a site all are."""
     limits = session.limits
     try:
         zenith: op.Equatorial = yield op.Zenith()
@@ -236,7 +236,7 @@ def _sky(session: LxSession) -> Handling:
 
 
 def own_library(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI of the telescope itself."""
+    """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI - pass the command to the telescope itself."""
     kept = session.kept
     if command.name == "LI":
         return (yield op.Own("LI", (), "moment")) if kept.object is None else f"{kept.object}#".encode("latin-1")

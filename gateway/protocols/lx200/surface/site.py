@@ -1,7 +1,7 @@
-"""Sites, their names, and altitude limits. Meade's longitudes count west positive; inside they count east.
+"""Sites, their names, and altitude limits. Longitudes are west positive on the wire and east positive in the gateway.
 
-Site 1 is the mount's own. What it is gets remembered when another one takes its place, and is put back on the mount
-only where the mount was told the other one; what was entered at the hand control meanwhile stays.
+Site 1 is the mount's own. The gateway stores it when a client selects another site, and sets it on the mount again only
+if the other site was set on the mount; a site that was entered on the hand control meanwhile is kept.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
-#: The letters of the four sites in the commands of their names, and the highest number that ``:W`` takes.
+#: The letters of the four sites in the commands for their names, and the highest number that ``:W`` accepts.
 _NAMED = "MNOP"
 _SITES_AT_MOST = 4
 
 
 def tell_half(session: LxSession, command: Command, values: Values) -> Handling:
-    """:Gt :Gg - of the site in force; where nobody knows the other half, the one that was set. Raises Fault."""
+    """:Gt :Gg - of the site in force; while that is incomplete, the stored half. Raises Fault if there is none."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
         told: Place | NamedSite = yield GetSite()
@@ -35,12 +35,12 @@ def tell_half(session: LxSession, command: Command, values: Values) -> Handling:
 
 
 def _selected(session: LxSession) -> int:
-    """The site that this client sets: the one it selected, else the one selected last, from 0."""
+    """Return the site number of this client, from 0: the one it selected, else the one that was selected last."""
     return (session.shared.site or 0) if session.kept.site is None else session.kept.site
 
 
 def set_half(session: LxSession, command: Command, values: Values) -> Handling:
-    """:St :Sg - remembered under the site that is selected."""
+    """:St :Sg - store one half in the selected site and set it on the mount."""
     [(name, value)] = given(values).items()
     half = {name: value if name == "latitude" else -value}
     session.check_may_set()
@@ -51,7 +51,7 @@ def set_half(session: LxSession, command: Command, values: Values) -> Handling:
 
 
 def _enter(session: LxSession, index: int) -> Handling:
-    """This site is in force for all from now on, and for who selects none, as at power-on; what site 1 is, is kept."""
+    """Put this site in force for all clients that select none; store the mount's own site as site 1 before."""
     if not session.shared.site and index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()
@@ -62,7 +62,7 @@ def _enter(session: LxSession, index: int) -> Handling:
 
 
 def select(session: LxSession, command: Command, values: Values) -> Handling:
-    """:W - by this model's count, from 0 or from 1; the number that the count does not have is the nearest site."""
+    """:W - select a site. The model counts from 0 or from 1; a number outside its range selects the nearest site."""
     number = given(values)["site"]
     if number > _SITES_AT_MOST:
         return
@@ -81,13 +81,13 @@ def select(session: LxSession, command: Command, values: Values) -> Handling:
 
 
 def _place(session: LxSession, index: int) -> SetSite:
-    """What is stored of a site; None for what is not."""
+    """Return the stored site; a half that is not stored is None."""
     stored = session.shared.stored(index)
     return SetSite(stored.latitude, stored.longitude)
 
 
 def tell_name(session: LxSession, command: Command, values: Values) -> dict[str, str]:
-    """:GM :GN :GO :GP - four names that can be told apart, also before anybody has named a site."""
+    """:GM :GN :GO :GP - the name of a site; sites without a name have four different defaults."""
     index, longest = _NAMED.index(command.name[1]), session.model["names"]
     unnamed = f"SITE {index + 1}" if longest > len("ST1") else f"ST{index + 1}"
     return {"name": (session.shared.stored(index).name or unnamed)[:longest]}
@@ -103,9 +103,9 @@ def set_name(session: LxSession, command: Command, values: Values) -> None:
 
 
 def set_limit(session: LxSession, command: Command, values: Values) -> None:
-    """:So :Sh - as real programs use them (against the manual's words): the lowest altitude, the highest.
+    """:So :Sh - the lowest and the highest altitude, as real programs use them (the manual describes them differently).
 
-    Raises Invalid for limits that leave no altitude at all: nothing could be moved any more.
+    Raises Invalid for limits that leave no altitude, because nothing could be moved any more.
     """
     name = "lowest" if command.name == "So" else "highest"
     wanted = {"lowest": session.kept.lowest, "highest": session.kept.highest, name: float(given(values)["limit"])}
@@ -116,6 +116,6 @@ def set_limit(session: LxSession, command: Command, values: Values) -> None:
 
 
 def tell_limit(session: LxSession, command: Command, values: Values) -> dict[str, float]:
-    """:Go the lowest, :Gh the highest altitude in force for this client."""
+    """:Go :Gh - the lowest and the highest altitude in force for this client."""
     limits = session.limits
     return {"limit": limits.lowest if command.name == "Go" else limits.highest}

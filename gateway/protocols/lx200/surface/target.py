@@ -1,7 +1,7 @@
 """Targets, gotos and syncs.
 
-A target is a client's own. What the client sets by coordinates ends its selection of an object (``objects.py``), and a
-half that is refused clears the whole. The Moon and the planets move: they are worked out anew for every goto, sync and
+Each client has its own target. Setting coordinates ends the selection of an object (``objects.py``), and refusing one
+coordinate clears both. The Moon and the planets move: their positions are computed again for every goto, sync and
 reply.
 """
 
@@ -15,13 +15,13 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: LxSession, _: Command, values: op.Values) -> None:
-    """:Sr :Sd - programs go on to :MS# even after a 0, so a refused half must not leave a stale target."""
+    """:Sr :Sd - programs send :MS# even after a refusal (0), so a refused half must not leave a stale target."""
     session.kept.deselect()
     _set(session, values, "ra", "dec")
 
 
 def set_horizontal_target(session: LxSession, _: Command, values: op.Values) -> None:
-    """:Sa :Sz - an altitude beyond the limits is out of the slew range. Raises BelowHorizon, TooHigh, Invalid."""
+    """:Sa :Sz - the target of :MA. Raises BelowHorizon or TooHigh for an altitude beyond the limits, or Invalid."""
     if "alt" in values:
         limits = session.limits
         try:
@@ -42,9 +42,7 @@ def _set(session: LxSession, values: op.Values, *pair: str) -> None:
 
 
 def _target(session: LxSession) -> Handling:
-    """-> Equatorial: where the target is now. Raises what its place raises, and NoTarget, with words where something
-    was selected in vain.
-    """
+    """Return where the target is now, as Equatorial. Raises NoTarget, with the reason if a selection has failed."""
     kept = session.kept
     if kept.moving is not None:
         place: op.Equatorial = yield kept.moving
@@ -55,20 +53,20 @@ def _target(session: LxSession) -> Handling:
 
 
 def tell_target(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:Gr :Gd - zero before any was set, as a Meade says after power-on; what moves, where it is now."""
+    """:Gr :Gd - zero if none was set, as on a Meade after power-on; for a moving object its present position."""
     if session.kept.moving is not None:
         yield from _target(session)
     return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
 
 
 def second_half(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:GD :GA - of the same instant as the :GR or :GZ before it."""
+    """:GD :GA - of the same instant as a :GR or :GZ directly before."""
     before, asked = (b":GR#", op.Position()) if command.name == "GD" else (b":GZ#", op.HorizontalPosition())
     return (yield ReuseLastReading(asked) if session.last == before else asked)
 
 
 def goto(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:MS - to the target, or a refusal with words."""
+    """:MS - slew to the target."""
     kept = session.kept
     place: op.Equatorial = yield from _target(session)
     limits = {"lowest": kept.lowest, "highest": kept.highest, "fastest": kept.fastest}
@@ -76,7 +74,7 @@ def goto(session: LxSession, _: Command, values: op.Values) -> Handling:
 
 
 def goto_horizontal(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:MA - to the azimuth and altitude of :Sz and :Sa."""
+    """:MA - slew to the azimuth and altitude of :Sz and :Sa."""
     kept = session.kept
     if kept.az is None or kept.alt is None:
         raise NoTarget
@@ -84,14 +82,14 @@ def goto_horizontal(session: LxSession, _: Command, values: op.Values) -> Handli
 
 
 def sync(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:CM - a bare # is what programs read as failure; they want a text at once otherwise."""
+    """:CM - programs read a bare # as a failure, and otherwise expect a text at once."""
     place: op.Equatorial = yield from _target(session)
     yield op.Sync(place.ra, place.dec)
     return {"text": session.settings.sync_text or session.model["sync_text"]}
 
 
 def sync_on_moon(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:CL - only to a place on the Moon; the command has no reply."""
+    """:CL - sync on the selected place on the Moon; the command has no reply."""
     if not isinstance(session.kept.moving, op.MoonPlace):
         raise NoTarget
     place: op.Equatorial = yield from _target(session)
@@ -99,7 +97,7 @@ def sync_on_moon(session: LxSession, _: Command, values: op.Values) -> Handling:
 
 
 def _own_idle() -> Handling:
-    """What this telescope sends while it stands; empty where it does not say, or moves at somebody's keys."""
+    """Return the telescope's own :D reply at rest; empty if it has none, or moves by its hand control."""
     try:
         said: bytes = yield op.Own("D", (), "fixed")
     except (Unsupported, Silence):
@@ -108,7 +106,7 @@ def _own_idle() -> Handling:
 
 
 def distance_bars(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:D - one bar while a goto is under way, nothing when it is over."""
+    """:D - a bar while a goto is under way, none when it has ended; in the telescope's own form if it is presented."""
     slewing = yield op.Slewing()
     if not slewing and session.model.get("own"):
         idle = yield from _own_idle()

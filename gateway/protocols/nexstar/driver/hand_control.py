@@ -1,4 +1,4 @@
-"""Which hand control was found, and what follows from its model and version: its facts, whatever the mount does."""
+"""The hand control that was found, and the properties that follow from its model and version alone."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIAN
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version
 
-#: What is shown of a hand control that has not told its version yet.
+#: The version that is presented until the hand control has reported its own.
 FIRST_SHOWN: Version = (4, 21)
-#: Seconds in which a hand control says which kind it is, or does not.
+#: Timeout of ``v``, seconds: not every version answers it.
 VARIANT_PATIENCE = 1.5
-#: The first version that counts in coordinates of date.
+#: The first version that uses coordinates of date.
 JNOW_FROM = (4, 14)
 UNKNOWN: Model = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 
 
 class HandControl(Driver):
-    """A hand control, as it was named or has told of itself."""
+    """A hand control: its model and version as the user named them or as it has reported them."""
 
     protocol = load("nexstar")
 
@@ -33,10 +33,10 @@ class HandControl(Driver):
         self.model = model
         self.version: Version | None = named.counts_as if named else None
         self.version_text = "?"
-        #: What ``V`` and ``m`` have answered.
+        #: The replies to ``V`` and ``m``.
         self.shown: Version | None = None
         self.number: int | None = None
-        #: Commands that it did not answer.
+        #: Commands that it has not answered.
         self.mute: set[str] = set()
         self.starsense = named is not None and named.starsense
         self.motors: dict[int, Version] = {}
@@ -44,7 +44,7 @@ class HandControl(Driver):
         self.found: set[str] = set()
 
     def presented(self) -> Model:
-        """The row of its model, with what it has told of itself; ``counts_as`` is the version that it behaves as."""
+        """Return the row of its model with the reported values; ``counts_as`` is the version whose commands it has."""
         shown = self.shown or FIRST_SHOWN
         return {
             **self.facts,
@@ -65,9 +65,9 @@ class HandControl(Driver):
         return next((name for name, row in rows.items() if row.get("id") == self.number), f"model {self.number}")
 
     def own(self, operation: Own) -> Steps:
-        """-> bytes. Nobody knows of every version whether it answers to ``v``; all else is answered by who has it.
+        """Pass a client's command on and return the raw reply. Which versions answer ``v`` is not documented.
 
-        Raises Unsupported for what it has not, or does not answer.
+        Raises Unsupported if the hand control lacks the command or has not answered it.
         """
         if not self.supports(operation.command) or operation.command in self.mute:
             raise Unsupported
@@ -79,27 +79,27 @@ class HandControl(Driver):
             raise Unsupported from None
 
     def probe(self) -> Steps:
-        """``K``, which no Meade takes for anything."""
+        """Send ``K``, which is no command of a Meade."""
         yield Send("K", {"echo": 0x78})
 
     @property
     def facts(self) -> Model:
-        """The row of models.toml; an unknown mount is an alt-az fork without extras."""
+        """The row of ``models.toml``; an unknown mount counts as an alt-az fork without extras."""
         return self.protocol.models.get(self.model or "", UNKNOWN)
 
     @property
     def loses_alignment(self) -> bool:  # type: ignore[override]
-        """A StarSense that is told site or time forgets its alignment."""
+        """Whether setting site or time destroys its alignment, as on a StarSense."""
         return self.starsense
 
     @property
     def moves_by_gotos(self) -> bool:  # type: ignore[override]
-        """Before 1.6 there is no pass-through to the motors."""
+        """Whether hand motion consists of small gotos: before 1.6 there is no pass-through to the motors."""
         return not self.supports("slew_azm_pos")
 
     @property
     def equinox(self) -> str:  # type: ignore[override]
-        """Up to 4.13, and on every GT, a hand control counts in J2000 by Celestron's own driver; others disagree."""
+        """Up to 4.13, and on every GT, J2000 according to Celestron's own driver; other sources disagree."""
         if self.starsense or self.version is None or self.version >= JNOW_FROM:
             return "jnow"
         return "j2000"
@@ -113,9 +113,9 @@ class HandControl(Driver):
 
     @property
     def rates(self) -> Model:
-        """The fixed-rate table of the mount's family."""
+        """The key speeds of the mount's family."""
         return rate_tables()[self.facts["rates"]]
 
     def key_speed(self, key: int) -> float:
-        """Degrees a second of a hand-control key 1-9."""
+        """Return the speed of a hand-control key (1-9), degrees a second."""
         return key_speed(self.rates, key)

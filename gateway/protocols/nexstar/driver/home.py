@@ -1,9 +1,9 @@
-"""Park, home and sleep.
+"""Park, home, hibernate and wake.
 
-A hand control has no park position of its own: it is sent to one by ``b``, and its tracking goes off when it is there.
-It sleeps and wakes by ``x`` and ``y`` where the firmware has them, else tracking goes off and on. A hand control that
-wakes goes on tracking; some are late with that, so it is told to a little later, unless it was told something else
-about tracking meanwhile.
+A hand control has no park position of its own: the gateway sends it to one by ``b`` and turns tracking off on arrival.
+``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. A hand control
+resumes tracking when it wakes, but some do so late, so the gateway turns tracking on a little later, unless a client
+has changed tracking meanwhile.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.pointing import MOTORS, axis_readings, stop_current_motion, to_axes
 from gateway.protocols.nexstar.driver.state import GotoState, NexStar
 
-#: Seconds from ``y`` until it is told to track.
+#: Seconds from ``y`` until tracking is turned on.
 AWAKE = 2.0
 
 
 def park(mount: NexStar, operation: op.Park) -> Steps:
-    """To the park position by ``b`` (which works unaligned too); tracking goes off when it is there."""
+    """Slew to the park position by ``b`` (which also works unaligned); tracking is turned off on arrival."""
     mount.woken = False
     yield from stop_current_motion(mount)
     there = mount.destination(operation)
@@ -29,13 +29,13 @@ def park(mount: NexStar, operation: op.Park) -> Steps:
 
 
 def set_home(mount: NexStar, _: op.SetHome) -> Steps:
-    """Remember where the axes stand now."""
+    """Store the present axis readings as the home position."""
     answer = yield axis_readings(mount)
     mount.home, mount.home_state = op.Horizontal(answer["az"], answer["alt"]), 1
 
 
 def home(mount: NexStar, _: op.Home) -> Steps:
-    """To the stored home position; to the motors' switches where they have some and the settings say so."""
+    """Slew to the stored home position, or seek the motors' home switches if there are any and the settings say so."""
     if mount.settings.aux_home and mount.has("home"):
         yield from _seek_switches(mount)
         return
@@ -48,7 +48,7 @@ def home(mount: NexStar, _: op.Home) -> Steps:
 
 
 def _seek_switches(mount: NexStar) -> Steps:
-    """AUX 0x0B on both motors (never 0x19, which seeks the index of the periodic error)."""
+    """Send AUX 0x0B to both motors (never 0x19, which seeks the index of the periodic error correction)."""
     yield from stop_current_motion(mount)
     yield from tracking.suspend(mount)
     mount.parked, mount.home_state = False, 2
@@ -58,7 +58,7 @@ def _seek_switches(mount: NexStar) -> Steps:
 
 
 def home_state(mount: NexStar, _: op.HomeState) -> Steps:
-    """-> 2 on the way, 1 at home or parked, 0 else."""
+    """Return 2 on the way home or to park, 1 at home or parked, else 0."""
     yield from ()  # a generator like all others
     if mount.goto is not None and mount.goto.then in ("home", "park"):
         return 2
@@ -66,7 +66,7 @@ def home_state(mount: NexStar, _: op.HomeState) -> Steps:
 
 
 def unpark(mount: NexStar, _: op.Unpark) -> Steps:
-    """Tracking on again, the mount's state read anew."""
+    """Turn tracking on again and read the mount's status."""
     mount.parked = False
     if mount.goto is None and mount.supports("T") and tracking.native_mode(mount) is not None:
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))
@@ -74,35 +74,35 @@ def unpark(mount: NexStar, _: op.Unpark) -> Steps:
 
 
 def sleep(mount: NexStar, _: op.Hibernate) -> Steps:
-    """``x`` where the firmware has it, else tracking off."""
+    """Send ``x`` if the firmware has it, else turn tracking off."""
     if mount.supports("x"):
         try:
             yield Send("x")
         except NoAnswer:
-            if not mount.asleep:  # else it sleeps already, and does not answer that either
+            if not mount.asleep:  # a mount that already hibernates does not answer
                 raise
         mount.asleep, mount.woken = True, False
         mount.at_rest()
-        mount.suspended = None  # it wakes tracking
+        mount.suspended = None  # it tracks when it wakes
     else:
         yield from tracking.set_tracking(mount, op.SetTracking(on=False))
 
 
 class Awake(op.Operation, frozen=True):
-    """Internal: it was woken, and goes on tracking; not where it was told something else about that meanwhile."""
+    """Internal: tracking is to be turned on after waking, unless a client has changed it meanwhile."""
 
     survives_abort = True
 
 
 def awake(mount: NexStar, _: Awake) -> Steps:
-    """Some seconds after ``y``."""
+    """Turn tracking on some seconds after ``y``."""
     if mount.woken:
         mount.woken = False
         yield from unpark(mount, op.Unpark())
 
 
 def wake(mount: NexStar, _: op.Wake) -> Steps:
-    """``y`` where the firmware has it, else tracking on."""
+    """Send ``y`` if the firmware has it, else turn tracking on."""
     if mount.supports("y"):
         yield Send("y")
         mount.asleep, mount.woken = False, True

@@ -1,4 +1,4 @@
-"""Finding out which hand control and which mount this is: version first, then only what that version has."""
+"""Identify the hand control and the mount: ask for the version first, then use only commands of that version."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gateway.protocols.wireformat.rows import show_version
 ASKED_AGAIN_FROM = (5, 28)
 
 AZM, ALT, FOCUSER = 16, 17, 18
-#: What a hand control too old to tell its model may have behind it.
+#: Devices that may be on the bus of a hand control too old to report its model.
 PARTS = {"gps": 176, "rtc": 178}
 
 
 def identity(mount: NexStar, _: Operation) -> Steps:
-    """Get Version, variant, model, motor firmware; then how the mount stands. -> Identity."""
+    """Read version, variant, model and motor firmware, then the mount's status. Returns Identity."""
     answer = yield Send("V")
     raw = (answer["major"], answer["minor"])
     mount.version_text = show_version(raw)
@@ -35,7 +35,7 @@ def identity(mount: NexStar, _: Operation) -> Steps:
         yield from _motors(mount)
     yield from read_status(mount)
     if mount.tracking not in (None, Tracking.OFF):
-        mount.parked = False  # remembered from an earlier run, and meanwhile taken up again by somebody
+        mount.parked = False  # remembered from an earlier run; it has been unparked meanwhile
     variant = "StarSense" if mount.starsense else "NexStar"
     motors = tuple(show_version(version) for version in mount.motors.values())
     return Identity(
@@ -44,9 +44,9 @@ def identity(mount: NexStar, _: Operation) -> Steps:
 
 
 def _variant(mount: NexStar) -> Steps:
-    """A StarSense counts its versions from 1.18 on, yet has everything a modern hand control has.
+    """Find out whether this is a StarSense, whose versions begin at 1.18 though it has all modern commands.
 
-    Nothing else has counted there, so one that does not say what it is hibernates.
+    No other hand control used those numbers, so one of them that does not answer ``v`` is a hibernating StarSense.
     """
     try:
         mount.starsense = (yield Send("v"))["variant"] == STARSENSE_VARIANT

@@ -1,8 +1,8 @@
-"""Moving by hand, stopping, guiding.
+"""Hand motion, stopping, guiding.
 
-A sky direction becomes a motor sense here, once. Fast motion overrides tracking on the mount, so tracking is put off
-before it and resumed after the last axis has stopped. Hand controls before 1.6 have no pass-through: there a motion is
-a chain of small gotos.
+This is the only place where a sky direction becomes a motor direction. Fast motion overrides tracking on the mount, so
+the driver suspends tracking first and resumes it after the last axis has stopped. Hand controls before 1.6 have no
+pass-through: on them hand motion is a chain of small gotos.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from gateway.protocols.nexstar.driver.pointing import Arrived, need_alignment, p
 from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rest
 
 FOCUSER = 18
-LONGEST_PULSE = 2550
-#: Seconds from one small goto to the next; how far its goal may be ahead beyond that, in seconds and in degrees.
+LONGEST_PULSE = 2550  # milliseconds
+#: Seconds between small gotos; how much further ahead their goal may be, in seconds of motion plus degrees.
 STEP_EVERY, LONGER, AHEAD = 0.6, 0.5, 0.75
 _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
 
 
 def sense(mount: NexStar, direction: op.Direction) -> int:
-    """+1 or -1: which way a motor turns for a sky direction. Positive on axis 1 is west, but east in EQ south.
+    """Return +1 or -1, the motor direction for a sky direction. Positive on axis 1 is west, but east in EQ south.
 
-    Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. Of a
-    German mount the side of the pier decides (``_reversed``), whose letters are counted from the north.
+    Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. On a
+    German mount it depends on the pier side (``_reversed``), whose letters are counted from the north.
     """
     southern = tracking.native_mode(mount) is op.Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):
@@ -36,7 +36,7 @@ def sense(mount: NexStar, direction: op.Direction) -> int:
 
 
 def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
-    """Whether the second motor turns the other way: on the W side of the pier, and beyond the pole."""
+    """Return whether the declination motor turns the other way: on the W side of the pier, or beyond the pole."""
     if direction.axis == 1:
         return False
     if not mount.german:
@@ -46,23 +46,23 @@ def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
     except Fault:
         return mount.beyond_pole
     west = mount.tube_side(told) == "W"
-    return west != (mount.beyond_pole and mount.supports("p"))  # without p the axis has told both
+    return west != (mount.beyond_pole and mount.supports("p"))  # without p both follow from the same axis reading
 
 
 def move(mount: NexStar, operation: op.Move) -> Steps:
-    """A sky direction: corrected for the side of the pier, and beyond the pole. Alt-az: an axis, on top of tracking."""
+    """Move in a sky direction, corrected for pier side and pole; in alt-az turn one axis, slowly on top of tracking."""
     if altaz.carries(mount, operation) and (yield from altaz.move(mount, operation)):
         return
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
-        yield from stop_current_motion(mount)  # under way to the other side, the control tells the side of the goal
+        yield from stop_current_motion(mount)  # during a goto ``p`` already returns the side of its goal
     if not mount.moves_by_gotos and (yield from _reversed(mount, operation.direction)):
         sign = -sign
     yield from move_axis(mount, op.MoveAxis(operation.direction.axis, sign, operation.rate))
 
 
 def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
-    """``P 2 16|17 36|37 rate``; tracking off first unless an equatorial mount moves at rates 1-2."""
+    """Send ``P 2 16|17 36|37 rate``; suspend tracking first unless the mount tracks equatorially and the key is 1-2."""
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
         yield from stop_current_motion(mount)
@@ -70,7 +70,7 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
     tracks = mount.suspended is None and (mount.tracking or op.Tracking.OFF).equatorial
-    if rate.name == "guide" and tracks:  # guiding is a difference to that
+    if rate.name == "guide" and tracks:  # guiding is relative to tracking
         yield from _guide(mount, axis, operation.sense)
         return
     side = "pos" if operation.sense > 0 else "neg"
@@ -80,8 +80,8 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     if not (gentle and tracks):
         yield from tracking.suspend(mount)
     before = dict(mount.moving)
-    mount.riding.pop(axis, None)
-    mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
+    mount.added_rates.pop(axis, None)
+    mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has the new rate
     try:
         if variable is not None:
             yield Send(f"rate_{AXES[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, prompt=True)
@@ -96,7 +96,7 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
 
 
 def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
-    """An arrow at the guide rate on a mount that tracks equatorially: on top of that."""
+    """Move at the guide rate, on top of equatorial tracking."""
     mount.parked = False
     before = dict(mount.moving)
     mount.moving[axis] = max(mount.guide_rates[axis] * SIDEREAL, mount.moving.get(axis, 0.0))
@@ -109,13 +109,13 @@ def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
 
 
 def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
-    """Rate 0 on one axis; after the last one tracking comes back, once."""
+    """End hand motion of one axis by rate 0; resume tracking, once, when no axis moves any more."""
     stepped = mount.steps.pop(operation.axis, None)
     if mount.moves_by_gotos:
         if stepped is not None:
-            yield Send("M")  # the last small goto may lead far in azimuth; the other axis takes its next one by itself
+            yield Send("M")  # the last small goto may lead far in azimuth; the other axis continues with its next one
         return
-    if operation.axis in mount.riding:
+    if operation.axis in mount.added_rates:
         yield from altaz.stop_axis(mount, operation.axis)
         return
     replaced = mount.drive == "replaced" and operation.axis == 1
@@ -123,8 +123,8 @@ def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
     mount.moving.pop(operation.axis, None)
     mount.pulsing.discard(operation.axis)
     yield from _end_pulses(mount, [operation.axis])
-    if mount.riding:
-        yield from altaz.go_on(mount, operation.axis)
+    if mount.added_rates:
+        yield from altaz.send_rates(mount, operation.axis)
     elif mount.moving:
         return
     elif mount.suspended is not None:
@@ -134,13 +134,13 @@ def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
 
 
 def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
-    """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was.
+    """Send rate 0 to both axes, which ends hand motion, and ``M``, which ends a goto; tracking stays as it was.
 
-    What moves fastest comes first.
+    The fastest motion is ended first.
     """
     mount.steps.clear()
     mount.pulsing.clear()
-    mount.riding.clear()
+    mount.added_rates.clear()
     going = mount.goto
     if going is not None:
         mount.home_state = 0 if going.then == "home" else mount.home_state
@@ -157,11 +157,11 @@ def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
         tracking.resume(mount) if mount.suspended is not None or going is not None else tracking.keep_rate(mount)
     )
     if going is not None and mount.rate.name != "sidereal":
-        yield Schedule(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
+        yield Schedule(0.0, Arrived(then=""))  # the hand control now tracks at the sidereal rate
 
 
 def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
-    """A motor times its guide pulse itself: one of rate 0 takes the place of one that still runs."""
+    """End pulses that the motors time themselves: a pulse of rate 0 replaces one that still runs."""
     for axis in axes:
         if mount.pulse_ends.pop(axis, 0.0) > mount.now():
             yield Send("pulse", {"device": 15 + axis, "rate": 0, "ticks": 1})
@@ -181,7 +181,7 @@ def _begin_steps(mount: NexStar, axis: int, sign: int, rate: op.Rate) -> Steps:
 
 
 def step_on(mount: NexStar, _: StepOn) -> Steps:
-    """``E``, then ``R`` a little further on; again until halted. West lowers the right ascension."""
+    """Read ``E``, send ``R`` a little further ahead, and repeat until stopped. West lowers the right ascension."""
     if not mount.steps:
         return
     answer = yield Send("E")
@@ -192,10 +192,10 @@ def step_on(mount: NexStar, _: StepOn) -> Steps:
 
 
 def _step(mount: NexStar, axis: int, here: float) -> float:
-    """How far on from here, degrees: to where the axis is to be at the next step, by its speed since it began.
+    """Return the degrees from ``here`` to where the axis should be at the next step, given its speed and start.
 
-    A goto ends slowly, and is told in steps of 20 arcseconds: reckoned from the beginning, the speed is right in the
-    mean all the same. One that the mount cannot keep up with does not get far ahead of it.
+    A goto ends slowly and has a resolution of 20 arcseconds. Counted from the start, the mean speed is still right.
+    The goal never gets far ahead of a mount that cannot keep up.
     """
     step = mount.steps.get(axis)
     if step is None:
@@ -211,12 +211,14 @@ def _step(mount: NexStar, axis: int, here: float) -> float:
 
 
 def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
-    """-> Pulsed. ``motor``: n turns the second motor one way, wherever the tube is. ``sky``: n is north."""
+    """Send a guide pulse and return Pulsed. If ``guide_directions`` is "motor", n always turns the declination motor
+    the same way; if it is "sky", n is north.
+    """
     by_sky = mount.settings.guide_directions == "sky"
     if operation.ms > 0 and altaz.stands(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))
     if tracking.native_mode(mount) is None and not (mount.moves_by_gotos or mount.times_pulses):
-        raise Unsupported("This hand control does not tell how it tracks, which guiding goes by: --mode tells it.")
+        raise Unsupported("Guiding needs the tracking mode, which this hand control does not report: give --mode.")
     axis, sign = operation.direction.axis, sense(mount, operation.direction)
     if by_sky and not mount.moves_by_gotos and (yield from _reversed(mount, operation.direction)):
         sign = -sign
@@ -224,9 +226,8 @@ def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
 
 
 def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
-    """-> Pulsed. AUX 0x26 where both motors have it, at most 2.55 s at a time; else a motion that has to be ended.
-
-    In alt-az there is no such fallback.
+    """Send a guide pulse to one motor and return Pulsed: by AUX 0x26 if both motors have it, at most 2.55 s at a time;
+    else on equatorial tracking by a rate that the caller has to end. Raises Fault if neither is possible.
     """
     axis, sign = operation.axis, operation.sense
     fraction = mount.guide_rates[axis] if operation.rate is None else operation.rate
@@ -249,13 +250,13 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
 
 
 def backlash(mount: NexStar, operation: op.Backlash) -> Steps:
-    """AUX 0x10 and 0x11."""
+    """Set the backlash compensation by AUX 0x10 and 0x11."""
     for side in {1: ("pos",), -1: ("neg",)}.get(operation.sense, ("pos", "neg")):
         yield Send(f"set_backlash_{side}", {"device": 15 + operation.axis, "value": operation.value})
 
 
 def periodic_error(mount: NexStar, operation: op.PeriodicError) -> Steps:
-    """AUX 0x0D on the right-ascension motor; only there is periodic error correction on these mounts."""
+    """Turn periodic error correction on or off by AUX 0x0D on the right-ascension motor, the only one that has it."""
     if not mount.has("pec"):
         raise Unsupported("This mount has no periodic error correction.")
     if operation.axis == 2:
@@ -264,7 +265,7 @@ def periodic_error(mount: NexStar, operation: op.PeriodicError) -> Steps:
 
 
 def focus(mount: NexStar, operation: op.Focus) -> Steps:
-    """A focuser on the mount's bus moves like an axis (AUX 0x24, 0x25); its positions count outwards."""
+    """Move a focuser on the mount's bus like an axis (AUX 0x24, 0x25); its positions increase outwards."""
     if not mount.focuser:
         raise Unsupported("No focuser answers on this mount.")
     rate = _FOCUS_KEYS[operation.speed] if operation.direction else 0

@@ -1,7 +1,8 @@
 """Site and clock of the hand control.
 
-What is preserved is UTC: a hand control counts its zone in whole hours, so an odd offset goes out rounded and the local
-time goes with it. Versions before 2.3 have neither; there the GPS unit, the clock of a CGE, and the settings stand in.
+UTC is preserved: a hand control counts its time zone in whole hours, so any other offset is rounded and the local time
+is shifted to match. Versions before 2.3 have neither site nor clock commands; the GPS unit, the clock of a CGE, and the
+settings replace them.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.counting import fields_of, unix_of
 from gateway.protocols.nexstar.driver.state import NexStar
 
-#: A time that had to wait so many seconds for the line was late: it is set again, so often at most.
+#: If setting the clock took this many seconds, the time was late and is set again; at most this many attempts.
 SET_LATE, SET_TRIES = 2.0, 3
-#: Hours that no local time is away from UTC.
+#: Every time zone is less than this many hours from UTC.
 FARTHEST = 15.0
 
 
 def get_site(mount: NexStar, _: GetSite) -> Steps:
-    """``w``; else the GPS unit; else the site of the settings. -> Place."""
+    """Return the Place by ``w``, else from the GPS unit, else from the settings. Raises Unsupported."""
     if mount.supports("w"):
         answer = yield Send("w")
         mount.site = Place(answer["latitude"], answer["longitude"])
@@ -35,29 +36,29 @@ def get_site(mount: NexStar, _: GetSite) -> Steps:
         mount.site = seen.place
         return mount.site
     if mount.settings.site is None:
-        raise Unsupported("This hand control does not tell its site.")
+        raise Unsupported("This hand control does not report its site.")
     mount.site = Place(*mount.settings.site)
     return mount.site
 
 
 def set_site(mount: NexStar, operation: SetSite) -> Steps:
-    """``W``. Both halves are needed."""
+    """Send ``W``, which needs both latitude and longitude. Raises Unsupported."""
     if not mount.supports("W") or operation.latitude is None or operation.longitude is None:
-        raise Unsupported("This hand control takes no site.")
+        raise Unsupported("The site of this hand control cannot be set.")
     yield from _not_aligned(mount)
     yield Send("W", {"latitude": operation.latitude, "longitude": wrap180(operation.longitude)})
     mount.site = Place(operation.latitude, operation.longitude)
 
 
 def _not_aligned(mount: NexStar) -> Steps:
-    """A StarSense is asked first: somebody may have aligned it since anybody looked. Raises Unsupported."""
+    """Ask a StarSense first whether the user has aligned it meanwhile. Raises Unsupported if it is aligned."""
     if mount.starsense and (yield Send("J"))["aligned"]:
         mount.aligned = True
-        raise Unsupported("A StarSense that is told site or time while it is aligned loses its alignment.")
+        raise Unsupported("An aligned StarSense would lose its alignment if its site or time were set.")
 
 
 def get_clock(mount: NexStar, _: GetClock) -> Steps:
-    """``i`` or ``h``; else the clock of a CGE; else the GPS unit. -> Moment."""
+    """Return the Moment by ``i`` or ``h``, else from the GPS unit, else from the clock of a CGE. Raises Unsupported."""
     if mount.supports("i"):
         a = yield Send("i")
         return _moment(a, a["quarters"] / 4.0)
@@ -74,11 +75,11 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
         except Fault:
             continue
         return _moment(told, 0.0, century=0)
-    raise Unsupported("This hand control does not tell the time.")
+    raise Unsupported("This hand control does not report the time.")
 
 
 def gps(mount: NexStar, _: GetGps) -> Steps:
-    """GPS unit 176 -> Gps. Raises NoDevice."""
+    """Return the Gps state of GPS unit 176. Raises NoDevice."""
     if not mount.has("gps") or not mount.supports("gps_linked"):
         raise NoDevice("This mount has no GPS unit.")
     if not (yield Send("gps_linked"))["linked"]:
@@ -90,7 +91,7 @@ def gps(mount: NexStar, _: GetGps) -> Steps:
 
 
 def _universal_time(part: str) -> Steps:
-    """Date and time of the GPS unit or of the clock of a CGE, as fields of whole years."""
+    """Return the fields of UTC from the GPS unit or the clock of a CGE; the year has all four digits."""
     day = yield Send(f"{part}_date")
     year = yield Send(f"{part}_year")
     time = yield Send(f"{part}_time")
@@ -98,7 +99,7 @@ def _universal_time(part: str) -> Steps:
 
 
 def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
-    """GPS unit 176, when it is linked, into the hand control's own clock; its zone stays."""
+    """Set the hand control's clock from GPS unit 176; its time zone stays. Raises NoDevice unless it is linked."""
     seen = yield from gps(mount, GetGps())
     if not seen.linked:
         raise NoDevice("The GPS is not linked.")
@@ -121,10 +122,10 @@ def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
 
 
 def set_clock(mount: NexStar, operation: SetClock) -> Steps:
-    """``I`` or ``H``: zone as near as the mount can count, local time to match; UTC is exact.
+    """Send ``I`` or ``H``: the nearest zone that the mount can count, and the local time to match; UTC is exact.
 
-    Where nobody has told whether daylight saving is in it there is none, unless the mount's own zone and daylight
-    saving already make that offset: then they are left as they are.
+    If the client did not say whether the offset includes daylight saving, it counts as standard time, unless the
+    mount's own zone and daylight saving already make up that offset: then both stay as they are.
     """
     dst, began = operation.dst or 0, mount.now()
     if mount.supports("I"):
@@ -140,7 +141,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         yield from _set_rtc(operation.unix)
         return
     else:
-        raise Unsupported("This hand control takes no time.")
+        raise Unsupported("The clock of this hand control cannot be set.")
     for _ in range(SET_TRIES):
         yield from _not_aligned(mount)
         asked = mount.now()

@@ -1,7 +1,7 @@
-"""Where the mount points and where it is sent: positions, syncs, and gotos to the sky or to readings of the axes.
+"""Positions, syncs, and gotos to sky positions or axis readings.
 
-A goto is started at once, watched by ``L``, ended by the last word. It counts as under way from the moment the hand
-control acknowledged it; ``L`` may still say 0 for a while.
+A goto is under way from the moment the hand control has acknowledged it, although ``L`` may still return 0 for a while.
+Its progress is read by ``L``. What follows its end (parking, home, drive rate) is a scheduled operation, ``Arrived``.
 """
 
 from __future__ import annotations
@@ -13,15 +13,17 @@ from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, NexStar, rest
 
+#: Seconds after a goto's acknowledgement in which ``L`` = 0 may mean that it has not begun yet.
 START_GRACE = 3.0
+#: Seconds to wait for ``L`` = 0 after ``M``.
 CANCEL_WAIT = 5.0
-#: How often a parked mount is told not to track, where it does not answer, and how many seconds apart.
+#: At most how many times tracking is turned off after parking if the mount does not answer, and the seconds between.
 TELLS, TELL_AGAIN = 4, 5.0
 MOTORS, FOUND = (16, 17), 255
 
 
 def position(mount: NexStar, _: op.Position) -> Steps:
-    """``e`` or ``E``, folded past the pole, with the offset of a sync that the hand control could not take."""
+    """Return the Equatorial position by ``e`` or ``E``, folded at the pole, plus the offset of an emulated sync."""
     answer = yield Send("e" if mount.supports("e") else "E")
     mount.beyond_pole = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
@@ -31,12 +33,12 @@ def position(mount: NexStar, _: op.Position) -> Steps:
 
 
 def axis_readings(mount: NexStar) -> Send:
-    """The readings of the axes, as precisely as this version tells them."""
+    """Return the command that reads the axes with the best precision this version has."""
     return Send("z" if mount.supports("z") else "Z")
 
 
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
-    """A fork's own azimuth and altitude; None where the axes are equatorial (the controller derives it then)."""
+    """Return a fork's own Horizontal position; None if the axes are equatorial (then the controller calculates it)."""
     mode = tracking.native_mode(mount)
     if mount.german or (mode is not None and mode.equatorial) or mount.has_sync_offset:
         return None
@@ -45,10 +47,10 @@ def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
 
 
 def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
-    """``p``: E or W; a fork is always E.
+    """Return the pier side by ``p``: "E" or "W"; a fork is always "E".
 
-    A German mount before ``p`` tells it by its declination axis: on the W side that reads beyond the pole. The letter
-    is then that of its age, which is the northern one everywhere (``NexStar.tube_side``).
+    On a German mount that lacks ``p`` the declination axis shows it: on the W side it reads beyond the pole. The
+    letter is then that of these old versions, the northern one in both hemispheres (``NexStar.tube_side``).
     """
     if not mount.german:
         return "E"
@@ -60,7 +62,7 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
 
 
 def sync(mount: NexStar, operation: op.Sync) -> Steps:
-    """``s`` or ``S``; before 4.10 an offset kept here and added to everything the mount says."""
+    """Send ``s``; before 4.10 keep an offset instead, which is added to every position that the mount reports."""
     if mount.supports("s"):
         yield Send("s", {"ra": operation.ra, "dec": operation.dec})
         return
@@ -73,7 +75,7 @@ def sync(mount: NexStar, operation: op.Sync) -> Steps:
 
 
 def goto(mount: NexStar, operation: op.Goto) -> Steps:
-    """``r`` or ``R``, less the offset of a sync that the hand control could not take."""
+    """Slew by ``r`` or ``R``, less the offset of an emulated sync. Raises NotAligned."""
     yield from need_alignment(mount)
     yield from stop_current_motion(mount)
     if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.supports("T"):
@@ -83,7 +85,7 @@ def goto(mount: NexStar, operation: op.Goto) -> Steps:
 
 
 def need_alignment(mount: NexStar) -> Steps:
-    """A hand control without alignment would only say ``#`` and do nothing, so it is asked first. Raises NotAligned."""
+    """Ask ``J`` first, because an unaligned hand control acknowledges a goto and does nothing. Raises NotAligned."""
     answer = yield Send("J")
     mount.aligned = bool(answer["aligned"])
     if not mount.aligned:
@@ -91,7 +93,7 @@ def need_alignment(mount: NexStar) -> Steps:
 
 
 def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
-    """``b`` or ``B``."""
+    """Slew to axis readings by ``b`` or ``B``."""
     yield from stop_current_motion(mount)
     yield from to_axes(mount, operation.az, operation.alt, None)
 
@@ -108,18 +110,21 @@ def _begin(mount: NexStar, command: Send, then: str | None = None) -> Steps:
 
 
 def _slews(_: NexStar) -> Steps:
-    """-> what ``L`` tells: whether a goto is under way."""
+    """Return whether a goto is under way, by ``L``."""
     return (yield Send("L"))["slewing"] == "1"
 
 
 def stop_current_motion(mount: NexStar) -> Steps:
-    """End what moves: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0."""
+    """End all motion, because a new goto replaces it, and resume tracking if it was suspended.
+
+    Rate 0 ends hand motion and guide pulses; ``M`` ends a goto, as soon as ``L`` returns 0.
+    """
     mount.steps.clear()
-    for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.riding else ())}):
+    for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.added_rates else ())}):
         yield rest(axis)
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
-    mount.riding.clear()
+    mount.added_rates.clear()
     mount.not_guided()
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
@@ -136,7 +141,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
 
 
 def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
-    """``M``: a goto ends, hand motion goes on, and a special drive rate comes back."""
+    """Send ``M``: a goto ends, hand motion continues, and a special drive rate is restored."""
     going = mount.goto
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
@@ -145,24 +150,24 @@ def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
     mount.give_up_goto()
     yield Send("M")
     if going is not None and mount.rate.name != "sidereal":
-        yield Schedule(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
+        yield Schedule(0.0, Arrived(then=""))  # the hand control now tracks at the sidereal rate
 
 
 def _stop_seeking(mount: NexStar) -> Steps:
-    """Rate 0 ends a search for the switches, which ``M`` does not know of."""
+    """Send rate 0 to both motors, because ``M`` does not end a search for the home switches."""
     mount.goto, mount.home_state = None, 0
     for axis in AXES:
         yield rest(axis)
 
 
 def slewing(mount: NexStar, _: op.Slewing) -> Steps:
-    """-> bool. ``L``, latched from the acknowledgement of the goto until the mount has had time to begin."""
+    """Return whether a goto is under way: by ``L``, or True while an acknowledged goto may not have begun yet."""
     state = mount.goto
     if state is not None and state.seeks:
         return (yield from _still_seeking(mount, state))
     moving = yield from _slews(mount)
     if mount.goto is not state:
-        return mount.goto is not None or moving  # another one was begun, or this one was stopped, meanwhile
+        return mount.goto is not None or moving  # meanwhile another goto has begun, or this one was stopped
     if state is None:
         return moving
     if moving:
@@ -172,7 +177,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
         return True
     if mount.goto is not state:
         return mount.goto is not None
-    if state.unconfirmed:  # nobody has seen it move: what belongs to its end, as the end of tracking, is left
+    if state.unconfirmed:  # it was never seen to move: leave out what follows its end, such as turning tracking off
         mount.give_up_goto()
         return False
     mount.goto = None
@@ -181,7 +186,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
 
 
 def _still_seeking(mount: NexStar, state: GotoState) -> Steps:
-    """AUX 0x12 of both motors."""
+    """Return whether a motor still seeks its home switch, by AUX 0x12 of both motors."""
     for device in MOTORS:
         if (yield Send("level_done", {"device": device}))["done"] != FOUND:
             return mount.goto is not None
@@ -192,14 +197,14 @@ def _still_seeking(mount: NexStar, state: GotoState) -> Steps:
 
 
 class Arrived(op.Operation, frozen=True):
-    """Internal: a goto is over; what belongs to its end is done in turn with other motions."""
+    """Internal: a goto has ended; what follows it takes its turn among the other motions."""
 
     then: str
     left: int = TELLS
 
 
 def _arrived(mount: NexStar, state: GotoState) -> Steps:
-    """Whether a short goto was over before it was first looked at."""
+    """Return whether a short goto ended before ``L`` was first asked: two positions in a row are equal."""
     if mount.now() - state.since < 1.0:
         return False
     before = yield Send("E")
@@ -209,16 +214,16 @@ def _arrived(mount: NexStar, state: GotoState) -> Steps:
 
 
 def arrived(mount: NexStar, operation: Arrived) -> Steps:
-    """The goto is over: park, note home, or come back to a special drive rate. Not when something moves again.
+    """After a goto, park, note home, or restore a special drive rate, unless the mount moves again already.
 
-    Tracking that goes on at the park position would carry the tube away: it is put off again where that was not heard.
+    Tracking at the park position would carry the tube away, so turning it off is repeated if the mount did not answer.
     """
     again = operation.left < TELLS
     if mount.goto is not None or mount.moving or (again and not mount.parked):
         return
     if operation.then == "park":
         if not mount.supports("T"):
-            raise Unsupported("It stands at its park position, but this hand control keeps tracking.")
+            raise Unsupported("The mount is at its park position, but this hand control cannot turn tracking off.")
         mount.parked, mount.suspended = True, None
         try:
             yield Send("T", {"mode": 0})

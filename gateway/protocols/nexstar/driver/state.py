@@ -1,4 +1,4 @@
-"""What the driver knows of the mount it has found, and what it remembers between two operations."""
+"""The driver's state: what it knows of the mount, what it has started on it, and what survives a restart."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from gateway.protocols.wireformat.rows import Version
 
 
 class GotoState(GotoUnderWay):
-    """``seen`` is whether the mount has said so itself."""
+    """A goto under way. ``seen``: the mount has confirmed it by ``L``."""
 
     seen: bool = False
-    seeks: bool = False  # the motors look for their switches: only they know when it is over
+    seeks: bool = False  # the motors seek their home switches; only they report the end
 
 
 class Stepping(Struct):
-    """An axis that moves by small gotos: degrees a second west or north, since when, and from where (once known)."""
+    """An axis that moves by small gotos: degrees a second west or north, start time, and start position once known."""
 
     speed: float
     since: float
@@ -33,7 +33,7 @@ class Stepping(Struct):
 
 
 class Memory(Struct, omit_defaults=True):
-    """What outlives the gateway."""
+    """What the state file keeps for the next run."""
 
     home: op.Horizontal | None = None
     parked: bool = False
@@ -43,7 +43,7 @@ class Memory(Struct, omit_defaults=True):
 
 
 class NexStar(HandControl):
-    """A Celestron mount. ``now`` is any clock that never goes back, in seconds."""
+    """The driver's state of a Celestron mount. ``now`` is a monotonic clock in seconds."""
 
     sync_aligns = False
 
@@ -54,41 +54,42 @@ class NexStar(HandControl):
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(settings.model, settings.version, handlers)
-        rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
+        rate_tables()  # read now: later the process may have run out of file descriptors
         self.now, self.settings = now, settings
         # the drive
         self.tracking: op.Tracking | None = None
         self.native_mode: op.Tracking | None = None
         self.rate = op.TrackRate(name="sidereal")
-        #: The motor in right ascension tracks by the hand control's ``own`` rate, by one it was ``told``, or that is
-        #: ``replaced`` while it is guided.
+        #: How the right-ascension motor tracks: at the hand control's ``own`` rate, at a rate it was ``told``, or its
+        #: tracking is ``replaced`` by a variable rate while it is guided.
         self.drive = "own"
         self.aligned = False
         # motion
         self.goto: GotoState | None = None
-        #: The axes that move by hand, and how fast, degrees a second.
+        #: The axes in hand motion and their speeds, degrees a second.
         self.moving: dict[int, float] = {}
+        #: The tracking mode to resume after fast motion; None if tracking is not suspended.
         self.suspended: op.Tracking | None = None
-        #: Whether it was suspended before the line was lost, or in an earlier run: perhaps the mount was off since.
+        #: Tracking was suspended before the line was lost or in an earlier run; the mount may have been off since.
         self.in_doubt = False
         self.checks_left = 0
-        #: It was woken, and is to go on tracking by and by.
+        #: The mount was woken; tracking is to be turned on shortly.
         self.woken = False
         self.steps: dict[int, Stepping] = {}
-        self.guide_rates = dict.fromkeys(AXES, settings.guide_rate or GUIDE_RATE)  # of pulses, until they are set
-        #: The axes that a guide pulse turns which has to be ended by a command.
+        self.guide_rates = dict.fromkeys(AXES, settings.guide_rate or GUIDE_RATE)  # of guide pulses
+        #: The axes with a guide pulse that a command has to end.
         self.pulsing: set[int] = set()
-        #: What is added to the tracking rates of both axes of an alt-az mount, degrees a second: a share for each axis
-        #: that was asked for; and those tracking rates.
-        self.riding: dict[int, tuple[float, float]] = {}
+        #: Slow motion on top of the tracking of an alt-az mount: for each ordered axis the rates that it adds to both
+        #: motors; and the tracking rates of both motors. Degrees a second.
+        self.added_rates: dict[int, tuple[float, float]] = {}
         self.following: tuple[float, float] = (0.0, 0.0)
-        #: How many seconds after one motor the other one was told, the last time; None where none was told yet.
+        #: Seconds between the acknowledgements of both motors' last rates; None before the first.
         self.apart: float | None = None
-        #: When the pulse that a motor times itself is over, axis by axis.
+        #: By axis, when the last pulse that the motor times itself ends.
         self.pulse_ends: dict[int, float] = {}
         # position
         self.last: op.Equatorial | None = None
-        #: Whether its declination was beyond 90 degrees when it was told last.
+        #: Whether the declination reported last was beyond 90 degrees.
         self.beyond_pole = False
         self.offset: tuple[float, float] = (0.0, 0.0)
         self.home: op.Horizontal | None = None
@@ -96,7 +97,7 @@ class NexStar(HandControl):
 
     @property
     def has_sync_offset(self) -> bool:  # type: ignore[override]
-        """A hand control without sync: it is carried out here."""
+        """Whether an emulated sync is in force, on a hand control that has no sync command."""
         return self.offset != (0.0, 0.0)
 
     @property
@@ -104,31 +105,31 @@ class NexStar(HandControl):
         return self.suspended is not None
 
     def at_rest(self) -> None:
-        """Nothing moves any more, and nothing is to be ended."""
+        """Record that nothing moves and nothing has to be ended."""
         self.goto = None
         self.moving.clear()
         self.steps.clear()
         self.not_guided()
         self.pulsing.clear()
-        self.riding.clear()
+        self.added_rates.clear()
 
     def give_up_goto(self) -> None:
-        """One that led home did not get there."""
+        """Record that the goto has ended before its goal; a goto to the home position has failed."""
         if self.goto is not None and self.goto.then == "home":
             self.home_state = 0
         self.goto = None
 
     def not_guided(self) -> None:
-        """Nothing takes the place of tracking any more, by a goto or a stop; the drive rate is still to be told."""
+        """Record that a goto or a stop has ended guiding that replaced tracking; the drive rate is not restored yet."""
         self.drive = "told" if self.drive == "replaced" else self.drive
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
+        """Return what to save: home and park; in motion also model, version and the tracking mode to resume."""
         speaks = (self.model, self.version, self.suspended or self.tracking) if moving else ()
         return cast(SavedValues, to_builtins(Memory(self.home, self.parked, *speaks)))
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
-        """The rate of the drive is not among it: it ends with the gateway, as with a hand control's power."""
+        """Restore what was saved. The drive rate is not part of it: it ends with the gateway."""
         try:
             held = convert(saved, Memory)
         except ValidationError:
@@ -141,7 +142,7 @@ class NexStar(HandControl):
                 self.native_mode = None if held.tracking is op.Tracking.OFF else held.tracking
 
     def line_was_lost(self) -> None:
-        """Tracking is put back only where the mount is aligned still."""
+        """After a reconnect, resume suspended tracking only if the mount is still aligned."""
         self.in_doubt = self.suspended is not None
 
     def speed(self, rate: op.Rate) -> float:
@@ -149,9 +150,9 @@ class NexStar(HandControl):
         return self.key_speed(self.key_for(rate)) if variable is None else variable
 
     def variable(self, rate: op.Rate) -> float | None:
-        """Degrees a second, given to the motor as they are; None where one of the nine fixed rates is meant.
+        """Return the degrees a second for a variable rate; None if one of the nine keys is to be used.
 
-        A limit of the fastest rate is given so, too, where it is below that rate and no key turns at it.
+        A configured limit of a named rate is also sent as a variable rate if no key has that speed.
         """
         if rate.name == "guide" and rate.degrees is None:
             asked = self.guide_rates[1] * SIDEREAL
@@ -165,7 +166,7 @@ class NexStar(HandControl):
         return min(rate.degrees, float(self.rates["fastest"]))
 
     def exact_key(self, degrees: float) -> int | None:
-        """The gentle key that turns at so many degrees a second, if one does."""
+        """Return the gentle key that turns at this speed (degrees a second), or None."""
         return next((key for key in GENTLE if abs(self.key_speed(key) - degrees) <= SAME_GUIDING * degrees), None)
 
     def can_do(self, equatorial: bool) -> op.Abilities:
@@ -176,43 +177,43 @@ class NexStar(HandControl):
         return replace(found, can=found.can if home else found.can - {"Home"}, speeds=speeds, guides=guides)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
-        """A guide pulse by motor sense, where the motors cannot be guided now."""
+        """Return why an operation is known to fail: a guide pulse if the motors cannot be guided now. Else None."""
         return self.unguided() if isinstance(operation, op.PulseAxis) else None
 
     @property
     def times_pulses(self) -> bool:
-        """Whether both motors know guide pulses, which they add to whatever they do."""
+        """Whether both motors time guide pulses themselves, in addition to any other motion."""
         return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE
 
     def unguided(self) -> Fault | None:
-        """Why it cannot be guided by motor sense now; None where it can.
+        """Return why single motors cannot be guided now; None if they can.
 
-        Older motors are given a rate that differs from equatorial tracking for as long, so a mount that does not
-        track, or tracks in alt-az, cannot be guided so.
+        Older motors get a rate that differs from equatorial tracking for the length of the pulse. That does not work
+        on a mount that does not track or tracks in alt-az.
         """
         if self.goto is not None:
             return Refused(SLEWING)
         if self.times_pulses:
             return None
         if self.moves_by_gotos:
-            return Unsupported("Hand controls before 1.6 have no way to the motors: this mount cannot be guided.")
+            return Unsupported("Hand controls before 1.6 have no motor commands: this mount cannot be guided.")
         if (self.tracking or op.Tracking.OFF).equatorial:
             return None
         if not self.aligned:
             return Unsupported("The mount is not aligned and does not track: the guide pulse is dropped.")
         if self.german or (self.native_mode or op.Tracking.OFF).equatorial:
-            return Unsupported("The mount does not track: the guide pulse is dropped. Tracking on, and it is guided.")
-        return Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
+            return Unsupported("The mount does not track: the guide pulse is dropped. Turn tracking on to guide it.")
+        return Unsupported("This mount cannot be guided in alt-az: its motors have no guide pulses.")
 
     def tube_side(self, told: str) -> str | None:
-        """The letter of ``PierSide`` on a German mount, if it was told; the other one where the version swaps them."""
+        """Return the true side ("E" or "W") for the letter the mount reported; None on a fork or without a letter."""
         if not self.german or not told:
             return None
         swapped = self.southern and self.version is not None and self.version <= LETTERS_SWAPPED
         return ("E" if told == "W" else "W") if swapped else told
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
-        """Park: the configured position, else the pole or north, as low as is allowed; Home: the stored one."""
+        """Return the axis readings where Park (configured, else the pole or north) or Home (stored) leads, or None."""
         if isinstance(operation, op.Park):
             return op.GotoAxes(*(self.settings.park or self._index))
         if isinstance(operation, op.Home) and self.home is not None:
@@ -220,13 +221,13 @@ class NexStar(HandControl):
         return None
 
     def home_refused(self) -> None:
-        """``:h?#`` is 0 then."""
+        """Record that homing was refused: ``:h?#`` then returns 0."""
         self.home_state = 0
 
     @property
     def _index(self) -> tuple[float, float]:
-        """The pole of an equatorial mount (a fork on its wedge reads from north); another's north, at the horizon or
-        above the lowest altitude, by so much that it may track there when it is unparked.
+        """The default park position as axis readings: the pole on an equatorial mount (a fork on its wedge counts from
+        north). Else north at the horizon or just above the lowest altitude, so that it may track when it is unparked.
         """
         if self.german:
             return POLE_AXES
@@ -235,7 +236,7 @@ class NexStar(HandControl):
         return 0.0, max(0.0, self.settings.lowest + ABOVE_LOWEST)
 
     def key_for(self, rate: op.Rate) -> int:
-        """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
+        """Return the key nearest to a hand rate; for a rate in degrees a second, never a faster one."""
         if rate.key is not None:
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:
@@ -246,22 +247,23 @@ class NexStar(HandControl):
 
 
 def rest(axis: int) -> Send:
+    """Return the command that ends hand motion of one axis."""
     return Send(f"slew_{AXES[axis]}_pos", {"rate": 0})
 
 
-#: What the motors of both axes are called in the names of commands.
+#: The motors of both axes in the names of commands.
 AXES = {1: "azm", 2: "alt"}
-#: Of a mount whose owner has not chosen any, as a part of sidereal: its motors' own.
+#: The motors' own default guide rate, as a fraction of sidereal.
 GUIDE_RATE = 0.5
 #: Keys that add to equatorial tracking (NexStar protocol, Slewing Commands, note).
 GENTLE = (1, 2)
-#: Speeds this near are one, degrees a second; of guiding, as a part of the speed.
+#: Speeds count as equal within this difference: degrees a second; for guiding a fraction of the speed.
 SAME_SPEED, SAME_GUIDING = 0.01, 0.02
-#: Motor firmware that knows guide pulses.
+#: The first motor firmware with guide pulses.
 PULSE_FIRMWARE = (6, 12)
-#: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
+#: Up to this version the letters of the pier side are swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
-#: Where a German mount's axes stand when it points at the pole: both at their index.
+#: Axis readings of a German mount that points at the pole: both axes at their index.
 POLE_AXES = (90.0, 90.0)
 #: How far above the lowest altitude a fork is parked, degrees.
 ABOVE_LOWEST = 0.5

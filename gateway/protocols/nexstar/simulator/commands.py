@@ -1,11 +1,10 @@
-"""The hand control's own commands: position, goto, sync, tracking, who it is, and clocks and places.
+"""The hand control's own commands: position, goto, sync, tracking, identity, clocks and sites.
 
-A handler gives the values of the reply, if it has any; most are a bare ``#`` whatever was done. Like the real one,
-an impossible request is acknowledged and not carried out, and without an alignment only motor positions mean
-anything.
-It runs on from the time it was set to and believes the site it was told. The GPS unit (176) knows where the mount
-really stands and the true time; the RTC (178) keeps the true time until it is set. Both speak Universal Time (NexStar
-protocol, Time/Location, GPS and RTC Commands).
+A handler returns the values of the reply, if it has any; most replies are a bare ``#`` whatever was done. Like a real
+hand control it acknowledges an impossible request without carrying it out, and without an alignment only motor
+positions have a meaning. It uses the time and site that a client has set. The GPS unit (176) knows the true position
+and time; the RTC (178) keeps the true time until it is set. Both use Universal Time (NexStar protocol, Time/Location,
+GPS and RTC Commands).
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from gateway.protocols.wireformat.rows import Version
 
 #: Slew limits of a fork, degrees of altitude.
 LOWEST, HIGHEST = -5.0, 90.0
-#: Up to this version ``p`` tells the side in the northern way, also in the southern hemisphere.
+#: Up to this version ``p`` uses the letters of the northern hemisphere in the southern one too.
 NORTHERN_LETTERS: Version = (5, 24)
 WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
 
 
 def position(sim: SimulatedMount, _: Values) -> Values:
-    """``E`` ``e``."""
+    """``E`` ``e``: right ascension and declination."""
     ra, dec = sim.mechanics.believed(sim.now)
     return {"ra": ra, "dec": dec}
 
@@ -41,7 +40,7 @@ def axes(sim: SimulatedMount, _: Values) -> Values:
 
 
 def goto(sim: SimulatedMount, values: Values) -> None:
-    """``R`` ``r``: nothing without an alignment, nothing beyond a fork's slew limits."""
+    """``R`` ``r``: slew, unless the mount is not aligned or the goal is beyond a fork's slew limits."""
     if sim.aligned:
         hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - values["ra"])
         if _allowed(sim, sim.mechanics.geometry.axes(hour_angle, values["dec"], flipped=False)[1]):
@@ -49,7 +48,7 @@ def goto(sim: SimulatedMount, values: Values) -> None:
 
 
 def goto_axes(sim: SimulatedMount, values: Values) -> None:
-    """``B`` ``b``: works without an alignment too, from where the mount was powered on."""
+    """``B`` ``b``: slew to axis readings. Without an alignment they count from the position at power-on."""
     if _allowed(sim, values["alt"]):
         first, second = sim.encoder_offset
         sim.mechanics.goto_axes(sim.now, values["az"] - first, values["alt"] - second)
@@ -60,24 +59,24 @@ def _allowed(sim: SimulatedMount, altitude: float) -> bool:
 
 
 def sync(sim: SimulatedMount, values: Values) -> None:
-    """``S`` ``s``: from now on RA/Dec is read and sought relative to this; the motor positions stay."""
+    """``S`` ``s``: correct right ascension and declination from now on; the motor positions stay."""
     if sim.aligned:
         sim.mechanics.sync(sim.now, values["ra"], values["dec"])
 
 
 def undo_sync(sim: SimulatedMount, _: Values) -> None:
-    """``u``: back to the alignment itself."""
+    """``u``: remove the corrections of all syncs."""
     if sim.aligned:
         sim.mechanics.correct(sim.now, (0.0, 0.0))
 
 
 def cancel(sim: SimulatedMount, _: Values) -> None:
-    """``M``: a goto ends; hand motion does not."""
+    """``M``: end a goto; hand motion continues."""
     sim.mechanics.cancel(sim.now)
 
 
 def set_mode(sim: SimulatedMount, values: Values) -> None:
-    """``T``: EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
+    """``T``: turn tracking on or off. EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
     mode = values["mode"]
     mode = mode + 1 if sim.shifted and mode else mode
     possible = (OFF, EQ_NORTH, EQ_SOUTH) if sim.german else (OFF, ALTAZ, EQ_NORTH, EQ_SOUTH)
@@ -86,7 +85,7 @@ def set_mode(sim: SimulatedMount, values: Values) -> None:
 
 
 def pier_side(sim: SimulatedMount, _: Values) -> Values:
-    """``p``: by the hour angle of the last goto; a fork is always E."""
+    """``p``: the pier side, by the hour angle of the last goto; a fork is always E."""
     west = sim.german and sim.mechanics.flipped
     if sim.german and sim.mechanics.geometry.pole < 0 and sim.version > NORTHERN_LETTERS:
         west = not west
@@ -94,20 +93,20 @@ def pier_side(sim: SimulatedMount, _: Values) -> Values:
 
 
 def hibernate(sim: SimulatedMount, _: Values) -> None:
-    """``x``: everything stops; only ``y``, ``K`` and ``V`` are answered until waking."""
+    """``x``: stop everything; until ``y`` only ``y``, ``K`` and ``V`` are answered."""
     sim.mechanics.cancel(sim.now)
     sim.mechanics.track(sim.now, on=False)
     sim.asleep = True
 
 
 def wake(sim: SimulatedMount, _: Values) -> None:
-    """``y``: tracking comes back in its mode."""
+    """``y``: resume tracking in its mode."""
     if sim.asleep:
         sim.asleep = False
         sim.track(sim.mode)
 
 
-# --- clocks and places --------------------------------------------------------------------------------------------
+# --- clocks and sites ---------------------------------------------------------------------------------------------
 
 
 def _utc(unix: float) -> datetime:
@@ -115,7 +114,7 @@ def _utc(unix: float) -> datetime:
 
 
 def _local(sim: SimulatedMount, zone: float) -> Values:
-    """``h`` ``i``: local date and time in a zone."""
+    """``h`` ``i``: local date and time in a zone (hours east)."""
     local = _utc(sim.utc() + (zone + sim.daylight) * 3600)
     return {**fields_of(local), "dst": sim.daylight, "zone": int(zone), "quarters": round(zone * 4)}
 
@@ -145,7 +144,7 @@ def _true_time(sim: SimulatedMount, device: int) -> datetime:
 
 
 def _parts(device: int, *names: str) -> Handler:
-    """Parts of the date and time that a device shows."""
+    """Return a handler that reports these parts of a device's date and time."""
 
     def parts(sim: SimulatedMount, _: Values) -> Values:
         time = _true_time(sim, device)
@@ -155,7 +154,7 @@ def _parts(device: int, *names: str) -> Handler:
 
 
 def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
-    """Replace a part of the RTC's date or time; an impossible one changes nothing."""
+    """Replace a part of the RTC's date or time; an impossible value changes nothing."""
     time = _true_time(sim, RTC)
     try:
         wanted = time.replace(**{name: value for name, value in values.items() if name != "device"})
@@ -175,7 +174,7 @@ COMMANDS: dict[str, Handler] = {
     "V": lambda sim, _: {"major": sim.shown_version[0], "minor": sim.shown_version[1]},
     "v": lambda sim, _: {"variant": STARSENSE_VARIANT if sim.starsense else NEXSTAR_VARIANT},
     "m": lambda sim, _: {"model": sim.row["id"]},
-    # The zone byte of h holds whole hours, so a zone of 5:45 is told as 5, with the time to it.
+    # The zone byte of h holds whole hours, so a zone of 5:45 is reported as 5, with the matching local time.
     "h": lambda sim, _: _local(sim, math.floor(sim.zone)),
     "H": lambda sim, values: _set_time(sim, values, values["zone"]),
     "i": lambda sim, _: _local(sim, sim.zone),

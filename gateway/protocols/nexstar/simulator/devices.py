@@ -1,8 +1,8 @@
-"""What answers behind the hand control's pass-through command: the two motors and a focuser.
+"""The devices behind the hand control's pass-through command: the two motors and a focuser.
 
-A handler gives the values of its reply, or None for what this device does not have; the hand control then
-uses its no-response form. Rates of the keys 1-9 come from ``rates.toml``; ``speed`` touches gotos only, never
-a hand rate.
+A handler returns the values of its reply, or None if the device does not have the command; the hand control then uses
+its no-response form. The rates of keys 1-9 come from ``rates.toml``; the simulator's ``speed`` applies to gotos only,
+never to hand motion.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 from gateway.protocols.nexstar.simulator.mount import ALT, AZM, FOCUSER, GPS, RTC, Handler, SimulatedMount
 from gateway.protocols.wireformat.rows import Version
 
-#: Variable rates that are none: sidereal, solar and lunar tracking of the motor.
+#: Variable rates that are codes, not speeds: sidereal, solar and lunar tracking of the motor.
 DRIVE_RATES = {0xFFFF: SIDEREAL_RATE, 0xFFFE: SOLAR_RATE, 0xFFFD: LUNAR_RATE}
 #: The keys that do not override equatorial tracking (NexStar protocol, Slewing Commands, note).
 GENTLE_KEYS = (1, 2)
-#: Motor firmware that knows guide pulses.
+#: The first motor firmware with guide pulses.
 PULSE_FIRMWARE = (6, 12)
-#: Motor firmware that tells its model, and that keeps cords from being wound up.
+#: The first motor firmware that reports its model, and the first with cord wrap prevention.
 MODEL_FIRMWARE, CORDWRAP_FIRMWARE = (7, 0), (5, 0)
 INDEX = 90.0  # where the home switches of both axes are
 FULL_BACKLASH = 99
 OTHER_VERSIONS: dict[int, Version] = {GPS: (1, 6), RTC: (1, 2), FOCUSER: (7, 16)}
 _TURN = 1 << 24
-"""Steps of a position: of a turn for a motor; a focuser counts plain steps in the same field."""
+"""Steps in one turn of a motor; a focuser counts plain steps in the same field."""
 
 
 # --- hand rates -----------------------------------------------------------------------------------------
 
 
 def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
-    """24 and 25 hex: a key from 1 to 9, 0 to stop."""
+    """24 and 25 hex: hand motion at a key from 1 to 9; 0 stops."""
     key, device = values["rate"], values["device"]
     if key > len(sim.keys):
         return {}
@@ -50,7 +50,7 @@ def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
 
 
 def _variable_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
-    """06 and 07: quarter arcseconds a second, except the three drive rates."""
+    """06 and 07: a rate in quarter arcseconds a second, or one of the three drive rates."""
     drive = DRIVE_RATES.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * rate, drive=drive is not None)
@@ -58,13 +58,13 @@ def _variable_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
 
 
 def _fine_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
-    """06 and 07 with three bytes: 1/1024 arcsecond a second."""
+    """06 and 07 with three bytes: a rate in 1/1024 arcsecond a second."""
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * values["rate"] / 1024.0 / 3600.0)
     return {}
 
 
 def _pulse(sim: SimulatedMount, values: Values) -> Values:
-    """26 hex: percent of sidereal for hundredths of a second."""
+    """26 hex: a guide pulse, in percent of sidereal and hundredths of a second."""
     rate = max(-100, min(100, values["rate"])) / 100.0 * SIDEREAL_RATE
     sim.mechanics.pulse(sim.now, values["device"] - 15, rate, values["ticks"] / 100.0)
     return {}
@@ -81,7 +81,7 @@ def _position(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _goto(sim: SimulatedMount, values: Values, slow: bool) -> Values | None:
-    """02 and 17 hex: one motor alone."""
+    """02 and 17 hex: goto of one motor alone."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
         sim.focuser.go(sim.now, values["position"] / 360.0 * _TURN)
@@ -104,7 +104,7 @@ def _done(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
-    """04: the motor counts from there, and the hand control, which knows no better, believes it."""
+    """04: set the motor's count. The hand control takes the new count for the true position."""
     axis = values["device"] - 16
     change = wrap180(values["position"] - sim.encoders()[axis])
     sim.encoder_offset[axis] += change
@@ -123,7 +123,7 @@ def _seek_home(sim: SimulatedMount, values: Values) -> Values:
 
 
 def _keep(name: str, limit: int) -> Handler:
-    """A value a motor keeps; one beyond the limit is acknowledged and forgotten."""
+    """Return a handler that stores a motor setting; a value beyond the limit is acknowledged and ignored."""
 
     def keep(sim: SimulatedMount, values: Values) -> Values:
         field = "rate" if "rate" in values else "value"
@@ -134,46 +134,46 @@ def _keep(name: str, limit: int) -> Handler:
     return keep
 
 
-def _tell(name: str, default: int) -> Handler:
-    def tell(sim: SimulatedMount, values: Values) -> Values:
+def _read(name: str, default: int) -> Handler:
+    def read(sim: SimulatedMount, values: Values) -> Values:
         value = sim.settings.get((name, values["device"]), default)
         return {"rate": value, "value": value}
 
-    return tell
+    return read
 
 
 def _periodic_error(sim: SimulatedMount, values: Values) -> Values | None:
-    """0C and 0D hex: acknowledged and remembered; the simulated gears have no error to correct."""
+    """0C and 0D hex: acknowledged and stored; the simulated gears have no error to correct."""
     if values["device"] != AZM:
         return None
     sim.settings["periodic error", AZM] = int(bool(values.get("on", 0)))
     return {}
 
 
-def _steady(value: int) -> Handler:
-    """What a motor control tells and nothing here changes."""
+def _constant(value: int) -> Handler:
+    """Return a handler that always reports the same value."""
     return lambda sim, values: dict.fromkeys(("value", "done", "on", "other"), value)
 
 
-def _where(handler: Handler, *, motors: Version = (), part: str = "") -> Handler:
-    """What the two motors answer, and nothing else on the bus: from a firmware on, on mounts that carry a part."""
+def _motors_only(handler: Handler, *, motors: Version = (), part: str = "") -> Handler:
+    """Restrict a handler to the two motors: from a firmware version on, and on mounts that have a part."""
 
-    def where(sim: SimulatedMount, values: Values) -> Values | None:
+    def restricted(sim: SimulatedMount, values: Values) -> Values | None:
         fits = values["device"] in (AZM, ALT) and sim.motors >= motors and (not part or part in sim.row["has"])
         return handler(sim, values) if fits else None
 
-    return where
+    return restricted
 
 
 def _version(sim: SimulatedMount, values: Values) -> Values | None:
-    """FE hex. Old motors send two bytes also to who asks for four."""
+    """FE hex: the firmware version. Old motors send two bytes even if four were asked for."""
     device = values["device"]
     major, minor = sim.motors if device in (AZM, ALT) else OTHER_VERSIONS[device]
     return {"major": major, "minor": minor, "build": 0}
 
 
-def _ways(name: str, handler: Callable[[SimulatedMount, Values, int], Values | None]) -> dict[str, Handler]:
-    """Two rows that differ in the sense in which something turns."""
+def _both_directions(name: str, handler: Callable[[SimulatedMount, Values, int], Values | None]) -> dict[str, Handler]:
+    """Return the handlers of two commands that differ only in direction."""
     return {
         f"{name}_pos": lambda sim, values: handler(sim, values, +1),
         f"{name}_neg": lambda sim, values: handler(sim, values, -1),
@@ -181,44 +181,44 @@ def _ways(name: str, handler: Callable[[SimulatedMount, Values, int], Values | N
 
 
 DEVICES: dict[str, Handler] = {
-    **_ways("slew_azm", _hand_rate),
-    **_ways("slew_alt", _hand_rate),
-    **_ways("move", _hand_rate),
-    **_ways("rate_azm", _variable_rate),
-    **_ways("rate_alt", _variable_rate),
-    **{name: _where(handler) for name, handler in _ways("fine_rate", _fine_rate).items()},
-    "pulse": _where(_pulse, motors=PULSE_FIRMWARE),
-    "pulse_active": _where(
+    **_both_directions("slew_azm", _hand_rate),
+    **_both_directions("slew_alt", _hand_rate),
+    **_both_directions("move", _hand_rate),
+    **_both_directions("rate_azm", _variable_rate),
+    **_both_directions("rate_alt", _variable_rate),
+    **{name: _motors_only(handler) for name, handler in _both_directions("fine_rate", _fine_rate).items()},
+    "pulse": _motors_only(_pulse, motors=PULSE_FIRMWARE),
+    "pulse_active": _motors_only(
         lambda sim, values: {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))},
         motors=PULSE_FIRMWARE,
     ),
-    "axis_set_position": _where(_set_position),
+    "axis_set_position": _motors_only(_set_position),
     "axis_position": _position,
     "axis_goto": lambda sim, values: _goto(sim, values, slow=False),
     "axis_goto_slow": lambda sim, values: _goto(sim, values, slow=True),
     "axis_done": _done,
-    "level_start": _where(_seek_home, part="home"),
-    "level_done": _where(_done, part="home"),
-    "set_guide_rate": _where(_keep("guide rate", 255)),
-    "guide_rate": _where(_tell("guide rate", 128)),
-    "set_backlash_pos": _where(_keep("positive backlash", FULL_BACKLASH)),
-    "set_backlash_neg": _where(_keep("negative backlash", FULL_BACKLASH)),
-    "backlash_pos": _where(_tell("positive backlash", 0)),
-    "backlash_neg": _where(_tell("negative backlash", 0)),
-    "motor_model": _where(lambda sim, values: {"value": sim.row["id"]}, motors=MODEL_FIRMWARE),
-    "pec_record": _where(_periodic_error, part="pec"),
-    "pec_playback": _where(_periodic_error, part="pec"),
-    "pec_bin": _where(_steady(0), part="pec"),
-    "pec_recorded": _where(_steady(0), part="pec"),
-    "at_index": _where(_steady(255), part="pec"),
-    "max_rate_on": _where(_steady(0)),
+    "level_start": _motors_only(_seek_home, part="home"),
+    "level_done": _motors_only(_done, part="home"),
+    "set_guide_rate": _motors_only(_keep("guide rate", 255)),
+    "guide_rate": _motors_only(_read("guide rate", 128)),
+    "set_backlash_pos": _motors_only(_keep("positive backlash", FULL_BACKLASH)),
+    "set_backlash_neg": _motors_only(_keep("negative backlash", FULL_BACKLASH)),
+    "backlash_pos": _motors_only(_read("positive backlash", 0)),
+    "backlash_neg": _motors_only(_read("negative backlash", 0)),
+    "motor_model": _motors_only(lambda sim, values: {"value": sim.row["id"]}, motors=MODEL_FIRMWARE),
+    "pec_record": _motors_only(_periodic_error, part="pec"),
+    "pec_playback": _motors_only(_periodic_error, part="pec"),
+    "pec_bin": _motors_only(_constant(0), part="pec"),
+    "pec_recorded": _motors_only(_constant(0), part="pec"),
+    "at_index": _motors_only(_constant(255), part="pec"),
+    "max_rate_on": _motors_only(_constant(0)),
     "max_rate": lambda sim, values: None,
-    "cordwrap": _where(_steady(255), motors=CORDWRAP_FIRMWARE),
+    "cordwrap": _motors_only(_constant(255), motors=CORDWRAP_FIRMWARE),
     # only the azimuth motor winds cords up
-    "cordwrap_position": _where(
+    "cordwrap_position": _motors_only(
         lambda sim, values: {"position": 180.0} if values["device"] == AZM else None, motors=CORDWRAP_FIRMWARE
     ),
-    "approach": _where(_steady(1)),
+    "approach": _motors_only(_constant(1)),
     "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},
     "gps_receiver": lambda sim, values: {"value": 0x0800},
     "gps_hardware": lambda sim, values: {"value": 1},

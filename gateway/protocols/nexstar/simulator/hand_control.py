@@ -1,9 +1,8 @@
-"""A Celestron hand control with a mount on it: bytes of the serial port in, bytes out.
+"""A simulated Celestron hand control on its mount: bytes of the serial port in, bytes out.
 
-It answers as the chosen model and version does, at the present time of the clock it is given; latency is the
-business of whoever carries the bytes. A command this version lacks is heard whole, by the length it has elsewhere, and
-passed over in silence; a byte that begins no command makes it deaf until the line has been quiet for a tenth of a
-second.
+It answers like the chosen model and version, at the present time of its clock; delays are up to the caller that
+transports the bytes. A command that this version lacks is read in full, by its length in other versions, and ignored.
+After a byte that begins no command it ignores everything until the line has been quiet for 0.1 s.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ PASS_THROUGH = ord("P")
 
 
 class SimulatedHandControl(SimulatedMount):
-    """A simulated mount that listens to its serial port. Raises UserError for a model or version that never was."""
+    """A simulated mount with a serial port. Raises UserError for a model or version that never existed."""
 
     def __init__(self, model: str = "6-8se", version: str | None = None, **settings: Any) -> None:
         super().__init__(model, version, **settings)
@@ -39,7 +38,7 @@ class SimulatedHandControl(SimulatedMount):
         return Framer()
 
     def feed(self, data: bytes, framer: AnyFramer | None = None, later: Later | None = None) -> bytes:
-        """As every simulator; the hand control keeps in mind when it was spoken to. No answer comes ``later``."""
+        """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""
         self.come_to_now()
         if data:
             self.heard = self.now
@@ -54,16 +53,16 @@ class SimulatedHandControl(SimulatedMount):
         try:
             if found is None:
                 raise ValueError(f"{frame!r} has the length of a command but not its form")
-            command, picture = found
-            values = HANDLERS[command.name](self, picture.decode(frame)) or {}
+            command, template = found
+            values = HANDLERS[command.name](self, template.decode(frame)) or {}
         except ValueError:
-            return b"#"  # acknowledged, not carried out
+            return b"#"  # acknowledged but not carried out
         if command.name == "t" and self.starsense and self.shown_version == STARSENSE_LONG_MODE:
             return bytes((values["mode"], *self.shown_version)) + b"#"
         return command.replies[0][1].encode(values)
 
     def _pass(self, frame: bytes) -> bytes:
-        """``P``: the device's answer, cut or filled to what was asked for; one byte more without one."""
+        """``P``: return the device's answer, cut or padded to the requested length; without one, one byte more."""
         count, device, number, asked = frame[1], frame[2], frame[3], frame[7]
         table = self._pass_through
         rows = table.get((count, device, number)) or table.get((count, None, number))
@@ -77,19 +76,19 @@ class SimulatedHandControl(SimulatedMount):
         return bytes(asked + 1) + b"#"
 
 
-#: (length, device or None for any, command) -> pass-through rows and the reply bytes they ask for.
+#: Pass-through rows and the reply bytes they ask for, by length, device (None: any) and command number.
 PassThrough = dict[tuple[int, int | None, int], list[tuple[Command, int]]]
 
 
 @cache
 def _known(model: str, version: Version) -> tuple[frozenset[int], PassThrough]:
-    """The first bytes of the commands that a model of this version has, and its pass-through commands."""
+    """Return the first bytes of the commands that a model of this version has, and its pass-through commands."""
     known = [row for row in load("nexstar").commands.values() if row.known_to(model, version)]
     return frozenset(row.request.prefix[0] for row in known), _by_device(known)
 
 
 def _by_device(known: list[Command]) -> PassThrough:
-    """The pass-through rows among them, by what stands in the request."""
+    """Return the pass-through commands, by the bytes of the request that identify them."""
     found: PassThrough = {}
     for command in known:
         if command.request.prefix[0] == PASS_THROUGH:

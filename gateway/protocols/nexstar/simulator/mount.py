@@ -1,11 +1,11 @@
-"""A simulated mount and its hand control as they are: what they were told, how the motors turn, what is on the bus.
+"""State of a simulated mount and its hand control: settings, motors, devices on the bus. It contains no commands.
 
-Nothing here knows a command. Where the manual is silent:
+What the manual does not say is simulated like this:
 
-- A hand rate overrides tracking. When it ends, tracking stays suspended until ``T``, the end of a goto, or
-  the hand control's own restoring: after 20 s without a byte from the port, on alt-az mounts at the latest
-  30 s after the rate was given. Stopping an axis that is not moved by hand changes nothing.
-- The sky over it is that of the site and clock it was told; its GPS unit keeps the true place and time.
+- Hand motion overrides tracking. When it ends, tracking stays suspended until ``T``, the end of a goto, or
+  until the hand control restores it: after 20 s without a byte from the port, on alt-az mounts at the latest
+  30 s after the motion began. Stopping an axis that is not moved by hand changes nothing.
+- The mount uses the site and clock that a client has set; its GPS unit keeps the true position and time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gateway.protocols.nexstar.versions import STARSENSE, numbered, shifted
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
-#: Carries out one command: the values of its reply, or None for what a device does not have.
+#: Carries out one command. Returns the values of its reply, or None if the device does not have the command.
 Handler = Callable[["SimulatedMount", Values], Values | None]
 OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
 AZM, ALT, FOCUSER = 16, 17, 18
@@ -34,7 +34,7 @@ GERMAN_START: Pair = (90.0, 90.0)
 
 
 class FocuserMotor:
-    """A focuser: a position in steps that moves at a rate, to one end of its way or to a goal."""
+    """A focuser: a position in steps that moves at a rate, to one end of its travel or to a goal."""
 
     TRAVEL = 50000
     FASTEST = 1000.0  # steps a second at key 9
@@ -43,15 +43,15 @@ class FocuserMotor:
         self._position, self._since, self._rate, self._goal = self.TRAVEL / 2, 0.0, 0.0, 0.0
 
     def position(self, now: float) -> float:
-        """Steps from the inner end."""
-        reach, left = self._rate * (now - self._since), self._goal - self._position
-        return self._goal if abs(reach) >= abs(left) else self._position + reach
+        """Return the steps from the inner end."""
+        moved, left = self._rate * (now - self._since), self._goal - self._position
+        return self._goal if abs(moved) >= abs(left) else self._position + moved
 
     def moving(self, now: float) -> bool:
         return self._rate != 0.0 and self.position(now) != self._goal
 
     def go(self, now: float, goal: float, rate: float = FASTEST) -> None:
-        """Move to a step at some steps a second; 0 stops."""
+        """Move to a position in steps at a rate in steps a second; rate 0 stops."""
         self._position, self._since = self.position(now), now
         self._goal = max(0.0, min(float(self.TRAVEL), goal)) if rate else self._position
         self._rate = abs(rate) if self._goal > self._position else -abs(rate)
@@ -60,9 +60,9 @@ class FocuserMotor:
 class SimulatedMount(Simulated):
     """A simulated mount and its hand control. ``site`` is latitude and longitude east, degrees; ``utc_offset`` hours.
 
-    ``clock`` gives Unix seconds and is the only source of time. ``version`` is as the manual writes it, or
-    ``starsense-1.20``; without one it is the model's newest. ``wedge`` puts a fork on one. The motors gather
-    and lose speed as real ones do; with ``ramps`` False they change it at once, for whoever reckons with plain
+    ``clock`` returns Unix seconds and is the only source of time. ``version`` is written as in the manual, or like
+    ``starsense-1.20``; the default is the model's newest. ``wedge`` puts a fork on a wedge. The motors accelerate and
+    brake like real ones; with ``ramps`` False their speed changes at once, for tests that calculate with constant
     rates. Raises UserError for a model or version that does not exist.
     """
 
@@ -101,19 +101,19 @@ class SimulatedMount(Simulated):
         self._set_up(wedge, rates["fastest"], speed, ramps)
 
     def _know_version(self, version: str | None, starsense: bool) -> None:
-        """What ``V`` shows, and which commands are known for it."""
+        """Set the version that ``V`` reports and the version whose commands it has. Raises UserError."""
         try:
             number = numbered(version or (STARSENSE if starsense else self.row["versions"][-1]))
             self.shown_version: tuple[int, int] = (number.shown[0], number.shown[1])
-            bytes(self.shown_version)  # it is told in two of them
+            bytes(self.shown_version)  # ``V`` reports each number as one byte
         except (ValueError, IndexError):
-            raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are") from None
+            raise UserError(f"{version!r} is no hand-control version; write it like 4.21 or starsense-1.20") from None
         self.starsense: bool = number.starsense
         self.version: Version = number.counts_as
         self.shifted = shifted(self.row, self.version)
 
     def _set_up(self, wedge: bool, fastest: float, speed: float, ramps: bool) -> None:
-        """Point somewhere sensible: a fork at the equator's highest point, a German mount at the pole."""
+        """Choose the initial position: a fork points at the meridian, a German mount at the pole."""
         build = Build.GERMAN if self.german else Build.WEDGE if wedge else Build.ALTAZ
         north = self.site[0] >= 0
         start = GERMAN_START
@@ -129,18 +129,18 @@ class SimulatedMount(Simulated):
             self.encoder_offset = [-start[0], -start[1]]
             self.mechanics.correct(self.now, (-start[0], -start[1]))
 
-    # --- what the commands use --------------------------------------------------------------------------
+    # --- used by the commands ---------------------------------------------------------------------------
 
     @property
     def german(self) -> bool:
         return bool(self.row["mount"] == "german")
 
     def utc(self) -> float:
-        """The hand control's own time, Unix seconds."""
+        """Return the hand control's own time, Unix seconds."""
         return self.now + self.mechanics.sky.ahead
 
     def encoders(self) -> Pair:
-        """Motor positions as the hand control counts them, degrees."""
+        """Return the motor positions as the hand control counts them, degrees."""
         first, second = self.mechanics.axes(self.now)
         return wrap360(first + self.encoder_offset[0]), wrap180(second + self.encoder_offset[1])
 
@@ -154,14 +154,14 @@ class SimulatedMount(Simulated):
         )
 
     def track(self, mode: int) -> None:
-        """Tracking in that mode, which the hand control keeps in mind."""
+        """Track in this mode, and store it."""
         self.mode = mode
         if mode != OFF and not self.german:
             self.mechanics.rebuild(self.now, Build.ALTAZ if mode == ALTAZ else Build.WEDGE)
         self.mechanics.track(self.now, mode != OFF, sense=-1 if mode == EQ_SOUTH else 1)
 
     def relocate(self, sky: Sky) -> None:
-        """Another site or clock. A StarSense loses its alignment over it."""
+        """Use another site or clock. An aligned StarSense loses its alignment."""
         self.mechanics.relocate(self.now, sky)
         if self.starsense and self.aligned:
             self.aligned = False
@@ -169,7 +169,7 @@ class SimulatedMount(Simulated):
             self.track(OFF)
 
     def come_to_now(self) -> None:
-        """Let time pass, and the hand control restore its tracking when that is due."""
+        """Advance to the present time, and restore the hand control's tracking when that is due."""
         self.now = self.clock()
         since = self.mechanics.suspended_since
         if since is not None and self.mode != OFF and not self.asleep:

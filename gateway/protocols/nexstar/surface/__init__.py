@@ -1,1 +1,1 @@
-"""The NexStar surface: what its rows in ``mappings/nexstar/surface.toml`` call."""
+"""The NexStar surface: the handlers that rows of ``mappings/nexstar/surface.toml`` call."""

@@ -1,7 +1,7 @@
 """The devices behind a hand control: two motors and a focuser always, a GPS unit and a clock on some models.
 
-A command to a device that is not there, and one that no device knows, gets the no-response form: as many bytes as
-were asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No Response). So does firmware upload.
+A command to a missing device, or one that no device knows, gets the no-response form: one byte more than the client
+asked for, then ``#`` (NexStar protocol, Pass-through Commands with No Response). Firmware upload gets it too.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from gateway.protocols.wireformat.rows import parse_version
 
 MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178
-#: Years that a hand control can tell.
+#: Years that a hand control can represent.
 CENTURY = range(2000, 2100)
-#: Not passed on even where the mount is a NexStar, too: one would make the alignment meaningless, the other moves the
-#: mount where no limit is known. (Firmware upload and memory writes are no commands here at all.)
+#: Not passed on even to a NexStar mount: the first would make the alignment meaningless, the second moves the mount to
+#: where no limit is known. (Firmware upload and memory writes are no commands here at all.)
 NEVER_PASSED = frozenset({"axis_set_position", "level_start"})
-#: Of the devices that can be told to move, this one alone: the number 0 reaches all of them, the motors too.
+#: Move commands are passed on to the focuser only: device 0 would reach all devices, the motors too.
 MOVERS, FOCUSER = frozenset({"move_pos", "move_neg"}), 18
-#: What is acknowledged whatever becomes of it: there is no form for no.
+#: Commands that are always acknowledged, because the protocol has no reply that means no.
 ACKNOWLEDGED = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I", b"x", b"y")
-#: Keys 1-9 of a focuser as the four speeds of a Meade.
+#: The four focuser speeds of a Meade for keys 1-9.
 FOCUS_SPEEDS = (1, 1, 2, 2, 3, 3, 4, 4, 4)
-#: What the search for a switch has come to.
+#: States of homing, as ``HomeState`` returns them.
 FOUND, SEARCHING = 1, 2
 
 
 def motor(values: op.Values) -> int:
-    """The axis (1, 2) of the motor that a command speaks to. Raises NoDevice."""
+    """Return the axis (1, 2) of the motor that a command addresses. Raises NoDevice for any other device."""
     axis = MOTORS.get(values["device"])
     if axis is None:
         raise NoDevice
@@ -42,12 +42,12 @@ def motor(values: op.Values) -> int:
 
 
 def passes(name: str, values: op.Values) -> bool:
-    """Whether a command that means nothing here may go to a NexStar mount as it is: none moves it past the limits."""
+    """Whether a command unknown to this surface may be passed on to a NexStar mount: not if it could pass a limit."""
     return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
 def device_version(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
-    """AUX 0xFE - what is asked for beyond two bytes is the build number."""
+    """AUX 0xFE - bytes beyond the first two are the build number. Raises NoDevice."""
     device = values["device"]
     if device in MOTORS:
         major, minor = parse_version(session.model["motors"])[:2]
@@ -65,7 +65,7 @@ def _require(session: NexStarSession, part: str) -> None:
 
 
 def _receiver(session: NexStarSession) -> Handling:
-    """What the mount's own receiver tells; one presented over a mount without any has no fix, but site and clock."""
+    """Return Gps from the mount's receiver. If the mount has none, report no fix, and the site and clock."""
     _require(session, "gps")
     try:
         return (yield op.GetGps())
@@ -76,25 +76,25 @@ def _receiver(session: NexStarSession) -> Handling:
 
 
 def gps_flag(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Linked, and time valid."""
+    """Whether the GPS is linked, and whether its time is valid."""
     linked = int((yield from _receiver(session)).linked)
     return {"linked": linked, "valid": linked}
 
 
 def gps_place(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Latitude and longitude; before the first fix those of the site."""
+    """Latitude and longitude by GPS; before the first fix those of the site."""
     place = (yield from _receiver(session)).place or (yield op.GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
 def gps_time(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Date, year and time by the satellites; before the first fix by the mount's clock."""
+    """Date, year and time by GPS; before the first fix by the mount's clock."""
     seen = yield from _receiver(session)
     return _calendar(seen.unix if seen.linked else (yield op.GetClock()).unix)
 
 
 def universal_time(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Date, year and time of the clock: always UT."""
+    """Date, year and time of the real-time clock: always UT."""
     _require(session, "rtc")
     return _calendar((yield op.GetClock()).unix)
 
@@ -105,7 +105,7 @@ def _calendar(unix: float) -> dict[str, int]:
 
 
 def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Set date, year, time of the clock: each changes its own part of UT. Raises Invalid for an impossible one."""
+    """Set date, year or time of the real-time clock, each its own part of UT. Raises Invalid for an impossible one."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):
         raise NoDevice
@@ -121,7 +121,7 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
 
 
 def seek_switch(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x0B - the search goes for both axes; the motor that is asked second finds it under way."""
+    """AUX 0x0B - homing always moves both axes; the command to the second motor finds it under way."""
     motor(values)
     yield Possible(op.Home())
     if (yield op.HomeState()) != SEARCHING:
@@ -129,13 +129,13 @@ def seek_switch(session: NexStarSession, command: Command, values: op.Values) ->
 
 
 def switch_found(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x12 - 255 when it was found, 0 before and when it was not."""
+    """AUX 0x12 - 255 if the switch was found, else 0."""
     motor(values)
     return {"done": 255 if (yield op.HomeState()) == FOUND else 0}
 
 
 def move_focuser(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x24, 0x25 of the focuser, whose positions count outwards; 0 stops it. Raises NoDevice, Invalid."""
+    """AUX 0x24, 0x25 of the focuser, whose positions increase outwards; 0 stops it. Raises NoDevice, Invalid."""
     rate = values["rate"]
     if values["device"] != FOCUSER:
         raise NoDevice
@@ -148,14 +148,14 @@ def move_focuser(session: NexStarSession, command: Command, values: op.Values) -
 
 
 def absent(session: NexStarSession, command: Command, values: op.Values) -> None:
-    """A device or a function that no mount behind this gateway has."""
+    """Raise NoDevice: no mount behind this gateway has such a device or function."""
     raise NoDevice
 
 
 def no_response(frame: bytes, fault: Fault | None) -> bytes:
-    """The answer to a pass-through command that nobody answers; settings that do nothing are acknowledged too.
+    """Return the reply to a refused command: the no-response form to a pass-through command, else ``#`` or nothing.
 
-    A mount that does not answer is no yes.
+    If the mount does not answer, the reply is empty, because ``#`` would mean yes.
     """
     if frame[:1] == b"P":
         return bytes(frame[7] + 1) + b"#"

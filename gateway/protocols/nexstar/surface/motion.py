@@ -1,4 +1,4 @@
-"""Motors: fixed and variable rates, guiding, tracking. Motor sense is kept: a program's north is never "corrected"."""
+"""Motors: fixed and variable rates, guiding, tracking. Motor directions are passed on as they are, never corrected."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _OFF_OR_ON = (0, 1)
 
 
 def _axis_and_sense(command: Command) -> tuple[int, int]:
-    """From the name of the row: ``slew_azm_pos`` is axis 1, +1."""
+    """Return axis and direction from the name of the row: ``slew_azm_pos`` is axis 1, +1."""
     _, axis, sense = command.name.split("_")
     return (1 if axis == "azm" else 2), (1 if sense == "pos" else -1)
 
 
 def fixed(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a key that there is not."""
+    """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a higher number."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
         yield FireAndForget(op.StopAxis(axis))
@@ -36,7 +36,7 @@ def fixed(session: NexStarSession, command: Command, values: op.Values) -> Handl
 
 
 def _key(session: NexStarSession, key: int) -> op.Rate:
-    """A key, and what the presented mount does at it, for a mount that has no such keys."""
+    """Return a rate with the key and, for mounts that have no keys, its speed on the presented model."""
     return op.Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
 
 
@@ -47,7 +47,7 @@ def variable(session: NexStarSession, command: Command, values: op.Values) -> Ha
 
 
 def fine(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """The same in 1/1024 arcseconds a second."""
+    """Like ``variable``, but in 1/1024 arcseconds a second and without tracking codes."""
     axis = motor(values)
     yield from _rate(axis, 1 if command.name.endswith("pos") else -1, values["rate"] / 1024.0 / 3600.0, None)
 
@@ -62,16 +62,16 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
 
 
 def mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """t - binary. What is: a mount that cannot stop tracking goes on after T 0. A StarSense 1.20 says more."""
+    """t - the actual mode: a mount that cannot stop tracking still tracks after T 0. A StarSense 1.20 adds bytes."""
     status: op.Status = yield op.GetStatus()
-    told = code_of(status.tracking, session.model, session.model["counts_as"])
+    code = code_of(status.tracking, session.model, session.model["counts_as"])
     if (session.model["variant"], session.model["version"]) == (STARSENSE_VARIANT, STARSENSE_LONG_MODE):
-        return bytes((told, *STARSENSE_LONG_MODE)) + b"#"
-    return {"mode": told}
+        return bytes((code, *STARSENSE_LONG_MODE)) + b"#"
+    return {"mode": code}
 
 
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """T - a mode above 3 does nothing; what cannot be done shows in ``t`` and in the log. Raises NoAnswer."""
+    """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer."""
     wanted = modes(session.model, session.model["counts_as"]).get(values["mode"])
     if wanted is None:
         session.refused = f"{command.help}: there is no mode {values['mode']}"
@@ -80,7 +80,7 @@ def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Ha
 
 
 def pulse(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate.
+    """AUX 0x26 - a guide pulse at a percentage of sidereal, its length in hundredths of a second.
 
     Raises Invalid for more than 100 percent.
     """
@@ -94,18 +94,18 @@ def pulse(session: NexStarSession, command: Command, values: op.Values) -> Handl
 
 
 def pulse_active(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
-    """AUX 0x27 - of the motor's last pulse, whichever client asked for it."""
+    """AUX 0x27 - whether the motor's last pulse is still running, whichever client sent it."""
     return {"active": int(session.clock() < session.shared.pulse_ends.get(motor(values), 0.0))}
 
 
 def set_guide_rate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x46 - a mount that lacks it says so by the no-response form."""
+    """AUX 0x46 - if the mount lacks it, the reply is the no-response form."""
     axis = motor(values)
     yield from _set(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
 
 
 def _set(session: NexStarSession, name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
-    """Tell the mount, and remember what it was told or will be told once it hears. Raises Fault."""
+    """Set a value on the mount, and remember it, also if it can only be sent later. Raises Fault."""
     try:
         yield operation
     except (Busy, NoAnswer):
@@ -115,7 +115,7 @@ def _set(session: NexStarSession, name: str, value: int, operation: op.SetGuideR
 
 
 def guide_rate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x47 - what the mount says; else what was set, half sidereal at first."""
+    """AUX 0x47 - the mount's guide rate; if it reports none, the value set last, at first half sidereal."""
     axis = motor(values)
     try:
         return {"rate": min(255, round((yield op.GuideRate(axis)) * 256))}
@@ -124,7 +124,7 @@ def guide_rate(session: NexStarSession, command: Command, values: op.Values) -> 
 
 
 def set_backlash(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form; a Meade has one for both."""
+    """AUX 0x10, 0x11 - up to 99. If the mount lacks it, the reply is the no-response form; a Meade has one for both."""
     axis, value = motor(values), values["value"]
     if value > _FULL_BACKLASH:
         raise Invalid
@@ -133,7 +133,7 @@ def set_backlash(session: NexStarSession, command: Command, values: op.Values) -
 
 
 def backlash(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
-    """AUX 0x40, 0x41 - what was set."""
+    """AUX 0x40, 0x41 - the value set last."""
     return {"value": session.shared.motors.get(_backlash_name(command, motor(values)), 0)}
 
 
@@ -142,16 +142,16 @@ def _backlash_name(command: Command, axis: int) -> str:
 
 
 def periodic_error(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x0D - a mount that lacks it says so by the no-response form. Raises Invalid for neither on nor off."""
+    """AUX 0x0D - if the mount lacks it, the reply is the no-response form. Raises Invalid for neither 0 nor 1."""
     if values["on"] not in _OFF_OR_ON:
         raise Invalid
     yield op.PeriodicError(motor(values), bool(values["on"]))
 
 
 def hibernate_or_wake(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """x, y"""
+    """x, y - hibernate, wake"""
     yield from begin(op.Hibernate() if command.name == "x" else op.Wake())
 
 
 def unsync(session: NexStarSession, command: Command, values: op.Values) -> None:
-    """u - acknowledged: no mount here keeps a list of syncs."""
+    """u - acknowledged without effect: no mount here keeps a list of syncs."""

@@ -1,4 +1,4 @@
-"""Site and clock. A hand control's zone counts whole hours east of Greenwich (i and I: quarters); UTC is preserved."""
+"""Site and clock. The time zone is in whole hours east of Greenwich (i and I: quarter hours); UTC is preserved."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_site(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """W - an impossible place does nothing."""
+    """W - impossible coordinates do nothing."""
     if "fault" in values:
         return
     place = SetSite(latitude=values["latitude"], longitude=values["longitude"])
@@ -26,9 +26,8 @@ def set_site(session: NexStarSession, command: Command, values: Values) -> Handl
 
 
 def clock(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """h, i - local time that matches the zone that is told. What was set is told again as it was set.
-
-    What the mount itself tells of daylight saving counts, where it tells it.
+    """h, i - the local time in the zone that is reported: the zone and daylight saving that a client set, if they
+    still make up the offset. If the mount reports daylight saving itself, that counts.
     """
     moment: Moment = yield GetClock()
     quarters = command.name == "i"
@@ -44,7 +43,7 @@ def clock(session: NexStarSession, command: Command, values: Values) -> Handling
 
 
 def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """H, I - an impossible time does nothing."""
+    """H, I - set zone and local time; an impossible time does nothing."""
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
     if dst not in (0, 1) or not -14 <= zone <= 14 or values["year"] > 99:

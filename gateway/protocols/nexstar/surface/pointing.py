@@ -1,12 +1,11 @@
 """Positions, gotos, syncs as a hand control answers them.
 
-A hand control always says ``#`` to a goto: a refusal shows as no motion (``L`` stays 0) and in the log. On an
-equatorial hand control the azimuth and altitude commands read and move the motor axes, as the presented one has them.
-
-Of an alt-az fork these are azimuth and altitude. A fork on its wedge reads from north, where its azimuth axis points at
-the elevated pole: 180 on the meridian in the north, 0 in the south, and it never turns over the pole (Celestron renamed
-its menu to Axis Position for that; INDI parks at 90, 90). A German mount reads its hour angle. Over a German mount that
-is presented as a fork by its name, azimuth and altitude stay those of the sky, as rotator software wants them.
+A hand control always replies ``#`` to a goto: a refusal shows only as no motion (``L`` stays 0) and in the log. On an
+equatorial mount the azimuth and altitude commands read and move the motor axes, in the coordinates of the presented
+model: azimuth and altitude on an alt-az fork, the hour angle on a German mount. A fork on its wedge counts from north,
+where its azimuth axis points at the elevated pole: 180 on the meridian in the north, 0 in the south; it never turns
+over the pole (Celestron renamed its menu to Axis Position for that; INDI parks at 90, 90). If a German mount is
+presented as a fork by name, azimuth and altitude stay those of the sky, as rotator software expects them.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from gateway.protocols.wireformat.command import Command
 
 
 def axes(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Z z"""
+    """Z z - the readings of both axes"""
     return (yield from _readings(session))
 
 
@@ -35,30 +34,30 @@ def goto(session: NexStarSession, command: Command, values: op.Values) -> Handli
 
 
 def goto_axes(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """B b"""
+    """B b - goto to axis readings; a malformed one does nothing."""
     if "fault" not in values:
         session.kept.axis_goto = {}
         yield from begin((yield from _to_mount(session, values["az"], values["alt"])))
 
 
 def sync(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """S s - what cannot be done shows in the log alone."""
+    """S s - a refusal shows only in the log."""
     if "fault" not in values:
         yield from attempt(op.Sync(*fold_declination(values["ra"], values["dec"])))
 
 
 def slewing(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """L - gotos only, ASCII."""
+    """L - whether a goto is under way, as ASCII; hand motion does not count."""
     return {"slewing": "1" if (yield op.Slewing()) else "0"}
 
 
 def cancel(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """M - gotos only: motion at a rate goes on until rate 0."""
+    """M - ends gotos only: motion at a rate continues until rate 0."""
     yield FireAndForget(op.AbortSlew())
 
 
 def pier_side(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """p - always E over a fork, and over a mount that has no way to tell it: a Meade never changes sides."""
+    """p - always E on a fork, and on a mount that does not report it: a Meade never changes sides."""
     with suppress(Unsupported):
         if _german(session):
             return {"side": (yield op.PierSide())}
@@ -69,14 +68,14 @@ def pier_side(session: NexStarSession, command: Command, values: op.Values) -> H
 
 
 def axis_position(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x01"""
+    """AUX 0x01 - the reading of one axis"""
     number = motor(values)
     seen = yield from _readings(session)
     return {"position": seen.az if number == 1 else seen.alt}
 
 
 def axis_goto(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x02, 0x17 - while the other axis is under way to where it was sent, it goes on; else it stays."""
+    """AUX 0x02, 0x17 - goto of one axis. The other axis continues its own goto if one is under way, else stays."""
     number = motor(values)
     seen = yield from _readings(session)
     sent = session.kept.axis_goto if (yield op.Slewing()) else {}
@@ -86,7 +85,7 @@ def axis_goto(session: NexStarSession, command: Command, values: op.Values) -> H
 
 
 def axis_done(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x13 - 255 when the goto is over."""
+    """AUX 0x13 - 255 when the goto has ended."""
     motor(values)
     return {"done": 0 if (yield op.Slewing()) else 255}
 
@@ -95,23 +94,23 @@ def axis_done(session: NexStarSession, command: Command, values: op.Values) -> H
 
 
 def _german(session: NexStarSession) -> bool:
-    """Whether the presented mount is equatorial by its build."""
+    """Whether the presented model is a German mount."""
     return bool(session.model["mount"] == "german")
 
 
 def _readings(session: NexStarSession) -> Handling:
-    """-> Horizontal: what the two axes read on what is presented."""
+    """Return the axis readings of the presented model as Horizontal."""
     status: op.Status = yield op.GetStatus()
-    if not _turned(session, status):
+    if not _wedge_as_german(session, status):
         return (yield op.AxisPosition() if _by_axes(session, status) else op.HorizontalPosition())
     seen: op.Horizontal = yield op.AxisPosition()
     return op.Horizontal(wrap360(seen.az - (yield from _zero())), seen.alt)
 
 
 def _to_mount(session: NexStarSession, first: float, second: float) -> Handling:
-    """-> the goto that turns both axes to these readings of what is presented."""
+    """Return the operation that turns both axes to these readings of the presented model."""
     status: op.Status = yield op.GetStatus()
-    if not _turned(session, status):
+    if not _wedge_as_german(session, status):
         return op.GotoAxes(first, second) if _by_axes(session, status) else op.GotoHorizontal(first % 360.0, second)
     second = wrap180(second)
     if abs(second) > 90.0:  # a German mount on the other side of its pier; a fork does not turn over the pole
@@ -120,15 +119,15 @@ def _to_mount(session: NexStarSession, first: float, second: float) -> Handling:
 
 
 def _by_axes(session: NexStarSession, status: op.Status) -> bool:
-    """Whether this hand control counts by its motors; where it is the mount's own, as that does."""
+    """Whether the readings are those of the motors: as on the mount if it is presented itself, else by the model."""
     return status.equatorial if session.model.get("own") else _german(session) or status.wedge
 
 
-def _turned(session: NexStarSession, status: op.Status) -> bool:
+def _wedge_as_german(session: NexStarSession, status: op.Status) -> bool:
     """Whether a fork on its wedge is presented as a German mount."""
     return not session.model.get("own") and _german(session) and status.wedge
 
 
 def _zero() -> Handling:
-    """What the first axis of a fork on its wedge reads on the meridian."""
+    """Return the reading of the first axis of a fork on its wedge on the meridian, degrees."""
     return 180.0 if (yield op.GetSite()).latitude >= 0.0 else 0.0

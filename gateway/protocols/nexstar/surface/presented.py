@@ -1,7 +1,7 @@
-"""The hand control that programs see: who it is, its model and version, and the requests that it does not know.
+"""The hand control that clients see: its model and version, and the requests that it does not have.
 
-Where it is the mount itself, what the gateway carries out in the place of old motors it tells itself, and axes go
-through it; other devices on the mount's bus answer for themselves.
+If the mount's own hand control is presented, the gateway still answers for everything that it does itself, such as
+positions and ends of gotos of the motors; other devices on the mount's bus answer for themselves.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, show_version
 
-#: What is presented when nobody says otherwise: the version most programs know best, on an alt-az fork, a fork on a
-#: wedge or a German mount.
+#: Presented by default: the version that most clients support best, and the models of an alt-az fork, a fork on a
+#: wedge and a German mount.
 VERSION, FORK, WEDGE, GERMAN = "4.21", "6-8se", "cpc", "cge"
-#: Answered whatever the version: one program asks it of every hand control and waits.
+#: Answered in every version: one client sends it to every hand control and waits.
 ALWAYS = "v"
-#: Told by the gateway of the motors, which it moves, and by every other device itself.
+#: The gateway answers these for the motors, which it moves; other devices answer them themselves.
 _AXES = frozenset({"axis_position", "axis_done"})
 
 
 def presented(model: str | None, version: str | None) -> Model:
-    """The model's constants as a hand control of that version tells them."""
+    """Return the row of a model with the constants that a hand control of that version reports."""
     name = model or FORK
     number = numbered(version or VERSION)
     return {
@@ -39,20 +39,20 @@ def presented(model: str | None, version: str | None) -> Model:
 
 
 def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> Model:
-    """What is presented over a mount when nobody says otherwise; it has a GPS unit only if the mount has one."""
+    """Return the default model to present for a mount; it has a GPS unit only if the mount has one."""
     model = presented((GERMAN if german else WEDGE) if equatorial else FORK, version)
     return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
 
 
 @cache
 def _opcodes(version: Version) -> frozenset[int]:
-    """The first bytes of the requests that a hand control which counts as that version knows."""
+    """Return the first bytes of the requests that a hand control of this version has."""
     known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, version)]
     return frozenset(command.request.prefix[0] for command in known)
 
 
 def lacks(model: Model, frame: bytes) -> str:
-    """Why the presented hand control passes over a request as a whole; empty where it knows it."""
+    """Return why the presented hand control ignores a request; an empty string if it has the request."""
     if frame[0] in _opcodes(model["counts_as"]):
         return ""
     name = "StarSense" if model["variant"] == STARSENSE_VARIANT else "hand control"
@@ -60,26 +60,26 @@ def lacks(model: Model, frame: bytes) -> str:
 
 
 def stands_against(session: NexStarSession, name: str, values: Values) -> bool:
-    """Whether the mount's own answer would contradict what this gateway has told or does."""
+    """Whether the mount's own answer could contradict what the gateway does or has reported."""
     if name in _AXES:
         return values["device"] in MOTORS
     return name == "pulse_active" and MOTORS.get(values["device"]) in session.shared.pulse_ends
 
 
-# --- what it says of itself -----------------------------------------------------------------------------------------
+# --- version, model, echo -------------------------------------------------------------------------------------------
 
 
 def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
-    """V"""
+    """V - the version"""
     major, minor = session.model["version"]
     return {"major": major, "minor": minor}
 
 
 def model(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
-    """m"""
+    """m - the model's number"""
     return {"model": session.model["id"]}
 
 
 def echo(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
-    """K"""
+    """K - the byte that was sent"""
     return values

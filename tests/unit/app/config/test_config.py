@@ -17,6 +17,7 @@ from gateway.app.config.source import line_of
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.errors import UserError
 from tests.support.each import each
+from tests.support.sampling import as_a_rule
 
 SURFACE = '[[surface]]\nat = "lx200@tcp://:0"\n'
 MOUNT = '[mount]\nat = "nexstar@sim"\n'
@@ -270,7 +271,7 @@ _KEYS = st.dictionaries(_WORD, st.tuples(_FILLER, _VALUE), max_size=4)
 _TABLES = st.lists(st.tuples(st.booleans(), _WORD, _FILLER, _KEYS), max_size=5)
 
 
-@examples(max_examples=40)
+@examples(max_examples=as_a_rule(15, whole=40))
 @given(_KEYS, _TABLES)
 def test_every_key_is_found_on_its_line(
     first: dict[str, tuple[list[str], str]], tables: list[tuple[bool, str, list[str], dict[str, tuple[list[str], str]]]]

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from gateway.app.bindings import manners
+from gateway.app.bindings import profiles
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.describing import named
 from gateway.app.config.programs import programs, recognisable, settled, wanted_by
-from gateway.clients.profiles import J2000
+from gateway.clients.profiles import EquinoxConverter
 from gateway.core.wire_log import Entry
 from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
@@ -30,9 +30,9 @@ def house(**keys: str) -> tuple[House, list[Entry]]:
     """A port as ``Gateway`` puts it together, and what is noted down."""
     surface = SurfaceConfig(at=TCP, **keys)  # type: ignore[arg-type]
     built = House(Mount())
-    j2000 = J2000(built.mount.sky, built.controller.clock)
-    face = replace(built.reception.face, manners=tuple(manners("lx200", surface, j2000)))
-    built.reception.face = face
+    j2000 = EquinoxConverter(built.mount.sky, built.controller.clock)
+    face = replace(built.reception.binding, profiles=tuple(profiles("lx200", surface, j2000)))
+    built.reception.binding = face
     entries: list[Entry] = []
     built.controller.wire_log.sinks.append(entries.append)
     return built, entries

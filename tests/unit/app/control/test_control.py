@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from gateway.app import reach
-from gateway.app.control.exchange import ControlEndpoint, Parts, doors, parts, seal, unseal
+from gateway.app.control.exchange import ControlEndpoint, Parts, parts, read_endpoints, seal, unseal
 from gateway.app.control.server import Control
 from gateway.app.reach import ask
 from gateway.core.errors import NoAnswer
@@ -41,14 +41,14 @@ def _asked(folder: Path, order: Callable[[], Awaitable[str]], secret: str | None
     async def program() -> str | None:
         served = Control([folder], "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", {"stop": order})
         await served.open()
-        [(path, door)] = doors(folder)
+        [(path, endpoint)] = read_endpoints(folder)
         assert path.stat().st_mode & 0o777 == 0o600
-        assert (door.mount, door.pid, door.state) == ("nexstar@/dev/ttyUSB0", os.getpid(), str(folder))
+        assert (endpoint.mount, endpoint.pid, endpoint.state) == ("nexstar@/dev/ttyUSB0", os.getpid(), str(folder))
         if secret is not None:
-            door = msgspec.structs.replace(door, secret=secret)
-        answer = await ask(door, word, 5.0)
+            endpoint = msgspec.structs.replace(endpoint, secret=secret)
+        answer = await ask(endpoint, word, 5.0)
         await served.close()
-        assert doors(folder) == []
+        assert read_endpoints(folder) == []
         return answer
 
     return asyncio.run(program())
@@ -118,7 +118,7 @@ def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
     async def program() -> None:
         served = Control([tmp_path], "m", "m", {"stop": _good})
         await served.open()
-        [(_, door)] = doors(tmp_path)
+        [(_, endpoint)] = read_endpoints(tmp_path)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
             for data in (
                 b"",
@@ -127,11 +127,11 @@ def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
                 b" ",
                 b"x" * 60_000,
                 seal("guessed", "1", "ask stop"),
-                seal(door.secret, "1", "stop"),
-                seal(door.secret, "", ""),
+                seal(endpoint.secret, "1", "stop"),
+                seal(endpoint.secret, "", ""),
             ):
-                stranger.sendto(data, ("127.0.0.1", door.port))
-        assert await ask(door, "stop", 5.0) == "stopped"
+                stranger.sendto(data, ("127.0.0.1", endpoint.port))
+        assert await ask(endpoint, "stop", 5.0) == "stopped"
         await served.close()
 
     asyncio.run(program())
@@ -157,8 +157,8 @@ def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
 
         served = Control([tmp_path], "m", "m", {"stop": never})
         await served.open()
-        [(_, door)] = doors(tmp_path)
-        asking = asyncio.ensure_future(ask(door, "stop", 5.0))
+        [(_, endpoint)] = read_endpoints(tmp_path)
+        asking = asyncio.ensure_future(ask(endpoint, "stop", 5.0))
         await asyncio.sleep(0.2)
         await served.close()
         return await asking
@@ -178,7 +178,7 @@ def _nobodys_port() -> int:
 
 def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way(tmp_path: Path) -> None:
     async def program() -> None:
-        door = ControlEndpoint("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
+        endpoint = ControlEndpoint("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
         stale = tmp_path / "lx200@COM3.77.control"
         (tmp_path / "garbage.control").write_bytes(b"{")
         (tmp_path / "deep.control").write_bytes(b"[" * 60_000)
@@ -186,13 +186,13 @@ def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way
         (tmp_path / "link.control").symlink_to("/dev/zero")
         if hasattr(os, "mkfifo"):
             os.mkfifo(tmp_path / "pipe.control")
-        stale.write_bytes(msgspec.json.encode(door))
-        assert doors(tmp_path) == [(stale, door)]
-        assert await ask(door, "stop", 5.0) is None
+        stale.write_bytes(msgspec.json.encode(endpoint))
+        assert read_endpoints(tmp_path) == [(stale, endpoint)]
+        assert await ask(endpoint, "stop", 5.0) is None
         served = Control([tmp_path], "nexstar@sim", "nexstar@sim", {"stop": _good})
         await served.open()
         assert not stale.exists()
-        assert [found.mount for _, found in doors(tmp_path)] == ["nexstar@sim"]
+        assert [found.mount for _, found in read_endpoints(tmp_path)] == ["nexstar@sim"]
         await served.close()
 
     asyncio.run(program())
@@ -203,8 +203,8 @@ def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> 
         (tmp_path / "full").write_text("")
         served = Control([tmp_path / "full", tmp_path], "m", "m", {"stop": _good})
         await served.open()
-        [(_, door)] = doors(tmp_path)
-        assert (door.state, await ask(door, "stop", 5.0)) == (str(tmp_path / "full"), "stopped")
+        [(_, endpoint)] = read_endpoints(tmp_path)
+        assert (endpoint.state, await ask(endpoint, "stop", 5.0)) == (str(tmp_path / "full"), "stopped")
         await served.close()
         nowhere = Control([tmp_path / "full"], "m", "m", {"stop": _good})
         with pytest.raises(OSError, match="Not a directory"):

@@ -56,7 +56,7 @@ def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, m
             assert seen[0]
             assert all(seen)
             if motion[:2] in (b":R", b":M") and b"g" not in motion:
-                await asyncio.sleep(20)
+                await asyncio.sleep(5)
                 assert _mark(tmp_path), "it stays as long as the motion"
                 client.tell(b":Q#")
             await asyncio.sleep(60)
@@ -88,7 +88,7 @@ def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> None:
     async def program() -> None:
         async with Bridge("cge", state=tmp_path, in_thread=counting) as bridge:
             client = bridge.client()
-            for number in range(300):
+            for number in range(100):
                 client.tell(b":Mg%c0200#" % b"nesw"[number % 4])
                 await asyncio.sleep(2)
             assert writes <= 3

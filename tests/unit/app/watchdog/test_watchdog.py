@@ -271,7 +271,7 @@ def test_the_stop_is_known_beforehand_and_the_driver_learns_nothing_from_it(movi
             await client.ask(b":GVP#")
             driver = bridge.controller.driver
             before = repr(sorted(vars(driver).items(), key=lambda item: item[0]))
-            commands = stop_commands(driver, bridge.controller.line.dialogue)
+            commands = stop_commands(driver, bridge.controller.line.reply_rules)
             assert repr(sorted(vars(driver).items(), key=lambda item: item[0])) == before
             assert {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"} <= set(commands)
             for command in commands:

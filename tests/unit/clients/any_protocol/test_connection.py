@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
+from tests.support.sampling import as_a_rule
 
 GOTO = struct.pack("<HHQIi", 20, 0, 0, round(83.633 / 360 * 2**32), round(22.0145 / 360 * 2**32))
 #: What is sent first, what the answer ends with, and what is spoken.
@@ -75,7 +76,7 @@ def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol
 
 def test_when_it_is_decided_nothing_is_left_in_between() -> None:
     async def program(bridge: AnyBridge) -> None:
-        connection = bridge.any.come("10.0.0.1:5", "10.0.0.1", lambda data: None)
+        connection = bridge.any.create("10.0.0.1:5", "10.0.0.1", lambda data: None)
         connection.feed(b":GR#")
         assert connection.feed == bridge.any.connections()[0].feed
 
@@ -91,7 +92,7 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         await asyncio.sleep(10.0)
         one.tell(idle * 1000)
         assert len(one._guest.sent) <= 64, "however many come, few are kept"
-        assert one.heard == b"" and bridge.spoken() == [] and len(bridge.any.here()) == 0
+        assert one.heard == b"" and bridge.spoken() == [] and len(bridge.any.present_hosts()) == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
         assert bridge.spoken() == ["lx200", "nexstar"]
@@ -163,7 +164,7 @@ def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
         await asyncio.sleep(1.0)
         assert at_once.heard.startswith(b"a#") and len(at_once.heard) == 11
         assert bridge.spoken() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
-        assert sorted(bridge.any.here()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
+        assert sorted(bridge.any.present_hosts()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
 
     play(program)
 
@@ -219,7 +220,7 @@ def test_a_scanner_is_turned_away() -> None:
             assert caller.gone, sent
         notes = [entry.note for entry in bridge.entries if entry.arrow == "!" and "sends" in entry.note]
         assert len(notes) == 5 and all("programs that speak LX200, NexStar, Stellarium:" in note for note in notes)
-        assert len(bridge.any.here()) == 0
+        assert len(bridge.any.present_hosts()) == 0
 
     play(program)
 
@@ -283,7 +284,7 @@ def test_closing_while_nothing_is_known() -> None:
             caller = bridge.call()
             if sent:
                 caller.tell(sent)
-            caller._guest.gone()
+            caller._guest.peer_closed()
             assert caller._guest.answered and not caller._guest.ended
             caller._guest.close()
         await asyncio.sleep(10.0)
@@ -296,7 +297,7 @@ def test_closing_while_nothing_is_known() -> None:
     pieces=st.lists(st.one_of(st.binary(min_size=1, max_size=30), st.sampled_from(ODD)), min_size=1, max_size=12),
     pauses=st.lists(st.sampled_from([0.0, 0.05, 1.2, 3.5]), min_size=12, max_size=12),
 )
-@settings(max_examples=30)
+@settings(max_examples=as_a_rule(15, whole=30))
 def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: list[float]) -> None:
     async def program(bridge: AnyBridge) -> None:
         caller = bridge.call()

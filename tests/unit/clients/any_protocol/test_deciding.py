@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.clients.any_protocol.deciding import HTTP, decide, may_change, undecided, waiting
+from gateway.clients.any_protocol.deciding import HTTP, decide, may_change, protocol_that_waits, shared_prefix
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS, surfaces
 from gateway.protocols.wireformat.command_set import load
@@ -91,11 +91,11 @@ def test_an_unknown_command_is_its_protocols() -> None:
 
 
 def test_the_echo_decides_nothing() -> None:
-    assert undecided("nexstar", b"Ka") == 2 and undecided("nexstar", b"KaKb:GR#") == 4
-    assert undecided("nexstar", b"EKa") == 0 and undecided("lx200", b"Ka") == 0
+    assert shared_prefix("nexstar", b"Ka") == 2 and shared_prefix("nexstar", b"KaKb:GR#") == 4
+    assert shared_prefix("nexstar", b"EKa") == 0 and shared_prefix("lx200", b"Ka") == 0
     assert may_change("nexstar", b"#Ka") and not may_change("nexstar", b"KaE")
     assert may_change("stellarium", b"") and not may_change("lx200", b":GR#")
 
 
 def test_who_waits_for_the_first_word() -> None:
-    assert waiting() == "stellarium"
+    assert protocol_that_waits() == "stellarium"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import functools
+import tempfile
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -20,8 +22,11 @@ from gateway.diagnostics.replay.replaying import Outcome, replay
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
+from tests.support.sampling import as_a_rule
 
 EVENING = 1768514400.0
+#: What each client sends, on three connections one after the other.
+TURNS = as_a_rule(60, whole=120)
 PAIRS = {
     "lx200 on nexstar": ("nexstar:cpc/4.21", "lx200"),
     "nexstar on lx200": ("lx200:lx200gps", "nexstar"),
@@ -71,6 +76,15 @@ class _Mute(SimulatedTransport):
         await super().open(on_data, on_lost)
 
 
+@functools.cache
+def _evening(mount: str, presented: str) -> tuple[bytes, bytes]:
+    """Such an evening's recording, and all that the clients were told: whoever breaks the recording has a copy."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "evening.rec"
+        told = _live(path, mount, presented)
+        return path.read_bytes(), told
+
+
 def _live(path: Path, mount: str, presented: str) -> bytes:
     """An evening with three clients and one lost cable, recorded -> all that the clients were told."""
     told = bytearray()
@@ -89,21 +103,21 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
-        gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
+        gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
         gateway.begin()
         random = Random(path.name)
         words = NEXSTAR if presented == "nexstar" else LX200
 
         async def client(number: int) -> None:
             await asyncio.sleep(0.31 * number)
-            for turn in range(120):
-                if turn % 40 == 0:
+            for turn in range(TURNS):
+                if turn % (TURNS // 3) == 0:
                     guest = gateway.receptions[0].arrive(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
                 guest.feed(words[turn * (number + 1) % len(words)])
                 await asyncio.sleep(random.uniform(0.1, 0.3))
 
         clients = [asyncio.create_task(client(number)) for number in (1, 2, 3)]
-        await asyncio.sleep(9.7)
+        await asyncio.sleep(TURNS * 0.08)
         wire.lose()
         await asyncio.gather(*clients)
         await asyncio.sleep(2.0)
@@ -121,12 +135,14 @@ def _replayed(path: Path) -> Outcome:
 @pytest.mark.parametrize("pair", PAIRS)
 def test_every_client_receives_the_same_bytes_again(pair: str, tmp_path: Path) -> None:
     path = tmp_path / "evening.rec"
-    told = _live(path, *PAIRS[pair])
+    recording, told = _evening(*PAIRS[pair])
+    path.write_bytes(recording)
     outcome = _replayed(path)
     assert outcome.differences == []
     assert outcome.strayed == []
     assert outcome.clients == 9
-    assert outcome.replies > 150 and outcome.requests > 50 and len(told) > 1000
+    assert outcome.replies > as_a_rule(80, whole=150) and outcome.requests > 50
+    assert len(told) > as_a_rule(400, whole=1000)
 
 
 def test_a_recording_of_an_older_format_replays() -> None:
@@ -139,8 +155,7 @@ def test_a_recording_of_an_older_format_replays() -> None:
 
 def test_another_answer_of_the_mount_shows(tmp_path: Path) -> None:
     path = tmp_path / "evening.rec"
-    _live(path, *PAIRS["lx200 on nexstar"])
-    lines = path.read_text("latin-1").split("\n")
+    lines = _evening(*PAIRS["lx200 on nexstar"])[0].decode("latin-1").split("\n")
     touched = [n for n, line in enumerate(lines) if " mount < " in line and len(line.split(" ")[3]) == 18]
     for n in touched[4:]:
         lines[n] = lines[n][:-18] + "1234" + lines[n][-14:]

@@ -54,7 +54,7 @@ class Tape:
         return head(**more) + "\n".join(line for _, line in sorted(self.lines, key=lambda one: one[0])) + "\n"
 
 
-def night(path: Path, minutes: int = 420, every: float = 4.0) -> Path:
+def night(path: Path, minutes: int = 420, every: float = 10.0) -> Path:
     """A whole night."""
     chance, tape, sky = random.Random(1), Tape(), Sky()
     tape.put(0.0, "mount", "^")

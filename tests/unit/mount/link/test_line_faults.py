@@ -19,6 +19,7 @@ from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.transport.wires import SerialTransport
 from tests.soak.faulty import Kind
 from tests.soak.line_faults import trial
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 from tests.unit.mount.link.test_queue import Wire, hand_control, opened
@@ -67,7 +68,7 @@ def test_a_line_whose_first_proof_failed_comes_back_with_the_second() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("after", [0.0, 0.01, 0.03])
+@each("after", [0.0, 0.01, 0.03])
 def test_a_second_copy_is_not_the_answer_to_the_next_question(after: float) -> None:
     replies = {b"e": b"10000000,20000000#", b"z": b"30000000,40000000#"}
 
@@ -98,7 +99,7 @@ def test_an_acknowledgement_that_another_follows_is_none() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
+@each("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
 def test_a_reply_of_another_form_is_none(reply: bytes) -> None:
     """What a client may write and a declination are no right ascension."""
     outcome = Lx200ReplyRules().take(Send("GR"), reply)

@@ -92,8 +92,15 @@ def test_a_position_goes_before_other_reads_and_settings_however_long_these_have
     async def program() -> None:
         line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
         others = [
-            asyncio.ensure_future(line.exchange(Send(name), rank))
-            for name, rank in [("J", READ), ("J", READ), ("t", SETTING), ("t", SETTING), ("t", SETTING), ("t", SETTING)]
+            asyncio.ensure_future(line.exchange(Send(name), priority))
+            for name, priority in [
+                ("J", READ),
+                ("J", READ),
+                ("t", SETTING),
+                ("t", SETTING),
+                ("t", SETTING),
+                ("t", SETTING),
+            ]
         ]
         await asyncio.sleep(0.7)
         await line.exchange(Send("V"), POSITION)
@@ -105,18 +112,18 @@ def test_a_position_goes_before_other_reads_and_settings_however_long_these_have
     run(program())
 
 
-@pytest.mark.parametrize("ranks", [(POSITION, READ), (MOTION, POSITION), (MOTION, MOTION)])
-def test_a_setting_gets_its_turn_whatever_goes_before_it(ranks: tuple[int, ...]) -> None:
+@each("priorities", [(POSITION, READ), (MOTION, POSITION), (MOTION, MOTION)])
+def test_a_setting_gets_its_turn_whatever_goes_before_it(priorities: tuple[int, ...]) -> None:
     """Two that ask without end, on a line that is slower than they are."""
 
     async def program() -> None:
         line, wire = await opened(lambda data: [(1.0, hand_control(data)[0][1])])
 
-        async def ask_for_ever(rank: int) -> None:
+        async def ask_for_ever(priority: int) -> None:
             while True:
-                await line.exchange(Send("V"), rank)
+                await line.exchange(Send("V"), priority)
 
-        others = [asyncio.create_task(ask_for_ever(rank)) for rank in ranks for _ in range(2)]
+        others = [asyncio.create_task(ask_for_ever(priority)) for priority in priorities for _ in range(2)]
         await asyncio.sleep(0.1)
         async with asyncio.timeout(30.0):
             await asyncio.gather(*(line.exchange(Send("t"), SETTING) for _ in range(3)))

@@ -21,54 +21,55 @@ from gateway.mount.link.queue import (
     too_late,
 )
 from gateway.protocols.base.driver import Send
+from tests.support.each import each
 
 NOW = 100.0
 
 
 class Waits(NamedTuple):
-    rank: int
+    priority: int
     number: int = 0
     asked: float = NOW
     chosen: bool = False
     ask: Send = Send("e")
 
 
-def ranks(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[int]:
-    return [one.rank for one in in_turn(waiting, NOW, motions, passed_over)]
+def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[int]:
+    return [one.priority for one in in_turn(waiting, NOW, motions, passed_over)]
 
 
 def test_a_stop_goes_first_then_motion_then_the_position_then_settings() -> None:
-    assert ranks(*map(Waits, (READ, SETTING, POSITION, MOTION, STOP))) == [STOP, MOTION, POSITION, SETTING, READ]
+    assert priorities(*map(Waits, (READ, SETTING, POSITION, MOTION, STOP))) == [STOP, MOTION, POSITION, SETTING, READ]
 
 
 def test_of_one_rank_the_first_that_came_goes_first() -> None:
     assert [one.number for one in in_turn([Waits(READ, 2), Waits(READ, 1)], NOW, 0, 0)] == [1, 2]
 
 
-@pytest.mark.parametrize("rank", [POSITION, READ])
-def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_before_the_next(rank: int) -> None:
-    aged = Waits(rank, 1, NOW - AGED[rank] - 0.01)
-    assert ranks(Waits(SETTING), aged) == [rank, SETTING]
-    assert ranks(Waits(MOTION), aged) == [MOTION, rank]
-    assert ranks(Waits(MOTION), aged, motions=IN_A_ROW) == [rank, MOTION]
-    assert ranks(Waits(STOP), aged, motions=IN_A_ROW) == [STOP, rank]
+@each("priority", [POSITION, READ])
+def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_before_the_next(priority: int) -> None:
+    aged = Waits(priority, 1, NOW - AGED[priority] - 0.01)
+    assert priorities(Waits(SETTING), aged) == [priority, SETTING]
+    assert priorities(Waits(MOTION), aged) == [MOTION, priority]
+    assert priorities(Waits(MOTION), aged, motions=IN_A_ROW) == [priority, MOTION]
+    assert priorities(Waits(STOP), aged, motions=IN_A_ROW) == [STOP, priority]
 
 
 def test_a_setting_is_not_passed_over_for_ever() -> None:
     aged = Waits(SETTING, 1, NOW - AGED[SETTING] - 0.01)
-    assert ranks(Waits(POSITION), aged) == [POSITION, SETTING]
-    assert ranks(Waits(POSITION), aged, passed_over=PASSED_OVER) == [SETTING, POSITION]
+    assert priorities(Waits(POSITION), aged) == [POSITION, SETTING]
+    assert priorities(Waits(POSITION), aged, passed_over=PASSED_OVER) == [SETTING, POSITION]
 
 
 def test_a_read_whose_turn_it_was_keeps_it() -> None:
-    assert ranks(Waits(POSITION), Waits(READ, 1, chosen=True)) == [READ, POSITION]
+    assert priorities(Waits(POSITION), Waits(READ, 1, chosen=True)) == [READ, POSITION]
 
 
 def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
-    assert held_back(Waits(READ), NOW, NOW + 0.1, typical=0.1) == pytest.approx(0.15)
-    assert held_back(Waits(READ), NOW, NOW + 0.2, typical=0.1) is None
-    assert held_back(Waits(READ), NOW, None, typical=0.1) is None
-    assert held_back(Waits(MOTION), NOW, NOW + 0.1, typical=0.1) is None
+    assert held_back(Waits(READ), NOW, NOW + 0.1, typical_rtt=0.1) == pytest.approx(0.15)
+    assert held_back(Waits(READ), NOW, NOW + 0.2, typical_rtt=0.1) is None
+    assert held_back(Waits(READ), NOW, None, typical_rtt=0.1) is None
+    assert held_back(Waits(MOTION), NOW, NOW + 0.1, typical_rtt=0.1) is None
 
 
 def test_what_begins_a_motion_by_hand_is_not_begun_late() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NoDevice
-from gateway.mount.link.answers import LateReplies
+from gateway.mount.link.reply_times import LateReplies
 from gateway.mount.link.verification import KNOWN
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run

@@ -14,6 +14,7 @@ from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, next_moment, next_operation, stopped, take_back
 from gateway.mount.motion.wanted import ByHand, Order, Slew, Theirs, Wanted
 from gateway.mount.presence import HostActivity
+from tests.support.each import each
 from tests.support.examples import some
 
 FAST = op.Rate(name="max")
@@ -115,7 +116,7 @@ def test_a_stop_ends_all_but_what_is_no_motion() -> None:
     assert not outcomes.at_rest(desk.wanted).owed
 
 
-@pytest.mark.parametrize("halt", [op.StopAxis(1), op.StopAxis(2)])
+@each("halt", [op.StopAxis(1), op.StopAxis(2)])
 def test_a_halt_without_an_arrow_ends_a_goto_as_a_whole(halt: op.Operation) -> None:
     for under_way in (False, True):
         desk = Desk().ask(GOTO)

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -64,7 +65,7 @@ def test_the_last_position_is_told_for_ten_seconds(presented: str, driven: str) 
     run(program())
 
 
-@pytest.mark.parametrize("driven", ["lx200", "nexstar"])
+@each("driven", ["lx200", "nexstar"])
 def test_states_are_told_though_the_mount_never_was_there(driven: str) -> None:
     async def program() -> None:
         model = "lx200gps" if driven == "lx200" else "cpc"
@@ -82,7 +83,7 @@ def test_states_are_told_though_the_mount_never_was_there(driven: str) -> None:
     run(program())
 
 
-@pytest.mark.parametrize("driven", ["lx200", "nexstar"])
+@each("driven", ["lx200", "nexstar"])
 def test_the_other_surface_tells_the_same_states(driven: str) -> None:
     async def program() -> None:
         model = "lx200gps" if driven == "lx200" else "cpc"

@@ -92,7 +92,7 @@ def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, 
     """At the pole or in the zenith, where a motor runs and the place on the sky stays the same."""
 
     async def program() -> None:
-        async with bridge_of(driven, mount, None, {"highest": 90.0}) as bridge:
+        async with bridge_of(driven, mount, None, {"highest": 90.0}, speed=4.0) as bridge:
             bridge.sim.truth()
             equatorial = bridge.sim.mechanics.build is not Build.ALTAZ
             await bridge.controller.perform(op.Goto(30.0, 90.0) if equatorial else op.GotoHorizontal(0.0, 90.0))
@@ -139,7 +139,9 @@ def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
             hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
             bridge.controller.line.wire._feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
             answer = await stopped(bridge.controller)
-            assert answer.startswith("failed the stop was sent, and nobody can see whether it rests: ")
+            assert answer.startswith(
+                "failed the stop was sent, but the gateway cannot see whether the mount is at rest: "
+            )
 
     run(program())
 

@@ -21,7 +21,9 @@ def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(
     arrow = b":Mn#" if presented == "lx200" else b"P\x02\x11\x24\x09\0\0\0"
 
     async def program(late: float) -> None:
-        async with Bridge("cge", presented=presented, surface=None, latency=0.1, config={"lowest": -90.0}) as bridge:
+        async with Bridge(
+            "cge", presented=presented, surface=None, latency=0.1, config={"lowest": -90.0}, speed=4.0
+        ) as bridge:
             hand, other = bridge.client("127.0.0.1"), bridge.client("127.0.0.2")
             await bridge.controller.perform(op.Goto(100.0, 40.0))
             await ready(bridge, hand, question)

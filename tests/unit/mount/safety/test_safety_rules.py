@@ -40,7 +40,7 @@ def view(now: Seen, limits: Limits, moving: Moving = Moving(False, {2: DOWN})) -
     return View(now, limits, TIMING, moving, limits.sun, EQUATORIAL, german=False)
 
 
-@pytest.mark.parametrize(("lowest", "stops"), [(20.0, True), (10.0, False)])
+@each(("lowest", "stops"), [(20.0, True), (10.0, False)])
 def test_what_sinks_is_stopped_where_the_next_look_would_be_too_late(lowest: float, stops: bool) -> None:
     """4 degrees a second from 23 degrees: 1.15 s at least until it rests, so 4.6 degrees and more are needed."""
     verdict = altitude(view(sinking(25.0, 4.0), Limits(lowest=lowest)))
@@ -101,7 +101,7 @@ def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_t
     assert begin(before, 130.0, 4.0, at_rest=False).changes is None
 
 
-@pytest.mark.parametrize(
+@each(
     ("moving", "age", "since", "ends"),
     [
         (Moving(False, {2: DOWN}), 1.5, 9.0, True),

@@ -15,6 +15,7 @@ from gateway.core import operations as op
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, SiteClock
 from tests.integration.safety.test_sun import JUNE, SKY
+from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.virtual import run
 
@@ -245,7 +246,7 @@ def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
     assert not list(contradictions(best.sites(), best.times()))
 
 
-@pytest.mark.parametrize(("ahead", "contradicts"), [(-7200.0, True), (43200.0, True), (-20 * 86400.0, False)])
+@each(("ahead", "contradicts"), [(-7200.0, True), (43200.0, True), (-20 * 86400.0, False)])
 def test_a_computer_that_is_off_by_days_contradicts_nobody(ahead: float, contradicts: bool) -> None:
     """A Raspberry Pi without a clock of its own begins where it was switched off."""
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None)

@@ -13,6 +13,7 @@ from gateway.app.discovery.announcing import Announcement
 from gateway.app.discovery.offer import Offer
 from gateway.protocols.alpaca.http import discovery
 from gateway.protocols.alpaca.http.discovery import QUESTION, answer_discovery, answers
+from tests.support.each import each
 
 EVERYWHERE, HERE = ("0.0.0.0", 11111), ("127.0.0.1", 4040)
 
@@ -31,7 +32,7 @@ def test_who_is_told_what() -> None:
     assert ports([("::", 11111)], "192.0.2.7") == [11111], "both kinds arrive there"
 
 
-@pytest.mark.parametrize(("family", "host", "place"), [(socket.AF_INET, "127.0.0.1", EVERYWHERE),
+@each(("family", "host", "place"), [(socket.AF_INET, "127.0.0.1", EVERYWHERE),
                                                       (socket.AF_INET6, "::1", ("::", 11111))])  # fmt: skip
 def test_two_servers_share_the_port(family: socket.AddressFamily, host: str, place: tuple[str, int]) -> None:
     """The one that is asked answers; the other's socket may be open at the same time."""

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.protocols.alpaca.http.requests import BadRequest, understood
+from gateway.protocols.alpaca.http.requests import BadRequest, parse_request
 from tests.support.each import each
 
 
 def test_a_question_has_its_parameters_in_any_case() -> None:
-    asked = understood("GET", "canmoveaxis", [("AXIS", "1"), ("cLiEnTiD", "17"), ("clienttransactionid", "4")])
+    asked = parse_request("GET", "canmoveaxis", [("AXIS", "1"), ("cLiEnTiD", "17"), ("clienttransactionid", "4")])
     assert asked.line == b"get canmoveaxis Axis=1\n"
     assert (asked.client, asked.transaction, asked.command.name) == (17, 4, "canmoveaxis")
 
 
 def test_an_order_has_its_parameters_in_exactly_this_case() -> None:
     place = [("Declination", "22.01"), ("RightAscension", "5.5"), ("clientid", "17")]
-    asked = understood("PUT", "slewtocoordinatesasync", place)
+    asked = parse_request("PUT", "slewtocoordinatesasync", place)
     assert asked.line == b"put slewtocoordinatesasync RightAscension=5.5 Declination=22.01\n"
     assert (asked.client, asked.transaction) == (0, 0), "a name in another case is another name"
     with pytest.raises(BadRequest, match="Connected is missing"):
-        understood("PUT", "connected", [("connected", "true")])
+        parse_request("PUT", "connected", [("connected", "true")])
 
 
 @each(
@@ -44,19 +44,19 @@ def test_an_order_has_its_parameters_in_exactly_this_case() -> None:
 )
 def test_what_cannot_be_understood(method: str, member: str, pairs: list[tuple[str, str]], words: str) -> None:
     with pytest.raises(BadRequest, match=words) as refused:
-        understood(method, member, pairs)
+        parse_request(method, member, pairs)
     assert not refused.value.allow
 
 
-@pytest.mark.parametrize(("method", "member", "allow"), [("PUT", "slewing", "GET"), ("GET", "park", "PUT"),
+@each(("method", "member", "allow"), [("PUT", "slewing", "GET"), ("GET", "park", "PUT"),
                                                         ("POST", "tracking", "GET, PUT")])  # fmt: skip
 def test_another_method_than_the_member_has(method: str, member: str, allow: str) -> None:
     with pytest.raises(BadRequest) as refused:
-        understood(method, member, [])
+        parse_request(method, member, [])
     assert refused.value.allow == allow
 
 
 def test_no_text_of_a_program_ends_the_line() -> None:
-    asked = understood("PUT", "action", [("Action", "a b\nput park\n"), ("Parameters", "%#ä")])
+    asked = parse_request("PUT", "action", [("Action", "a b\nput park\n"), ("Parameters", "%#ä")])
     assert asked.line.count(b"\n") == 1 and asked.line.count(b" ") == 3
     assert asked.command.request.decode(asked.line) == {"action": "a b\nput park\n", "parameters": "%#ä"}

@@ -178,7 +178,7 @@ def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
 
 
 def test_a_body_that_does_not_come_is_waited_for_in_vain_for_some_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.protocols.alpaca.http.server.PATIENCE", 0.2)
+    monkeypatch.setattr("gateway.protocols.alpaca.http.server.TIMEOUT", 0.2)
 
     async def test(own: Served) -> None:
         async def pieces() -> AsyncIterator[bytes]:
@@ -193,7 +193,7 @@ def test_a_body_that_does_not_come_is_waited_for_in_vain_for_some_seconds(monkey
     run(test)
 
 
-@pytest.mark.parametrize("body", [b"\xff\xfe", b"Connected=%ff", b"x" * 9000, b"&".join([b"a=1"] * 200)])
+@each("body", [b"\xff\xfe", b"Connected=%ff", b"x" * 9000, b"&".join([b"a=1"] * 200)])
 def test_a_body_that_cannot_be_read(body: bytes) -> None:
     async def test(own: Served) -> None:
         form = {"Content-Type": "application/x-www-form-urlencoded"}
@@ -204,7 +204,7 @@ def test_a_body_that_cannot_be_read(body: bytes) -> None:
     run(test)
 
 
-@pytest.mark.parametrize(
+@each(
     ("headers", "status"),
     [
         ({}, 200),
@@ -245,7 +245,7 @@ def test_a_preflight_is_refused() -> None:
 
 
 def test_one_that_is_slow_holds_up_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(programs, "PATIENCE", 0.3)
+    monkeypatch.setattr(programs, "TIMEOUT", 0.3)
 
     async def test(own: Served) -> None:
         own.mount.answers[b"get azimuth\n"] = None
@@ -302,7 +302,7 @@ def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> None:
 def test_a_stop_is_said_however_many_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "WAITING", 2)
     monkeypatch.setattr(programs, "MOST", 2)
-    monkeypatch.setattr(programs, "PATIENCE", 1.0)
+    monkeypatch.setattr(programs, "TIMEOUT", 1.0)
 
     async def test(own: Served) -> None:
         own.mount.answers |= {b"get azimuth\n": None, b"put abortslew\n": None}

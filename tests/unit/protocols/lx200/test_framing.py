@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.lx200.framing import LONGEST, Framer
 from tests.support.each import each
 
 
-@pytest.mark.parametrize("endless", [b":", b"::x", b":1", b"x"])
+@each("endless", [b":", b"::x", b":1", b"x"])
 def test_a_command_without_end_is_dropped(endless: bytes) -> None:
     """A colon may be an argument's separator, so many of them are an argument; that ends, too."""
     framer = Framer()

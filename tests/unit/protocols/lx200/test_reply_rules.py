@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.protocols.lx200.reply_rules import Handwriting
+from gateway.protocols.lx200.reply_rules import Notation
 from tests.support.each import each
 
 
@@ -23,7 +23,7 @@ from tests.support.each import each
 def test_a_reply_is_written_as_the_telescope_writes(
     answers: dict[str, bytes], command: str, reply: bytes, written: bytes
 ) -> None:
-    hand = Handwriting()
+    notation = Notation()
     for name, answer in answers.items():
-        hand.learn(name, answer)
-    assert hand.write(command, reply) == written
+        notation.learn(name, answer)
+    assert notation.write(command, reply) == written

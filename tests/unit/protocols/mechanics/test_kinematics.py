@@ -74,7 +74,7 @@ def test_goto_arrives_exactly_on_the_moving_target(build: Build, latitude: float
     assert len(set(distances)) == len(distances)
 
 
-@pytest.mark.parametrize("build", BUILDS)
+@each("build", BUILDS)
 def test_each_axis_of_a_goto_never_turns_back(build: Build) -> None:
     made = mount(build, 45.0, on=False)
     made.goto_axes(START, 130.0, 70.0)
@@ -98,7 +98,7 @@ def test_speed_shortens_gotos_only() -> None:
     assert wrap180(quick.axes(START + 5.5)[0] - quick.axes(START + 4.5)[0]) == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("speed", [4.0, 20.0])
+@each("speed", [4.0, 20.0])
 def test_a_hurried_goto_that_nobody_looks_at_ends_at_its_goal(speed: float) -> None:
     made = mount(Build.ALTAZ, 48.1)
     made.speed = speed
@@ -117,7 +117,7 @@ def test_what_is_seen_does_not_depend_on_looking() -> None:
     assert looked.axes(START + 300) == pytest.approx(blind.axes(START + 300), abs=1e-6)
 
 
-@pytest.mark.parametrize("latitude", SITES)
+@each("latitude", SITES)
 def test_gentle_rates_add_to_equatorial_tracking_and_others_suspend_it(latitude: float) -> None:
     made = mount(Build.GERMAN, latitude, ramps=False)
     west = made.geometry.pole

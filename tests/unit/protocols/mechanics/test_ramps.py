@@ -10,6 +10,7 @@ import pytest
 from gateway.astro.axes import Build, Sky
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.protocols.mechanics.mount import Mechanics
+from tests.support.each import each
 from tests.support.sampling import as_a_rule
 
 #: A power of two, so that a quarter of a second is exact.
@@ -91,7 +92,7 @@ def test_a_goto_hurried_by_the_simulation_is_ended_as_hurriedly() -> None:
     assert second(made, 9.0) - before == pytest.approx(2.0, abs=1e-4)
 
 
-@pytest.mark.parametrize("build", list(Build))
+@each("build", list(Build))
 def test_pulses_are_exact(build: Build) -> None:
     made, other = mount(build, on=True), mount(build, on=True)
     made.pulse(START + 1.0, 2, 0.5 * SIDEREAL_RATE, 2.0)

@@ -226,7 +226,7 @@ def test_nothing_that_a_nexstar_program_says_moves_the_truth(model: str, aligned
     unmoved(simulator, clock, NEXSTAR)
 
 
-@pytest.mark.parametrize("model", ["autostar", "lx200gps", "lx200-16"])
+@each("model", ["autostar", "lx200gps", "lx200-16"])
 def test_nothing_that_an_lx200_program_says_moves_the_truth(model: str) -> None:
     """A fork is put on its wedge and taken off in between: by the belief of another latitude the tube would swing."""
     simulator, clock = mount("lx200", model)

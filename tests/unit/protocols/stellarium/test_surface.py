@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from gateway.clients.access import Access, networks
-from gateway.clients.strangers import Beginning, Piece
+from gateway.clients.strangers import Piece, StrangerFilter
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
@@ -178,8 +178,8 @@ def test_coordinates_are_of_j2000() -> None:
 
 def test_its_first_bytes_are_a_strangers_everywhere_else() -> None:
     for name, spec in PROTOCOLS.items():
-        beginning = Beginning(spec.opening, name)
-        pieces = beginning.hear(Piece(goto(*CRAB), 0.0, 0))
+        beginning = StrangerFilter(spec.opening, name)
+        pieces = beginning.feed(Piece(goto(*CRAB), 0.0, 0))
         if name == "stellarium":
             assert beginning.stranger is None and b"".join(piece.data for piece in pieces) == goto(*CRAB)
         else:

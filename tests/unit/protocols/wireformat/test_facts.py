@@ -44,11 +44,12 @@ def test_what_answers_do_from_one_time_to_the_next() -> None:
 def test_what_is_believed_as_it_comes() -> None:
     lx200, nexstar = Lx200ReplyRules().expected, NexStarReplyRules().expected
     kinds = [
-        one.kind for one in (lx200(Send("GW")), lx200(Send("h?")), nexstar(Send("p")), lx200(Send("LM", raw=True)))
+        one.answer_kind
+        for one in (lx200(Send("GW")), lx200(Send("h?")), nexstar(Send("p")), lx200(Send("LM", raw=True)))
     ]
     assert kinds == ["state"] * 4
     believed = (lx200(Send("Gr", once=True)), lx200(Send("gps", raw=True)), lx200(Send("MS")))
-    assert [one.kind for one in (*believed, nexstar(Send("K")), nexstar(Send("M")))] == [None] * 5
+    assert [one.answer_kind for one in (*believed, nexstar(Send("K")), nexstar(Send("M")))] == [None] * 5
 
 
 def test_what_ends_motions() -> None:

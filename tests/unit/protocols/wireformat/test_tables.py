@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import shutil
+from collections import Counter
 from collections.abc import Iterator
 from datetime import date
 from itertools import combinations
@@ -25,6 +26,7 @@ from gateway.protocols.wireformat import rows
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 from gateway.protocols.wireformat.fields import Codec
 from gateway.protocols.wireformat.rows import handlers_of
+from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -46,7 +48,7 @@ def _sample(name: str, field: Codec) -> Any:
     raise AssertionError(f"no sample for {name}")
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
+@each("protocol", PROTOCOLS)
 def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         for picture in command.requests:
@@ -57,7 +59,7 @@ def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
             assert found[0] is command or len(found[1].prefix) >= len(picture.prefix), (command, frame, found)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
+@each("protocol", PROTOCOLS)
 def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         wires = [
@@ -84,10 +86,10 @@ def _called_and_there(spec: ProtocolSpec) -> Iterator[tuple[set[str], set[str]]]
 def test_every_function_a_row_calls_exists_and_none_is_left_over(spec: ProtocolSpec) -> None:
     protocols = Path(gateway.__file__).parent / "protocols"
     files = [path for folder in ("base", spec.name) for path in (protocols / folder).rglob("*.py")]
-    source = "".join(path.read_text("utf-8") for path in files)
+    words = Counter(word for path in files for word in re.findall(r"\w+", path.read_text("utf-8")))
     for called, there in _called_and_there(spec):
         assert called <= there
-        assert not {name for name in there - called if len(re.findall(rf"\b{name}\b", source)) < 2}
+        assert not {name for name in there - called if words[name] < 2}
 
 
 def test_two_functions_of_one_name_are_told() -> None:
@@ -122,7 +124,7 @@ def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -
     assert command_tables.check() == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("client", "mount"), pairs())
+@each(("client", "mount"), pairs())
 def test_no_row_is_missing(client: str, mount: str) -> None:
     assert command_outcomes.missing(client, mount) == []
 
@@ -164,7 +166,7 @@ def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.Mo
     assert command_outcomes.missing("lx200", "nexstar") == ["CL", "CM"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("said", "outcome"),
     [
         (b":AL#", "refused"),
@@ -183,7 +185,7 @@ def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.Mo
         (b":RS#:Mn#", "translated"),
     ],
 )
-@pytest.mark.parametrize(("model", "version"), [("nexstar-gps", "1.2"), ("gt", "101.0")])
+@each(("model", "version"), [("nexstar-gps", "1.2"), ("gt", "101.0")])
 def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
     model: str, version: str, said: bytes, outcome: str
 ) -> None:

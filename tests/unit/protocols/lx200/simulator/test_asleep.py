@@ -43,7 +43,7 @@ def test_a_sleeping_telescope_turns_nothing_until_it_is_woken(order: bytes, answ
     assert sim.mechanics.axes(clock.now) != before
 
 
-@pytest.mark.parametrize(("tells_altaz", "said"), [(False, b"PN1"), (True, b"AN1")])
+@each(("tells_altaz", "said"), [(False, b"PN1"), (True, b"AN1")])
 def test_gw_tells_how_it_stands(tells_altaz: bool, said: bytes) -> None:
     sim, _ = meade("autostar", land_tells_altaz=tells_altaz)
     assert sim.feed(b":GW#:AP#:GW#\x06:AL#:GW#\x06:AP#:GW#") == b"AT1PT1P" + said + b"LPT1"

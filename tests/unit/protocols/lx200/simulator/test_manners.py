@@ -7,13 +7,14 @@ import random
 import pytest
 
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.sampling import as_a_rule
 from tests.support.simulated_meade import MODELS, SITES, Line, meade, overhead
 
 # --- what takes its time ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", ["lx200", "lx200-16"])
+@each("model", ["lx200", "lx200-16"])
 def test_the_second_string_of_a_new_date_comes_when_a_classic_has_calculated(model: str) -> None:
     sim, clock = meade(model)
     line = Line(sim)
@@ -25,7 +26,7 @@ def test_the_second_string_of_a_new_date_comes_when_a_classic_has_calculated(mod
     assert line.send(b":SC02/30/26#") == b"0"
 
 
-@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+@each("model", ["autostar", "lx200gps"])
 def test_the_others_answer_a_new_date_at_once(model: str) -> None:
     sim, _ = meade(model)
     line = Line(sim)
@@ -33,7 +34,7 @@ def test_the_others_answer_a_new_date_at_once(model: str) -> None:
     assert line.late == []
 
 
-@pytest.mark.parametrize(("command", "seconds"), [(b":gT#", 60.0), (b":Aa#", 120.0)])
+@each(("command", "seconds"), [(b":gT#", 60.0), (b":Aa#", 120.0)])
 def test_an_lx200gps_says_nak_while_it_is_busy(command: bytes, seconds: float) -> None:
     sim, clock = meade("lx200gps")
     line = Line(sim)
@@ -111,7 +112,7 @@ def test_nothing_that_is_sent_breaks_it(model: str) -> None:
 # --- sites and the library ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "first"), [("autostar", 0), ("lx200-16", 0), ("lx200", 1), ("lx200gps", 1)])
+@each(("model", "first"), [("autostar", 0), ("lx200-16", 0), ("lx200", 1), ("lx200gps", 1)])
 def test_four_sites(model: str, first: int) -> None:
     sim, _ = meade(model)
     sim.feed(f":W{first + 1}#:Sg120*30#:St-10*15#".encode())
@@ -137,7 +138,7 @@ def test_offsets_of_whole_and_half_hours() -> None:
         assert sim.feed(b":SG-05.5#:GG#") == b"1-05.5#"
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_objects(model: str) -> None:
     sim, _ = meade(model)
     if not sim.high:

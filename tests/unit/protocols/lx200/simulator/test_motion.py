@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.astro.spherical import separation, wrap180
+from tests.support.each import each
 from tests.support.simulated_meade import MODELS, SITES, meade, overhead
 
 ARCSECOND = 1.0 / 3600.0
@@ -13,8 +14,8 @@ ARCSECOND = 1.0 / 3600.0
 # --- tracking -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("site", SITES, ids=["north", "south"])
-@pytest.mark.parametrize("model", MODELS)
+@each("site", SITES)
+@each("model", MODELS)
 def test_tracking_rates(model: str, site: tuple[float, float]) -> None:
     """Arcseconds that right ascension grows by in an hour: the Sun's 148 and the Moon's 1281."""
     for command, drift in ((b":TQ#", 0.0), (b":TS#", 147.8), (b":TL#", 1281.0), (b":TM#", 0.0)):
@@ -62,7 +63,7 @@ def test_a_classic_that_is_given_a_mode_begins_anew() -> None:
     assert separation(*sim.position(), *truth) < ARCSECOND, "a sync says where it is"
 
 
-@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+@each("model", ["autostar", "lx200gps"])
 def test_the_others_stop_and_go_by_their_letters(model: str) -> None:
     sim, clock = meade(model)
     assert sim.feed(b":AL#:GW#\x06:AA#:GW#\x06") == b"AN1LAT1A"
@@ -74,8 +75,8 @@ def test_the_others_stop_and_go_by_their_letters(model: str) -> None:
 # --- moving -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
-@pytest.mark.parametrize("site", SITES, ids=["north", "south"])
+@each("model", ["autostar", "lx200gps"])
+@each("site", SITES)
 def test_arrows_of_a_fork(model: str, site: tuple[float, float]) -> None:
     """North and south move in altitude, west with and east against azimuth."""
     for letter, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"w", 0, 1), (b"e", 0, -1)):
@@ -90,7 +91,7 @@ def test_arrows_of_a_fork(model: str, site: tuple[float, float]) -> None:
         assert separation(*sim.truth(), *still) < ARCSECOND
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_guiding_adds_to_tracking(model: str) -> None:
     sim, clock = meade(model)
     before = sim.truth()
@@ -122,13 +123,13 @@ def test_rates_of_an_lx200gps() -> None:
     assert separation(*sim.truth(), *still) / ARCSECOND == pytest.approx(15.0, abs=0.5)
 
 
-@pytest.mark.parametrize(("model", "fastest"), [("lx200", 8), ("lx200-16", 4), ("autostar", 8), ("lx200gps", 8)])
+@each(("model", "fastest"), [("lx200", 8), ("lx200-16", 4), ("autostar", 8), ("lx200gps", 8)])
 def test_the_fastest_rate(model: str, fastest: int) -> None:
     sim, _ = meade(model)
     assert sim.feed(f":Sw1#:Sw9#:Sw2#:Sw{fastest}#:Sw{fastest + 1}#".encode()) == b"00110"
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_stop_ends_a_slew_and_tracks(model: str) -> None:
     sim, clock = meade(model)
     sim.feed(overhead(sim) + b":MS#")
@@ -148,7 +149,7 @@ def test_bars_of_a_classic_are_counted_for_each_axis() -> None:
     assert bars == b"\xff" * 3 + b" " * 13 + b"\xff" * 7 + b" " * 9 + b"#"
 
 
-@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+@each("model", ["autostar", "lx200gps"])
 def test_park_and_sleep(model: str) -> None:
     sim, clock = meade(model)
     sim.feed(b":hP#")
@@ -176,7 +177,7 @@ def test_a_parked_polar_telescope_points_at_its_pole() -> None:
         assert not sim.tracking
 
 
-@pytest.mark.parametrize(("model", "deaf"), [("lx200-16", b""), ("lx200gps", b"\x15")])
+@each(("model", "deaf"), [("lx200-16", b""), ("lx200gps", b"\x15")])
 def test_home(model: str, deaf: bytes) -> None:
     sim, clock = meade(model)
     sim.feed(overhead(sim) + b":MS#")

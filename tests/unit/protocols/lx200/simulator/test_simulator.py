@@ -7,6 +7,7 @@ import pytest
 from gateway.astro.spherical import separation, sidereal_time, wrap360
 from gateway.protocols.lx200.simulator.server import HANDLERS
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.manual_files import fits, raw, rows
 from tests.support.simulated_meade import MODELS, SITES, meade
 
@@ -55,7 +56,7 @@ def test_every_form_of_the_manual_is_answered_as_real_ones_do(model: str) -> Non
     assert wrong == []
 
 
-@pytest.mark.parametrize("way", ["whole", "byte by byte", "with trailing bytes"])
+@each("way", ["whole", "byte by byte", "with trailing bytes"])
 def test_framing(way: str) -> None:
     sim, _ = meade()
     data = b"#:GVP#\x06:GC#"
@@ -106,8 +107,8 @@ def test_a_slew_below_the_horizon_is_refused_in_the_model_s_words() -> None:
         assert sim.feed(command) == b"11" + words
 
 
-@pytest.mark.parametrize("site", SITES, ids=["north", "south"])
-@pytest.mark.parametrize("model", MODELS)
+@each("site", SITES)
+@each("model", MODELS)
 def test_a_slew_arrives_and_tracks(model: str, site: tuple[float, float]) -> None:
     sim, clock = meade(model, site)
     ra = wrap360(sidereal_time(clock(), site[1]) - 20.0)
@@ -128,8 +129,8 @@ def test_a_slew_arrives_and_tracks(model: str, site: tuple[float, float]) -> Non
     assert separation(*sim.truth(), *target) < 2 / 3600
 
 
-@pytest.mark.parametrize("site", SITES, ids=["north", "south"])
-@pytest.mark.parametrize("model", ["lx200", "lx200-16"])
+@each("site", SITES)
+@each("model", ["lx200", "lx200-16"])
 def test_arrows_of_a_polar_mount(model: str, site: tuple[float, float]) -> None:
     for direction, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"e", 0, 1), (b"w", 0, -1)):
         sim, clock = meade(model, site, ramps=False)

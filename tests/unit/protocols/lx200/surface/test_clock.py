@@ -171,7 +171,7 @@ def test_an_offset_alone_moves_no_clock() -> None:
     assert told(talk) == unix("2026-03-21 04:15:40")
 
 
-@pytest.mark.parametrize("gap", [0.02, 0.5])
+@each("gap", [0.02, 0.5])
 def test_an_offset_on_the_next_connection_belongs_to_the_time_on_the_last(gap: float) -> None:
     talk = Talk()
     talk.send(b":SL21:00:00#")

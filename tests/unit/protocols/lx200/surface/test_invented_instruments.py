@@ -6,6 +6,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoDevice
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -35,12 +36,12 @@ def test_the_status_is_the_mounts(mount: str, status: bytes) -> None:
     run(play())
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_no_temperature_without_a_thermometer(model: str) -> None:
     assert Talk(model=model).send(b":fT#") == b""
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_high_precision_pointing_is_never_on(model: str) -> None:
     """The reply is the setting after the command: 14 bytes, no #."""
     talk = Talk(model=model)
@@ -49,7 +50,7 @@ def test_high_precision_pointing_is_never_on(model: str) -> None:
     assert talk.send(b":GR#") == b"12:34:56#", "the format of positions is another thing"
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 def test_the_sidereal_time_is_that_of_clock_and_site(model: str) -> None:
     talk = Talk(model=model)
     told = talk.send(b":GS#")

@@ -137,16 +137,14 @@ def test_tracking_rate(frames: bytes, told: bytes, rate: op.TrackRate) -> None:
     assert talk.send(b":GT#") == told
 
 
-@pytest.mark.parametrize("frame", [b":ST000.0#", b":ST100.0#", b":ST#"])
+@each("frame", [b":ST000.0#", b":ST100.0#", b":ST#"])
 def test_an_impossible_tracking_rate_is_refused(frame: bytes) -> None:
     talk = Talk()
     assert talk.send(frame + b":GT#") == b"060.1#"
     assert talk.mount.of(op.TrackRate) == []
 
 
-@pytest.mark.parametrize(
-    ("start", "step", "told"), [(b":T000.2#", b":T-#", b"00.1#"), (b":T099.8#", b":T+#", b"99.9#")]
-)
+@each(("start", "step", "told"), [(b":T000.2#", b":T-#", b"00.1#"), (b":T099.8#", b":T+#", b"99.9#")])
 def test_steps_of_the_tracking_rate_end_where_rates_end(start: bytes, step: bytes, told: bytes) -> None:
     talk = Talk()
     assert talk.send(start + step * 5 + b":GT#") == b"1" + told

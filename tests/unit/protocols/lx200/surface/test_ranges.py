@@ -5,7 +5,6 @@ The bytes are the manual's forms, typed by hand, each with a value that its fiel
 
 from __future__ import annotations
 
-import pytest
 from msgspec.structs import replace
 
 from gateway.clients.access import Access
@@ -105,7 +104,7 @@ def test_a_target_has_no_sixtieth_minute_or_second(bad: bytes, reads: bytes, bef
     assert talk.send(b":MS#") == b"1No target set.#"
 
 
-@pytest.mark.parametrize("bad", [b":SL12:34:60#", b":SL12:60:00#", b":SL23:59:60#"])
+@each("bad", [b":SL12:34:60#", b":SL12:60:00#", b":SL23:59:60#"])
 def test_a_time_of_day_has_no_sixtieth_minute_or_second(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":GL#") == b"20:15:30#"
@@ -114,7 +113,7 @@ def test_a_time_of_day_has_no_sixtieth_minute_or_second(bad: bytes) -> None:
     assert talk.send(b":GL#") == b"20:15:35#"
 
 
-@pytest.mark.parametrize("model", WITH_HORIZON)
+@each("model", WITH_HORIZON)
 def test_sixty_carries_where_programs_round_to_it(model: str) -> None:
     talk = Talk(model=model)
     assert talk.send(b":Sz 179*60#:Sa+29*60#:MA#") == b"110"
@@ -175,7 +174,7 @@ def test_a_focus_speed_that_is_none_changes_nothing() -> None:
 # --- a client that only looks ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     "setting",
     [
         b":SL23:00:00#",

@@ -79,7 +79,7 @@ def test_an_impossible_place_is_refused(refused: bytes) -> None:
 # --- four named sites ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "longest"), [("autostar", 15), ("lx200", 3), ("lx200-16", 3), ("lx200gps", 15)])
+@each(("model", "longest"), [("autostar", 15), ("lx200", 3), ("lx200-16", 3), ("lx200gps", 15)])
 def test_a_name_is_as_long_as_the_models_and_saved(model: str, longest: int) -> None:
     talk, saved = Talk(model=model), []
     talk.session.common.changed = lambda: saved.append(1)
@@ -102,7 +102,7 @@ def test_names_are_everybodys_and_never_empty() -> None:
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("model", "names"),
     [("autostar", b"SITE 1#SITE 2#SITE 3#SITE 4#"), ("lx200", b"ST1#ST2#ST3#ST4#"), ("lx200-16", b"ST1#ST2#ST3#ST4#")],
 )
@@ -110,9 +110,7 @@ def test_sites_that_nobody_has_named_can_be_told_apart(model: str, names: bytes)
     assert Talk(model=model).send(b":GM#:GN#:GO#:GP#") == names
 
 
-@pytest.mark.parametrize(
-    ("model", "numbers"), [("autostar", b"0123"), ("lx200-16", b"0123"), ("lx200", b"1234"), ("lx200gps", b"1234")]
-)
+@each(("model", "numbers"), [("autostar", b"0123"), ("lx200-16", b"0123"), ("lx200", b"1234"), ("lx200gps", b"1234")])
 def test_selecting_a_stored_site_makes_it_the_site(model: str, numbers: bytes) -> None:
     talk = Talk(model=model)
     for index, number in enumerate(numbers):
@@ -134,7 +132,7 @@ def test_zero_is_the_first_site_where_they_count_from_one() -> None:
     assert talk.send(b":Gt#:Gg#") == b"+40*30#+010*15#"
 
 
-@pytest.mark.parametrize(("model", "command"), [("autostar", b":W1#"), ("autostar", b":W4#"), ("lx200gps", b":W9#")])
+@each(("model", "command"), [("autostar", b":W1#"), ("autostar", b":W4#"), ("lx200gps", b":W9#")])
 def test_selecting_an_unknown_or_impossible_site_moves_nothing(model: str, command: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(command + b":Gt#:Gg#") == b"+37*17#+122*25#"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -83,7 +82,7 @@ def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) ->
             assert abs((off + 180) % 360 - 180) <= digit / 2 + 1e-9, (command, reply)
 
 
-@pytest.mark.parametrize("start", ["high", "low"])
+@each("start", ["high", "low"])
 def test_the_format_is_a_clients_own(start: str) -> None:
     long, short = (
         (b"12:34:56#+45*12:34#", b"12:34.9#+45*13#")
@@ -107,7 +106,7 @@ def test_pointing_precision_is_no_format() -> None:
 # --- one instant --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("first", "second", "before", "after"),
     [(b":GR#", b":GD#", b"+45*12:34#", b"+20*00:00#"), (b":GZ#", b":GA#", b"+40*00:00#", b"+20*00:00#")],
 )
@@ -166,9 +165,7 @@ def test_the_alignment_menu_marks_the_present_mode() -> None:
     assert talk.send(b":AL#:G2#").startswith(b">")
 
 
-@pytest.mark.parametrize(
-    ("model", "product", "firmware"), [("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l")]
-)
+@each(("model", "product", "firmware"), [("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l")])
 def test_identity_is_the_presented_models(model: str, product: bytes, firmware: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":GVP#:GVN#") == product + b"#" + firmware + b"#"

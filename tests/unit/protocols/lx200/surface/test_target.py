@@ -32,7 +32,7 @@ def test_a_refused_half_clears_the_whole_target(half: bytes) -> None:
     assert talk.mount.asked == []
 
 
-@pytest.mark.parametrize("other", [b":Sd+22*00:52#", b":Sr05:34:32#"])
+@each("other", [b":Sd+22*00:52#", b":Sr05:34:32#"])
 def test_one_half_after_a_refusal_is_no_target(other: bytes) -> None:
     talk = Talk()
     talk.send(TARGET + b":Sr25:00:00#")
@@ -40,7 +40,7 @@ def test_one_half_after_a_refusal_is_no_target(other: bytes) -> None:
     assert talk.send(TARGET + b":MS#") == b"110"
 
 
-@pytest.mark.parametrize("half", [b":Sa+91*00#", b":Saabc#", b":Sz361*00#", b":Sz#"])
+@each("half", [b":Sa+91*00#", b":Saabc#", b":Sz361*00#", b":Sz#"])
 def test_a_refused_horizontal_half_clears_that_target_alone(half: bytes) -> None:
     talk = Talk()
     assert talk.send(TARGET + b":Sz180*00#:Sa+45*00#" + half + b":MA#") == b"111101"
@@ -163,7 +163,7 @@ def test_no_client_widens_the_operators_limits(lowest: int, highest: int) -> Non
     assert talk.send(b":Sz000*00#:Sa+09*59#:MA#:Sa+80*01#:MA#") == b"10101"
 
 
-@pytest.mark.parametrize("limit", [b":So#", b":Sh5401#", b":So-5401*#", b":Sh99999#"])
+@each("limit", [b":So#", b":Sh5401#", b":So-5401*#", b":Sh99999#"])
 def test_an_impossible_limit_is_refused(limit: bytes) -> None:
     talk = _limited(10, 80)
     assert talk.send(limit + b":Go#:Gh#") == b"010*#80*#"
@@ -187,7 +187,7 @@ def test_a_sync_says_by_its_text_whether_it_was_done() -> None:
     assert Talk().send(b":CM#") == b"#"
 
 
-@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+@each("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
 def test_the_bar_stands_from_the_answer_of_the_goto_until_it_is_over(model: str) -> None:
     talk = Talk(model=model)
     assert talk.send(b":D#" + TARGET + b":MS#:D#") == b"#110\x7f#"

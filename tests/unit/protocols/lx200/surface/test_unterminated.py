@@ -79,7 +79,7 @@ def test_a_setter_without_its_end_is_refused_once_and_clears_the_target(lost: by
     assert say(talk, TARGET + b":MS#", way) == b"110"
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_what_a_setter_without_its_end_would_not_have_set_stays(way: str) -> None:
     talk = aimed()
     assert say(talk, b":SMfoo:Mn#", way) == b"0"
@@ -88,7 +88,7 @@ def test_what_a_setter_without_its_end_would_not_have_set_stays(way: str) -> Non
     assert say(talk, b":GM#:Gr#:MS#", way) == b"SITE 1#05:34:32#0"
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_what_follows_in_the_same_run_is_answered_and_moves_nothing(way: str) -> None:
     talk = aimed()
     sent = b":SMfoo:Mn#:GR#:MS#:Me#:hP#:Sz180*00#:Sa+45*00#:MA#:Mgn0500#:F+#:Gc#"
@@ -184,14 +184,14 @@ def test_there_are_as_many_as_the_tables_have() -> None:
     assert {name for name, _ in SETTERS} == with_argument
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_a_setter_of_other_makers_is_refused_without_a_word(way: str) -> None:
     talk = aimed()
     assert say(talk, b":SX99,1:Mn#:Me#:GR#", way) == b"12:34:56#"
     assert done(talk) == []
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_a_setter_without_end_that_is_too_long_is_refused(way: str) -> None:
     for long in (b":SM" + b"a" * 70 + b":Mn#:Me#", b":Sr" + b":1" * 500 + b":MS#:Me#", b":SM" + b"a" * 62 + b"#:Me#"):
         talk = aimed()

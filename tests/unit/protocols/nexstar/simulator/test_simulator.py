@@ -320,7 +320,7 @@ def test_the_starsense() -> None:
     assert Bench("6-8se", None, starsense=True)(b"V") == b"\x01\x14#"
 
 
-@pytest.mark.parametrize(("model", "version"), [("cge", "3.01"), ("cge", "3.04"), ("advanced-gt", "3.02")])
+@each(("model", "version"), [("cge", "3.01"), ("cge", "3.04"), ("advanced-gt", "3.02")])
 def test_shifted_modes(model: str, version: str) -> None:
     bench = Bench(model, version)
     assert bench(b"t") == b"\x01#"
@@ -356,8 +356,8 @@ def test_unaligned() -> None:
     assert re.fullmatch(rb"[0-9A-F]{8},[0-9A-F]{8}#", bench(b"e"))
 
 
-@pytest.mark.parametrize("latitude", [45.0, -34.0])
-@pytest.mark.parametrize("model", ["6-8se", "cge"])
+@each("latitude", [45.0, -34.0])
+@each("model", ["6-8se", "cge"])
 def test_a_goto_ends_on_the_sky(model: str, latitude: float) -> None:
     bench = Bench(model, site=(latitude, 10.0), speed=4.0)
     ra = sidereal_time(bench.now, 10.0) + 20.0
@@ -385,7 +385,7 @@ def test_fork_limits_are_silent() -> None:
     assert bench(b"B4000,4000") == b"#" and bench(b"L") == b"1#"
 
 
-@pytest.mark.parametrize(("latitude", "west", "mode"), [(45.0, "24", 2), (-34.0, "25", 3)])
+@each(("latitude", "west", "mode"), [(45.0, "24", 2), (-34.0, "25", 3)])
 def test_directions_of_a_german_mount(latitude: float, west: str, mode: int) -> None:
     bench = Bench("cge", site=(latitude, 10.0), ramps=False)
     assert bench(b"t") == bytes((mode,)) + b"#"

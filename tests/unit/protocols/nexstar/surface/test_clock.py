@@ -85,9 +85,7 @@ def local(utc: str, hours: float) -> bytes:
 
 
 @each("offset", OFFSETS)
-@pytest.mark.parametrize(
-    "utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35", "2000-01-02 03:04:05"]
-)
+@each("utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35", "2000-01-02 03:04:05"])
 def test_told_time_is_utc_in_every_zone(offset: float, utc: str) -> None:
     talk = talk_to(version="5.31")
     talk.mount.clock = op.Moment(unix(utc), offset)
@@ -200,7 +198,7 @@ def test_models() -> None:
 
 
 @each("model", MODELS)
-@pytest.mark.parametrize(
+@each(
     ("command", "count", "reply"),
     [
         (55, 1, b"\1"),

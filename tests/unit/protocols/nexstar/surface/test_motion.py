@@ -83,7 +83,7 @@ def test_24_bits(device: int, axis: int, command: int, sense: int, code: int, ar
     assert move.rate.degrees == pytest.approx(arcseconds / 3600, rel=1e-12)
 
 
-@pytest.mark.parametrize("command", [6, 7])
+@each("command", [6, 7])
 def test_variable_rate_0_halts_that_axis(command: int) -> None:
     assert asked(bytes((80, 3, 16, command, 0, 0, 0, 0))) == [op.StopAxis(1)]
     assert asked(bytes((80, 3, 17, command, 0, 0, 0, 0))) == [op.StopAxis(2)]
@@ -150,7 +150,7 @@ def test_guide_rate_and_backlash_tell_what_was_set() -> None:
 # --- tracking modes -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("tracking", "code"),
     [(op.Tracking.OFF, 0), (op.Tracking.ALTAZ, 1), (op.Tracking.EQ_NORTH, 2), (op.Tracking.EQ_SOUTH, 3)],
 )
@@ -172,7 +172,7 @@ def test_modes_are_shifted_on_some_german_versions(model: str, version: str) -> 
     assert talk.send(b"T\3t") == b"#\0#", "there is no such mode"
 
 
-@pytest.mark.parametrize(("model", "version"), [("cge", "2.3"), ("cge", "4.10"), ("6-8se", "3.02"), ("cgem", "4.21")])
+@each(("model", "version"), [("cge", "2.3"), ("cge", "4.10"), ("6-8se", "3.02"), ("cgem", "4.21")])
 def test_and_on_no_others(model: str, version: str) -> None:
     assert talk_to(model, version=version).send(b"t\x54\3t") == b"\2##\3#"
 
@@ -256,7 +256,7 @@ def test_a_goto_of_the_sky_ends_what_the_motors_were_sent_to() -> None:
     assert talk.mount.of(op.GotoHorizontal)[-1] == op.GotoHorizontal(180.0, 45.0)
 
 
-@pytest.mark.parametrize(("model", "pier", "letter"), [("cge", "E", b"E#"), ("cge", "W", b"W#"), ("6-8se", "W", b"E#")])
+@each(("model", "pier", "letter"), [("cge", "E", b"E#"), ("cge", "W", b"W#"), ("6-8se", "W", b"E#")])
 def test_pier_side(model: str, pier: str, letter: bytes) -> None:
     talk = talk_to(model)
     talk.mount.pier = pier

@@ -7,8 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 
-import pytest
-
 from gateway.core import operations as op
 from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
@@ -125,7 +123,7 @@ def _cut(data: bytes) -> list[bytes]:
     return [data[:length], *_after(tail, b"")]
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_strangers_take_what_came_with_them_along_until_it_is_quiet(way: str) -> None:
     framer, at = Framer(), 0.0
     for piece in WAYS[way](b"\xffR34AB,12CExEKz"):
@@ -136,7 +134,7 @@ def test_strangers_take_what_came_with_them_along_until_it_is_quiet(way: str) ->
     assert framer.idle
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_what_programs_send_besides_is_dropped_alone(way: str) -> None:
     sent = b"?E#e\r\n\0 Kyy1#xt\x02LB7FFF,FFFFF1C7ZP\x02\x10\x24\x00\x00\x00\x00\x00e"
     framer, frames, at = Framer(), list[bytes](), 0.0
@@ -168,7 +166,7 @@ def test_a_digit_behind_a_wake_is_dropped_once() -> None:
 # --- the surface ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("way", WAYS)
+@each("way", WAYS)
 def test_a_question_of_a_common_driver_is_no_goto(way: str) -> None:
     talk = Talk(protocol="nexstar", model="6-8se")
     assert say(talk, b"g34AB0500,12CE0500#", way) == b""

@@ -56,7 +56,7 @@ def test_requests_in_either_case_are_one_place(ra: int, dec: int, small: bool) -
     assert abs(sync.dec - dec / 2**32 * 360) <= 180 / 2**24 + 1e-9
 
 
-@pytest.mark.parametrize(("aligned", "reply"), [(True, b"\1#"), (False, b"\0#")])
+@each(("aligned", "reply"), [(True, b"\1#"), (False, b"\0#")])
 def test_alignment_is_a_number_and_slewing_a_letter(aligned: bool, reply: bytes) -> None:
     talk = talk_to()
     talk.mount.status = op.Status(op.Tracking.ALTAZ, aligned=aligned, equatorial=False)

@@ -119,19 +119,19 @@ class See(Struct, frozen=True, tag="see"):
     """Ask for everything that is known of the mount (a ``State``)."""
 
 
-Wish = (
+Request = (
     Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Track | TellTime | TellSite | Follow | End | See
 )  # fmt: skip
 
 
-def written(wish: Wish) -> str:
+def encode(request: Request) -> str:
     """Encode a request as a line."""
-    return json.dumps(msgspec.to_builtins(wish), separators=(",", ":"))
+    return json.dumps(msgspec.to_builtins(request), separators=(",", ":"))
 
 
-def read(line: str) -> Wish:
+def decode(line: str) -> Request:
     """Decode a line. Raises ValueError if it is no request."""
     if not (line.isascii() and line.isprintable()):
-        raise ValueError("a wish is plain text")
-    wish: Wish = msgspec.json.decode(line, type=Wish)
-    return wish
+        raise ValueError("a request is plain text")
+    request: Request = msgspec.json.decode(line, type=Request)
+    return request

@@ -23,13 +23,13 @@ FIRST_ANSWER = 1.0
 SHARE, FACTOR, AT_LEAST = 0.2, 3.0, 0.01
 
 
-class AnswerTimes:
-    """``typical`` is the average reply time in seconds, ``took`` that of the last reply (or of the wait for one),
-    ``answers`` the number of replies.
+class ReplyTimes:
+    """``typical_rtt`` is the average round-trip time in seconds, ``last_rtt`` that of the last reply (or the wait for
+    one), ``answers`` the number of replies.
     """
 
     def __init__(self) -> None:
-        self.typical, self.took, self.answers = 0.02, 0.0, 0
+        self.typical_rtt, self.last_rtt, self.answers = 0.02, 0.0, 0
         #: Seconds that the last late reply took; 0 if there was none.
         self._late = 0.0
 
@@ -37,17 +37,17 @@ class AnswerTimes:
         """Record a reply. ``took`` is the time until its last byte, ``elapsed`` until it was accepted. It enters the
         average only if it ``counts``: replies to long operations and empty replies do not.
         """
-        self.took = took
+        self.last_rtt = took
         self.answers += 1
         if not counts:
             return
-        self.typical += SHARE * (min(elapsed, FACTOR * self.typical + AT_LEAST) - self.typical)
+        self.typical_rtt += SHARE * (min(elapsed, FACTOR * self.typical_rtt + AT_LEAST) - self.typical_rtt)
         if self.answers == 1:
-            self.typical = max(self.typical, min(elapsed, FIRST_ANSWER))
+            self.typical_rtt = max(self.typical_rtt, min(elapsed, FIRST_ANSWER))
 
     def unanswered(self, elapsed: float) -> None:
         """Record a timeout."""
-        self.took = elapsed
+        self.last_rtt = elapsed
 
     def came_late(self, took: float) -> None:
         """Record a reply that arrived after its timeout."""
@@ -60,16 +60,16 @@ class AnswerTimes:
         longest = max(longest, LATER * self._late)
         if not position or self.answers < KNOWN:
             return longest
-        return min(longest, max(SOON, QUICK * self.typical))
+        return min(longest, max(SOON, QUICK * self.typical_rtt))
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered. ``alike`` says whether a reply to one request could be
-    mistaken for a reply to the other.
+    """Requests that timed out and may still be answered. ``ambiguous_with`` says whether a reply to one request
+    could be mistaken for a reply to the other.
     """
 
-    def __init__(self, alike: Callable[[Send, Send], bool]) -> None:
-        self._alike = alike
+    def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
+        self._ambiguous_with = ambiguous_with
         self._open: list[tuple[float, Send]] = []
 
     def add(self, ask: Send, until: float) -> None:
@@ -88,4 +88,4 @@ class LateReplies:
         if not self._open:
             return []
         self._open = [(end, other) for end, other in self._open if end > now]
-        return [(end, other) for end, other in self._open if self._alike(ask, other)]
+        return [(end, other) for end, other in self._open if self._ambiguous_with(ask, other)]
