@@ -1,7 +1,7 @@
-"""What a page asks for becomes an order to a mount, by the way that a person's orders at the command line take.
+"""Turns requests of a page into orders to a mount, through the same functions as the commands of the command line.
 
-So it passes the same limits, is refused in the same words, and stands in a recording like everything that comes from
-outside.
+So the same limits apply, the refusals have the same words, and the orders appear in recordings like everything that
+comes from outside.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released
 
 
 async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
-    """``stop``, ``hold`` or ``release``, as ``mount-gateway stop`` gives them -> whether it was done, and words."""
+    """Carry out ``stop``, ``hold`` or ``release`` like ``mount-gateway stop``. Return success and a message."""
     assert gateway.keeping is not None
     answer = await orders(gateway.controller, gateway.keeping, gateway.entrance)[word]()
     return (True, _WORD[answer]) if answer in _WORD else (False, answer.removeprefix("failed "))
 
 
 async def carry_out(gateway: Gateway, command: request_types.Request) -> tuple[bool, str]:
-    """-> whether it was done or begun, and words."""
+    """Carry out an order. Return whether it was done or begun, and a message."""
     answer = await gateway.entrance.wish(request_types.encode(command), gateway.request_handler.carry_out)
     word, _, rest = answer.partition(" ")
     return word == DONE, rest
 
 
 async def command(request: requests.Command, who: str) -> request_types.Request:
-    """The order that a request stands for. Raises UserError for an object that nobody knows."""
+    """Return the order for a request. Raises UserError for an unknown object."""
     number = new_number()
     match request:
         case requests.Goto():
@@ -55,7 +55,7 @@ async def command(request: requests.Command, who: str) -> request_types.Request:
 
 
 class Jogging:
-    """The arrows that one page holds down on one mount."""
+    """The direction keys that one page holds down on one mount."""
 
     def __init__(self, gateway: Gateway, who: str) -> None:
         self._gateway, self._who = gateway, who
@@ -63,11 +63,11 @@ class Jogging:
 
     @property
     def any(self) -> bool:
-        """Whether one is held down."""
+        """Whether a key is held down."""
         return bool(self._held)
 
     async def press(self, direction: Direction, rate: int) -> tuple[bool, str]:
-        """Press one; the opposite one is let go."""
+        """Press a key and release the opposite one. Return success and a message."""
         for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
             await self.let_go(other)
         known = new_number()
@@ -78,14 +78,14 @@ class Jogging:
         return done, words
 
     async def hold_on(self) -> None:
-        """Somebody still holds what is held down."""
+        """Repeat the orders of all keys that are held down, so that their motion does not time out."""
         for direction, (known, rate) in list(self._held.items()):
             done, _ = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))
             if not done and self._held.get(direction, ("", 0))[0] == known:
-                del self._held[direction]  # it was ended otherwise: by a stop, a limit, the mount
+                del self._held[direction]  # something else has ended it: a stop, a limit, the mount
 
     async def let_go(self, direction: Direction | None = None) -> tuple[bool, str]:
-        """Let go of one, or of all."""
+        """Release one key, or all. Return success and a message."""
         done, words = True, "let go"
         for one in [direction] if direction is not None else list(self._held):
             if one in self._held:

@@ -1,8 +1,8 @@
-"""What all pages share: the mounts of this gateway, what is published of them, their recordings, explanations.
+"""What all pages share: the mounts of this gateway, the publisher of their state, recordings, explanations.
 
-A recording that a page begins is a file in the state folder, to be fetched by the browser. It begins while the gateway
-runs, so it can be read, decoded and reported on; played again turn by turn is one that ``run --record`` has begun with
-the gateway itself.
+A recording started by a page is a file in the state folder that the browser can download. It begins while the gateway
+is running, so it can be read, decoded and reported on, but not replayed; only a recording by ``run --record``, which
+begins with the gateway itself, can be replayed.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import directory
 from gateway.system.own_commands import own_words
 
-#: Seconds that an explanation may take; it is played through a whole gateway of its own, in another process.
+#: Timeout of an explanation, seconds; it runs a whole gateway of its own, in another process.
 EXPLAIN = 20.0
 FOLDER = "recordings"
 _NAME = re.compile(r"[\w.@-]+\.rec(\.\d+)?")
 
 
 class Mounts:
-    """``pin`` is what lets a page act; empty where every page may."""
+    """The mounts of this gateway. ``pin`` allows a page to act; if it is empty, every page may."""
 
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
         self.gateways, self.pin = list(gateways), pin
@@ -45,21 +45,21 @@ class Mounts:
         self._explaining = asyncio.Lock()
 
     def now(self) -> float:
-        """This computer's clock, Unix seconds."""
+        """Return the time by this computer's clock, Unix seconds."""
         return self.gateways[0].clock()
 
     def gateway(self, index: int) -> Gateway:
-        """Raises UserError."""
+        """Return a gateway by its number. Raises UserError."""
         if not 0 <= index < len(self.gateways):
             raise UserError(f"there is no mount {index} here")
         return self.gateways[index]
 
     def admits(self, pin: str) -> bool:
-        """Whether this is the pin."""
+        """Whether this is the right pin."""
         return bool(self.pin) and same_token(pin, self.pin)
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
-        """What ``explain`` says of a command on this mount: played in a process of its own, one at a time."""
+        """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return success and the text."""
         face = _spoken(surface or gateway.names()[0].partition("@")[0], command)
         words = [*own_words(), "explain", "--", face, _called(gateway), command]
         async with self._explaining:
@@ -79,7 +79,7 @@ class Mounts:
 
 
 def _called(gateway: Gateway) -> str:
-    """The mount as ``explain`` wants it: with the model and version that it has told."""
+    """Return the mount as an argument of ``explain``, with the model and version that it has reported."""
     at = gateway.mount
     model, version = at.model, at.version
     identity: Identity | None = gateway.controller.cache.value(GetIdentity)
@@ -89,7 +89,7 @@ def _called(gateway: Gateway) -> str:
 
 
 def _spoken(surface: str, command: str) -> str:
-    """A surface as ``explain`` wants it; where every protocol is spoken, the one that the command belongs to."""
+    """Return the surface as an argument of ``explain``; for a surface of any protocol, that of the command."""
     if surface != ANY:
         return surface
     sent = unescape(command).lstrip(IDLE)
@@ -98,7 +98,7 @@ def _spoken(surface: str, command: str) -> str:
 
 
 class Recording:
-    """One recording at a time for every mount."""
+    """The recordings of one mount, one at a time."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
@@ -108,15 +108,15 @@ class Recording:
 
     @property
     def state(self) -> dict[str, Any] | None:
-        """Its name and since when it runs; None where none runs."""
+        """Name and start time of the running recording; None if there is none."""
         if self._recorder is None or self._path is None:
             return None
         return {"name": self._path.name, "since": round(self._since)}
 
     def begin(self) -> str:
-        """-> words. Raises UserError where the file cannot be written."""
+        """Start a recording and return a message. Raises UserError if the file cannot be written."""
         if self._recorder is not None:
-            raise UserError("a recording is under way already; end it first")
+            raise UserError("a recording is running already; end it first")
         gateway = self._gateway
         folder = directory(gateway.config.state) / FOLDER
         try:
@@ -130,17 +130,17 @@ class Recording:
         return f"recording to {self._path}"
 
     def end(self) -> Path:
-        """-> the file. Raises UserError where none is written."""
+        """End the recording and return its path. Raises UserError if none is running."""
         recorder, path = self._recorder, self._path
         if recorder is None or path is None:
-            raise UserError("no recording is under way")
+            raise UserError("no recording is running")
         self._gateway.wire_log.leave(recorder.put)
         recorder.close()
         self._recorder = None
         return path
 
     def file(self, name: str) -> Path | None:
-        """A recording by its name; None where there is none of that name."""
+        """Return the path of a recording by its name, or None."""
         if not _NAME.fullmatch(name):
             return None
         path = directory(self._gateway.config.state) / FOLDER / name

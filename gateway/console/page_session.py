@@ -1,8 +1,8 @@
-"""One page that is open: what it sees, what it asks for, and what ends when it is gone.
+"""The session of one open page: what it is sent, what it requests, and what ends when it disconnects.
 
-It is sent what the publisher has made for all pages, and only when it has taken what it was sent before: one that is
-slow, stalled or hidden holds up nobody, and gets the newest state when it reads again. A page that holds an arrow down
-says that it lives twice a second; when that stays away for 1.5 seconds its arrows are let go.
+It is sent the publisher's frames, which all pages share, but only after it has read the earlier ones. So a slow,
+stalled or hidden page delays nothing and gets the newest state when it reads again. A page that holds a direction key
+sends a beat twice a second; after 1.5 seconds without one, its keys are released.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
 from gateway.core.waiting import BackgroundTasks
 
-#: Seconds without a sign of life after which arrows are let go; how often that is looked at, and held ones said again.
-SILENT, LOOK, HOLD_ON = 1.5, 0.2, 5.0
-#: Bytes that may wait for a browser before it is sent nothing more until it has taken them.
+#: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
+SILENT, CHECK, HOLD_ON = 1.5, 0.2, 5.0
+#: If more bytes than this wait in the send buffer, the page gets no frames until the browser has read them.
 BEHIND = 65536
-#: Requests of one page that are carried out at a time.
+#: At most how many requests of one page are carried out at a time.
 AT_ONCE = 32
-LOOKS_ONLY = "This page only looks. Type the pin to act; a stop needs none."
+LOOKS_ONLY = "This page only looks. Enter the pin to act; a stop needs none."
 
 
 class Socket(Protocol):
-    """What a page session needs of a WebSocket."""
+    """The interface of a WebSocket that a page session uses."""
 
     def waiting(self) -> int:
-        """Bytes that the browser has not taken yet."""
+        """Return how many bytes the browser has not read yet."""
 
     async def send(self, text: str) -> None:
-        """Raises ConnectionError."""
+        """Send a message. Raises ConnectionError."""
 
 
 class PageSession:
-    """``run`` until the page is gone; ``take`` what it sends."""
+    """One page: ``run`` sends to it until it disconnects, ``take`` receives its messages."""
 
     def __init__(self, mounts: Mounts, socket: Socket, host: str, acts: bool) -> None:
         self._mounts, self._socket, self._acts = mounts, socket, acts
         self._who = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
-        self._heard = self._said = self._loop.time()
+        self._heard = self._repeated = self._loop.time()
         self._seen = -1
-        #: The number of the next row of the conversation; None while it is not shown.
+        #: The number of the next row of the conversation; None while the page does not show it.
         self._row: int | None = None
         self._jogging = [actions.Jogging(gateway, self._who) for gateway in mounts.gateways]
         self._tasks = BackgroundTasks()
 
-    # --- what the page sees -----------------------------------------------------------------------------------------
+    # --- sending ----------------------------------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Show the state until that is cancelled, or the browser is gone; then let go of everything."""
+        """Send the state until cancelled or disconnected; then release all keys."""
         mounts = self._mounts
         subscription = mounts.publisher.subscribe()
         guard = self._loop.create_task(self._look_after_arrows())
@@ -83,7 +83,7 @@ class PageSession:
             self._tasks.cancel()
 
     async def _show(self, frame: Frame) -> None:
-        """What has changed since the last time; all there is, where the page has not taken the frame before."""
+        """Send the changes, or the whole state if the page has not got the frame before; then the conversation."""
         follows, self._seen = frame.number == self._seen + 1, frame.number
         if text := frame.changes if follows else frame.whole:
             await self._socket.send(text)
@@ -101,16 +101,16 @@ class PageSession:
         await self._socket.send(msgspec.json.encode(value).decode())
 
     async def _look_after_arrows(self) -> None:
-        """Let go of what nobody holds any more; say again what somebody does. No browser can hold this up."""
+        """Release keys when the page is silent; else repeat their orders. A stalled browser does not delay this."""
         while True:
-            await asyncio.sleep(LOOK)
+            await asyncio.sleep(CHECK)
             now = self._loop.time()
             if not any(jogging.any for jogging in self._jogging):
                 continue
             if now - self._heard > SILENT:
                 self._tasks.spawn(self._let_go())
-            elif now - self._said > HOLD_ON:
-                self._said = now
+            elif now - self._repeated > HOLD_ON:
+                self._repeated = now
                 for jogging in self._jogging:
                     self._tasks.spawn(jogging.hold_on())
 
@@ -118,10 +118,10 @@ class PageSession:
         for jogging in self._jogging:
             await jogging.let_go()
 
-    # --- what the page asks for -------------------------------------------------------------------------------------
+    # --- requests ---------------------------------------------------------------------------------------------------
 
     def take(self, text: str | bytes) -> None:
-        """A message from the page. What it cannot mean is answered, and costs nothing."""
+        """Receive a message from the page. An invalid one is answered with an error and has no effect."""
         self._heard = self._loop.time()
         try:
             request = requests.read(text)
@@ -131,7 +131,7 @@ class PageSession:
         if isinstance(request, requests.Beat):
             return
         if len(self._tasks) >= AT_ONCE and not isinstance(request, requests.Stop | requests.LetGo):
-            self._tasks.spawn(self._answer(request.id, False, "too much at once; wait a moment"))
+            self._tasks.spawn(self._answer(request.id, False, "too many requests at once; wait a moment"))
             return
         self._tasks.spawn(self._carry_out(request))
 
@@ -142,7 +142,7 @@ class PageSession:
             await self._answer(request.id, False, str(error))
         except ConnectionError:
             pass
-        except Exception as error:  # a defect must not leave a person without an answer
+        except Exception as error:  # a defect must not leave the user without an answer
             self._mounts.gateways[0].wire_log.note("console", f"internal error, please report it: {error!r}")
             await self._answer(request.id, False, f"internal error, please report it: {error!r}")
 

@@ -1,12 +1,11 @@
-"""What every web server of ours does alike: its files, its gate, and how it listens.
+"""What the web servers of the console and the fleet share: static files, access checks, listening.
 
-The files are read once: what is not among them is not served, whatever a path may say. Whatever is refused is said in
-one plain line.
+The files are read once at the start; a path to any other file is not served. Every refusal is one plain line of text.
 
-Who may speak to such a server is its own page, in a browser that reached it by an address of this computer. A page of
-somebody else's that runs in the same browser may send requests here, or have its own name point here (DNS rebinding).
-So ``Host`` must be an address or a name of this computer, ``Origin`` must be the page's own, and whatever acts needs
-the token that only the served page holds. The port is not compared: an SSH tunnel may have another one.
+Only the server's own page may send requests, in a browser that reached it by an address of this computer. A foreign
+page in the same browser could send requests here, or let its own name point here (DNS rebinding). So ``Host`` must be
+an address or a name of this computer, ``Origin`` must be the page's own, and every action needs the token that only
+the served page has. The port is not compared: an SSH tunnel may use another one.
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ from aiohttp import web
 from gateway.system.own_names import host_of
 from gateway.system.web_log import web_log
 
-#: What a page may consist of, by ending.
+#: Content types of the files that are served, by their suffix.
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
          ".svg": "image/svg+xml", ".webmanifest": "application/manifest+json", ".png": "image/png"}  # fmt: skip
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-#: Everything the page needs comes from here; nothing else is loaded, framed or run.
+#: Headers of every response: the browser loads and runs only files of this server, and allows no frames around it.
 HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -50,14 +49,14 @@ class Pages:
         }
 
     def index(self, **words: str) -> web.Response:
-        """The page with words in the place of their names in braces."""
+        """Return the page with each ``{{name}}`` replaced by the word of that name."""
         body, kind = self._files["index.html"]
         for name, word in words.items():
             body = body.replace(f"{{{{{name}}}}}".encode(), html.escape(word).encode())
         return _answer(body, kind, "no-store")
 
     async def file(self, request: web.Request) -> web.StreamResponse:
-        """Any other file, by the ``path`` of its route."""
+        """Serve any other file, by the ``path`` of its route."""
         found = self._files.get(request.match_info["path"])
         if found is None:
             raise web.HTTPNotFound
@@ -69,7 +68,7 @@ def _answer(body: bytes, kind: str, keeping: str) -> web.Response:
 
 
 def guarded(refused: Callable[[web.Request], str]) -> Any:
-    """The middleware that lets in whom ``refused`` has nothing to say against."""
+    """Return a middleware that refuses a request if ``refused`` returns a reason, and sets the headers."""
 
     @web.middleware
     async def admit(request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -87,20 +86,20 @@ def guarded(refused: Callable[[web.Request], str]) -> Any:
 
 
 async def runner_of(app: web.Application) -> web.AppRunner:
-    """A server that is ready to listen."""
+    """Return a server that is ready to listen."""
     runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
     await runner.setup()
     return runner
 
 
 async def listen(runner: web.AppRunner, host: str, port: int) -> int:
-    """Listen there -> the port that was really taken. Raises OSError."""
+    """Listen at an address and return the actual port. Raises OSError."""
     await web.TCPSite(runner, host, port).start()
     return int(runner.addresses[-1][1])
 
 
 def same_origin(origin: str | None, host: str | None) -> bool:
-    """Whether a request comes from the page itself. One without ``Origin`` comes from no page of somebody else's."""
+    """Whether a request comes from the page itself, or from no page: browsers send ``Origin`` for foreign pages."""
     if origin is None:
         return True
     scheme, _, rest = origin.partition("://")
@@ -108,16 +107,16 @@ def same_origin(origin: str | None, host: str | None) -> bool:
 
 
 def from_elsewhere(headers: Mapping[str, str]) -> bool:
-    """Whether the browser itself says that another site's page sends this."""
+    """Whether the browser itself reports that a page of another site sends this request."""
     return headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
 
 
 def of_the_page(headers: Mapping[str, str], path: str) -> bool:
-    """Whether a request comes from the page itself; for the page everybody may ask who typed its address."""
+    """Whether a request comes from the page itself; the page may also be requested from elsewhere, by a link."""
     own = same_origin(headers.get("Origin"), headers.get("Host"))
     return own and (path == "/" or not from_elsewhere(headers))
 
 
 def same_token(given: str | None, token: str) -> bool:
-    """Compared in a time that tells nothing."""
+    """Compare two tokens in constant time."""
     return hmac.compare_digest((given or "").encode(), token.encode())

@@ -1,7 +1,7 @@
-"""Places on the sky that people name or tap: where they are, when they set, and whether the mount may go there.
+"""Positions that the user names or taps: where they are, when they rise and set, whether the mount may go there.
 
-The owner's limits are put as a question here, and the mount itself is not asked: a goto is judged again, by all the
-rules, when it is really asked for. Catalogues are looked through on a thread of their own.
+This only checks the configured limits and does not ask the mount; when a goto is requested, all rules are applied
+again. Catalogues are searched on a thread.
 """
 
 from __future__ import annotations
@@ -21,39 +21,39 @@ from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned, UserError
 from gateway.mount.controller import MountController
 
-#: Names that are suggested while somebody types.
+#: How many names are suggested while the user types.
 SUGGESTED = 12
 
 
 async def where(aimed: Aimed) -> Where:
-    """The place that is meant. Raises UserError."""
+    """Return the target of a request. Raises UserError."""
     if aimed.name is not None:
         return await find(aimed.name)
     if aimed.ra is None or aimed.dec is None:
-        raise UserError("where to? Give a name, or a right ascension and a declination in degrees")
+        raise UserError("no target: give a name, or a right ascension and a declination in degrees")
     return Spot(aimed.ra, aimed.dec, aimed.j2000)
 
 
 async def find(name: str) -> Where:
-    """Raises UserError that says what is like it."""
+    """Return the position of an object. Raises UserError with similar names if it is unknown."""
     return await asyncio.to_thread(objects.find, name)
 
 
 async def look_up(controller: MountController, name: str) -> dict[str, Any]:
-    """An object's places, what it is, and whether the mount may go there. Raises UserError, Fault."""
+    """Return an object's type and coordinates, and whether the mount may go there. Raises UserError, Fault."""
     found = await asyncio.to_thread(objects.describe, name)
     goal = await of_date(controller, found.where)
     return {"name": found.name, "kind": found.kind, "magnitude": found.magnitude, **verdict(controller, goal)}
 
 
 async def known(text: str) -> list[dict[str, str]]:
-    """Objects whose names begin like what was typed so far."""
+    """Return objects whose names begin with the text typed so far."""
     found = await asyncio.to_thread(objects.beginning, text, SUGGESTED) if text.strip() else []
     return [{"name": name} for name in found]
 
 
 def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
-    """Of a place of date: its places, rising and setting (Unix seconds; None: it does not), ``may`` and ``why``."""
+    """Return the coordinates of a position of date, when it rises and sets (Unix seconds or None), ``may``, ``why``."""
     told = place(controller, goal)
     fault = _forbidden(controller, goal, told["alt"])
     why = "" if fault is None else explain(fault, controller.policy.limits)
@@ -82,7 +82,7 @@ def _forbidden(controller: MountController, goal: op.Equatorial, altitude: float
 
 
 def _rises_and_sets(controller: MountController, goal: op.Equatorial) -> tuple[float | None, float | None]:
-    """When it next comes to the lowest altitude that is allowed, on its way up and on its way down."""
+    """Return when it next crosses the lowest allowed altitude, upwards and downwards; None if it does not."""
     derived = controller.astrometry
     site = derived.site_clock.site()
     if site is None:

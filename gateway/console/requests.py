@@ -1,6 +1,7 @@
-"""What a page may ask for over its WebSocket: one struct a request, told apart by ``do``.
+"""The requests of a page over its WebSocket: one struct for each, distinguished by ``do``.
 
-``id`` is drawn by the page, and the answer bears it. Angles are degrees, longitudes east positive, times Unix seconds.
+The page chooses ``id``, and the answer has the same one. Angles are degrees, longitudes east positive, times Unix
+seconds.
 """
 
 from __future__ import annotations
@@ -17,36 +18,36 @@ Arrow = Literal["north", "south", "east", "west"]
 
 
 class Request(Struct, frozen=True, tag_field="do"):
-    """Base: which mount is meant, and the number of the answer (0: none is wanted)."""
+    """Base class: the number of the mount, and the number of the answer (0: no answer is wanted)."""
 
     id: int = 0
     mount: Annotated[int, Meta(ge=-1, lt=1000)] = 0
 
 
 class Beat(Request, frozen=True, tag="beat"):
-    """The page lives. What it moves by hand ends when this stays away."""
+    """The page is alive. When these messages stop, the motion that it has started by hand ends."""
 
 
 class Talk(Request, frozen=True, tag="talk"):
-    """Show the conversation on both sides, or no longer."""
+    """Begin or end sending the conversation with clients and mount."""
 
     on: bool = True
 
 
 class Pin(Request, frozen=True, tag="pin"):
-    """What lets a page act that so far only looks."""
+    """The pin that allows a view-only page to act."""
 
     pin: _Text = ""
 
 
 class LookUp(Request, frozen=True, tag="look_up"):
-    """What is known of an object, and whether the mount may go there."""
+    """Return what is known of an object, and whether the mount may go there."""
 
     name: _Text = ""
 
 
 class Ask(Request, frozen=True, tag="ask"):
-    """The same of a place on the sky."""
+    """Like ``LookUp``, but for a position on the sky."""
 
     ra: _Angle = 0.0
     dec: _Height = 0.0
@@ -54,28 +55,28 @@ class Ask(Request, frozen=True, tag="ask"):
 
 
 class Search(Request, frozen=True, tag="search"):
-    """Objects whose name begins so."""
+    """Return objects whose names begin with this text."""
 
     text: _Text = ""
 
 
 class Explain(Request, frozen=True, tag="explain"):
-    """What becomes of one command, on this mount."""
+    """Explain what happens with one command on this mount."""
 
     surface: _Text = ""
     command: _Text = ""
 
 
 class Act(Request, frozen=True):
-    """Base of what changes something: a page that only looks is refused, except for a stop."""
+    """Base class of requests that change something; view-only pages may send none of them but a stop."""
 
 
 class Stop(Act, frozen=True, tag="stop"):
-    """End every motion; of every mount where ``mount`` is -1."""
+    """End every motion; on all mounts if ``mount`` is -1."""
 
 
 class Hold(Act, frozen=True, tag="hold"):
-    """Stop, and let nothing move it before it is released."""
+    """Stop, and let nothing move the mount until it is released."""
 
 
 class Release(Act, frozen=True, tag="release"):
@@ -83,20 +84,20 @@ class Release(Act, frozen=True, tag="release"):
 
 
 class Jog(Act, frozen=True, tag="jog", kw_only=True):
-    """Press an arrow: the mount moves until it is let go, or until the page is gone."""
+    """Press a direction key: the mount moves until the key is released or the page disappears."""
 
     direction: Arrow
     rate: Annotated[int, Meta(ge=1, le=9)] = 5
 
 
 class LetGo(Act, frozen=True, tag="let_go"):
-    """Let go of one arrow, or of all of them."""
+    """Release one direction key, or all of them."""
 
     direction: Arrow | None = None
 
 
 class Aimed(Act, frozen=True):
-    """Base of what needs a place: a name, or right ascension and declination."""
+    """Base class of requests with a target: a name, or right ascension and declination."""
 
     name: _Text | None = None
     ra: _Angle | None = None
@@ -105,23 +106,23 @@ class Aimed(Act, frozen=True):
 
 
 class Goto(Aimed, frozen=True, tag="goto"):
-    """Point there and track."""
+    """Slew to the target and track it."""
 
 
 class Sync(Aimed, frozen=True, tag="sync"):
-    """It points there now."""
+    """The mount points at the target now."""
 
 
 class Park(Act, frozen=True, tag="park"):
-    """Go to the park position."""
+    """Slew to the park position and turn tracking off."""
 
 
 class Unpark(Act, frozen=True, tag="unpark"):
-    """Take up service again."""
+    """End the parked state."""
 
 
 class Home(Act, frozen=True, tag="home"):
-    """Go to the home position."""
+    """Slew to the home position."""
 
 
 class Wake(Act, frozen=True, tag="wake"):
@@ -129,41 +130,41 @@ class Wake(Act, frozen=True, tag="wake"):
 
 
 class Track(Act, frozen=True, tag="track"):
-    """Tracking on or off, or at another rate."""
+    """Turn tracking on or off, or change its rate."""
 
     on: bool = True
     rate: Literal["sidereal", "lunar", "solar"] | None = None
 
 
 class Time(Act, frozen=True, tag="time", kw_only=True):
-    """The page's own clock: UTC, and local time minus UTC in hours."""
+    """Set the clock to the browser's: UTC, and local time minus UTC in hours."""
 
     unix: Annotated[float, Meta(ge=0.0, le=4e9)]
     offset: Annotated[float, Meta(ge=-14.0, le=14.0)] = 0.0
 
 
 class Site(Act, frozen=True, tag="site", kw_only=True):
-    """Where the mount stands."""
+    """Set the site of the mount."""
 
     latitude: _Height
     longitude: Annotated[float, Meta(ge=-180.0, le=360.0)]
 
 
 class Record(Act, frozen=True, tag="record"):
-    """Begin a recording, or end it."""
+    """Begin or end a recording."""
 
     on: bool = True
 
 
-#: What becomes an order to the mount as it is.
+#: Requests that become an order to the mount unchanged.
 Command = Goto | Sync | Park | Unpark | Home | Wake | Track | Time | Site
-#: What is carried out, and answered.
+#: Requests that are carried out and answered.
 Asked = Talk | Pin | LookUp | Ask | Search | Explain | Stop | Hold | Release | Jog | LetGo | Record | Command
 Any = Beat | Asked
 _DECODER = msgspec.json.Decoder(Any)
 
 
 def read(text: str | bytes) -> Any:
-    """What a page has sent. Raises ValueError."""
+    """Decode a request of a page. Raises ValueError."""
     request: Any = _DECODER.decode(text)
     return request

@@ -1,6 +1,6 @@
-"""The console's web server: its page, the page's WebSocket, and recordings to fetch.
+"""The console's web server: the page, its WebSocket, downloads of recordings, metrics.
 
-Whatever comes in passes the gate first (``pages.py``). aiohttp is loaded when the surfaces are ready, not before.
+Every request passes the access checks first (``pages.py``). aiohttp is imported only after the surfaces are ready.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from gateway.system.own_names import known_host
 from gateway.transport.listening import in_brackets
 
 PAGE = Path(__file__).parent / "page"
-#: The longest message of a page in bytes; pages that may be open at a time; seconds between two heartbeats.
+#: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
 LONGEST, MOST_PAGES, HEARTBEAT = 16384, 64, 10.0
-#: Ports that are tried after the first.
+#: How many ports are tried after the first.
 OTHERS = 50
 
 
 class Console:
-    """Serves until it is closed. ``where`` is its address for a browser, once it is open."""
+    """The console's web server, from ``open`` to ``close``. ``where`` is its address for a browser."""
 
     def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
                  names: Sequence[str] = (), doors: Mapping[int, Access] = MappingProxyType({})) -> None:  # fmt: skip
-        """``doors`` are the ports of others where connections to the console come in, too, with their rules."""
+        """``doors``: access rules of surfaces whose ports pass HTTP connections on to the console, by port."""
         self._mounts = Mounts(gateways, pin)
         self._access, self._names, self._doors = access, tuple(names), doors
         self._token = secrets.token_urlsafe(24)
@@ -51,7 +51,7 @@ class Console:
 
     @property
     def where(self) -> str:
-        """What to type into a browser on this computer."""
+        """The address to enter in a browser on this computer."""
         host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, in_brackets(self.host))
         return f"http://{host}:{self.port}/"
 
@@ -74,7 +74,7 @@ class Console:
                     raise
 
     def _serve_programs(self, app: web.Application) -> list[Callable[[], None]]:
-        """Programs that speak HTTP are answered at the same port -> what ends that."""
+        """Serve clients of HTTP protocols at the same port. Return the functions that end this."""
         served = [gateway.served() for gateway in self._mounts.gateways]
         return [
             spec.web().add_routes(app, [one[name] for one in served], self._names, self._acts)
@@ -83,7 +83,7 @@ class Console:
         ]
 
     def serve(self, transport: asyncio.Transport, data: bytes) -> None:
-        """Take over a connection that came in elsewhere, and of which these bytes have been read."""
+        """Take over a connection that was accepted elsewhere and of which these bytes have been read."""
         assert self._runner is not None and self._runner.server is not None
         protocol = self._runner.server()
         transport.set_protocol(protocol)
@@ -91,7 +91,7 @@ class Console:
         protocol.data_received(data)
 
     async def close(self) -> None:
-        """Nobody is shown anything any more; what pages held down is let go."""
+        """Close all pages, which releases their direction keys, stop serving, and end running recordings."""
         for task in list(self._pages):
             task.cancel()
         if self._pages:
@@ -106,28 +106,28 @@ class Console:
             if recording.state is not None:
                 recording.end()
 
-    # --- the gate ---------------------------------------------------------------------------------------------------
+    # --- access -----------------------------------------------------------------------------------------------------
 
     def _refused(self, request: web.Request) -> str:
-        """Why a request is not served; nothing where it is."""
+        """Return why a request is refused; an empty string if it is served."""
         headers = request.headers
         if not self._access.admits(request.remote or ""):
             return "This address is not in the console's allow list."
         if not known_host(headers.get("Host"), _door(request)[0], self._names):
-            return "This gateway is not called that; add the name to [console] names if it is."
+            return "This gateway does not have that name; if it does, add the name to [console] names."
         if not of_the_page(headers, request.path):
-            return "Only the console's own page may ask for this."
+            return "Only the console's own page may request this."
         return ""
 
     def _only_looks(self, request: web.Request) -> bool:
-        """Whether whoever asks may change nothing: here, or at the port where the request has come in."""
+        """Whether the client is view-only, by the console's rules or those of the port of the connection."""
         rules = [self._access, self._doors.get(_door(request)[1], self._access)]
         return any(rule.is_read_only(request.remote or "") for rule in rules)
 
     def _acts(self, request: web.Request) -> bool:
         return not self._mounts.pin and not self._only_looks(request)
 
-    # --- what is served ---------------------------------------------------------------------------------------------
+    # --- requests ---------------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         return self._files.index(token=self._token, can="act" if self._acts(request) else "look")
@@ -173,13 +173,13 @@ class Console:
 
 
 class _Socket:
-    """aiohttp's WebSocket, as a page session sees it."""
+    """aiohttp's WebSocket with the interface that a page session needs."""
 
     def __init__(self, ws: web.WebSocketResponse, request: web.Request) -> None:
         self._ws, self._transport = ws, request.transport
         raw = request.transport.get_extra_info("socket") if request.transport else None
         if raw is not None and raw.family in (socket.AF_INET, socket.AF_INET6):
-            raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)  # a stalled browser is noticed soon
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)  # to notice a stalled browser soon
 
     def waiting(self) -> int:
         if self._transport is None or self._transport.is_closing():
@@ -188,11 +188,11 @@ class _Socket:
 
     async def send(self, text: str) -> None:
         if self._ws.closed:
-            raise ConnectionError("the page is gone")
+            raise ConnectionError("the page has disconnected")
         await self._ws.send_str(text)
 
 
 def _door(request: web.Request) -> tuple[str, int]:
-    """The address and the port at which a request has come in."""
+    """Return the local address and port of a request's connection."""
     local = request.transport.get_extra_info("sockname") if request.transport else None
     return (str(local[0]), int(local[1])) if local else ("", 0)

@@ -22,10 +22,10 @@ from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
 from gateway.mount.presence import Presence
+from gateway.mount.readings.client_readings import ClientReadings
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
-from gateway.mount.readings.told_position import ToldPosition
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
@@ -40,7 +40,7 @@ _T = TypeVar("_T")
 class MountController:
     """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns why an
     operation cannot succeed. ``peek`` answers a read at once if that needs no exchange, ``read`` waits if it does, and
-    ``anew`` asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
+    ``read_now`` asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
     again, and ``touch`` notes that they were.
     """
 
@@ -58,11 +58,11 @@ class MountController:
         runner = DriverRunner(context, self.verifier, gate)
         self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
         # Readings.
-        told = self.told_position = ToldPosition(context)
+        told = self.client_readings = ClientReadings(context)
         reader = self.reader = Reader(context, runner, self.fair_scheduler, told)
-        self.read, self.anew = reader.read, reader.anew
+        self.read, self.read_now = reader.read, reader.read_now
         self.touch, self.fresh_until = cache.touch, told.fresh_until
-        runner.stirs.connect(told.stirs)
+        runner.may_move.connect(told.may_move)
         self.own = OwnAnswers(context, runner, self.fair_scheduler)
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
@@ -70,10 +70,10 @@ class MountController:
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
         watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sets_sky)
         self.admission = Admission(context, reader, watch)
-        reader.goto_over.connect(watch.arrived)
-        reader.position.connect(watch.look)
-        reader.axes.connect(watch.look_at_altitude)
-        reader.unseen.connect(watch.unseen)
+        reader.goto_over.connect(watch.goto_ended)
+        reader.position.connect(watch.check_position)
+        reader.axes.connect(watch.check_altitude_axis)
+        reader.unseen.connect(watch.position_missing)
         reader.status.connect(self._status_came)
         self.order_runner = OrderRunner(context, follow_ups, runner, self.admission)
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
@@ -93,7 +93,7 @@ class MountController:
         TrackingAtLimit(context, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
         self.supervisor = Supervisor(context, self.presence, self.orders.perform)
-        reconciler.done.connect(self.supervisor.look_after)
+        reconciler.done.connect(self.supervisor.start_watching)
         self.identification = Identification(context, runner, gate, reader, self.own, sync, reconciler, self.ends)
         self.identification.told.connect(self._found_equinox)
         self.identified, self.settled = context.known, context.settled
@@ -162,7 +162,9 @@ class MountController:
 
     def peek(self, operation: op.Operation[_T]) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
-        told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
+        told: object = (
+            self.own.peek(operation) if isinstance(operation, op.Own) else self.client_readings.peek(operation)
+        )
         return cast(_T, told)
 
     def begin_stop(self) -> None:

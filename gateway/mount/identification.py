@@ -20,7 +20,7 @@ from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import doubts
+from gateway.mount.safety.admission.contradictions import contradiction_warning
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
 
@@ -107,7 +107,7 @@ class Identification:
         await self.learn(op.GetClock())
         self._sync.resume()
         self._context.settled.set()
-        if words := doubts(self._context):
+        if words := contradiction_warning(self._context):
             self._context.note_once(words)
 
     async def _meet(self) -> bool:

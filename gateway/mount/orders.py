@@ -98,7 +98,7 @@ class Orders:
         if type(operation) in MAX_AGE:
             if self._context.driver.asleep and (waking := self._reconciler.outcomes_of(op.Wake)):
                 await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
-            return cast(_T, await self._reader.tell(operation))
+            return cast(_T, await self._reader.answer(operation))
         if isinstance(operation, op.Own):
             return cast(_T, await self._own.read(operation))
         try:

@@ -39,7 +39,7 @@ async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -
     if moved and not reconciler.wanted.owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
             async with asyncio.timeout(LEFT):
-                await reader.anew(op.GetStatus())
+                await reader.read_now(op.GetStatus())
 
 
 async def _stop(context: Context, reconciler: Reconciler) -> None:

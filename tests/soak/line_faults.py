@@ -289,7 +289,7 @@ class Trial:
     def _oldest(self, now: float) -> float:
         """The time before which nothing that is told now may come from."""
         line = self.line
-        old = line.state != "up" or self.bridge.controller.told_position.told_old  # which the log says
+        old = line.state != "up" or self.bridge.controller.client_readings.gives_last_position  # which the log says
         allowed = 10.0 if old else max(AGE, 2.5 * line.typical_rtt)
         return now - allowed - EXCHANGE
 

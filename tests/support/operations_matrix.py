@@ -139,7 +139,7 @@ async def guide_rate(b: Bridge) -> bool:
     told = []
     for axis, rate in ((1, 0x40), (2, 0xC0)):
         b.sim.settings["guide rate", 15 + axis] = rate
-        told.append(await b.controller.anew(op.GuideRate(axis)))
+        told.append(await b.controller.read_now(op.GuideRate(axis)))
     return told == [0.25, 0.75]
 
 

@@ -140,12 +140,12 @@ def walk_of(data: bytes, first: bool = False) -> Walk:
             if not first:
                 await client.ask(data)
                 for _ in range(SLEWS):
-                    if not await bridge.controller.anew(op.Slewing()):
+                    if not await bridge.controller.read_now(op.Slewing()):
                         break
                     await asyncio.sleep(1.0)
                 await client.ask(ANOTHER, until=b"11")
-                await bridge.controller.anew(op.Position())
-                await bridge.controller.anew(op.GetStatus())
+                await bridge.controller.read_now(op.Position())
+                await bridge.controller.read_now(op.GetStatus())
             with walking(walk):
                 await client.ask(data)
 

@@ -1,1 +1,1 @@
-"""What pages are shown: the state of every mount, made once for all pages, in pieces that hold up no program."""
+"""The state of every mount for the pages: made once for all of them, in small steps that delay no client."""

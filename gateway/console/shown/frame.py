@@ -1,6 +1,6 @@
-"""What all pages are sent at one moment, as text that is made once, however many pages there are.
+"""A frame: the messages that all pages are sent at one moment, encoded once, however many pages there are.
 
-A page that has the frame before gets the ``changes``; one that has come anew, or was behind, gets the ``whole``.
+A page that has the previous frame gets the ``changes``; a new one, or one that was behind, gets the ``whole``.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from msgspec import Struct
 
 from gateway.console.shown.mount import Sample
 
-#: A mount as pages see it.
+#: The state of a mount as sent to pages.
 State = Mapping[str, Any]
-#: Answer times by the mount's number.
+#: Samples of the answer time by the mount's number.
 Times = Mapping[str, Sequence[Sample]]
 
 
 class Content(Struct, frozen=True):
-    """The mounts, their recordings, and all answer times that are kept."""
+    """The states of the mounts, their recordings, and all stored answer times."""
 
     mounts: Sequence[State] = ()
     recordings: Sequence[Any] = ()
@@ -29,7 +29,7 @@ class Content(Struct, frozen=True):
 
 
 class Frame:
-    """``number`` counts frames. ``rows`` of the conversation are new ones, and ``row`` is the number of the first."""
+    """One frame. ``number`` counts frames; ``rows`` are new rows of the conversation, ``row`` numbers the first."""
 
     def __init__(self, number: int, content: Content, changes: str, rows: Sequence[Any] = (), row: int = 0) -> None:
         self.number, self.changes, self.rows, self.row = number, changes, rows, row
@@ -37,24 +37,24 @@ class Frame:
 
     @cached_property
     def whole(self) -> str:
-        """Everything, for a page that knows nothing."""
+        """The whole state as a message, for a new page."""
         content = self._content
         state = {"mounts": content.mounts, "recordings": content.recordings}
         return _text({"state": state, **_line(content.times)})
 
     @cached_property
     def talk(self) -> str:
-        """The new rows, empty where there are none."""
+        """The new rows as a message; empty if there are none."""
         return talk(self.rows)
 
 
 def talk(rows: Sequence[Any]) -> str:
-    """Rows of the conversation, as a page takes them."""
+    """Encode rows of the conversation as a message; empty if there are none."""
     return _text({"talk": rows}) if rows else ""
 
 
 def changes(before: Content, after: Content, times: Times) -> str:
-    """What is other than before, and the answer times that are ``times`` new; empty where all is as it was."""
+    """Encode the differences and the new answer times ``times`` as a message; empty if nothing has changed."""
     diff: dict[str, Any] = {}
     if mounts := _differences(before.mounts, after.mounts):
         diff["mounts"] = mounts
@@ -74,7 +74,7 @@ def _line(times: Times) -> dict[str, Times]:
 
 
 def _differences(old: Sequence[State], new: Sequence[State]) -> dict[str, State]:
-    """Of every mount the keys whose values are other ones, by the mount's number."""
+    """Return the changed keys of every mount with their new values, by the mount's number."""
     found: dict[str, State] = {}
     for index, (before, after) in enumerate(zip(old, new, strict=True)):
         changed = {key: value for key, value in after.items() if before.get(key) != value}

@@ -1,7 +1,7 @@
-"""One mount as all pages see it: what is asked for anew each time, and what is kept for longer.
+"""The state of one mount for all pages: what is collected for each frame, and what is cached for longer.
 
-Kept is what was heard of its line, and what each program said last. The state is made in pieces: between two of them
-programs are answered, and a stop is carried out.
+Cached are the answer times of the mount's line, the connected clients with their last commands, and the bodies of the
+sky. The state is made in small steps; between them the event loop answers clients and carries out stops.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from gateway.console.shown.talk import Talk
 from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.protocols.registry import ANY
 
-#: Answer times that are kept for a page that has just come.
+#: How many answer times are stored for new pages.
 KEPT = 240
 
-#: When (Unix seconds), and after how many milliseconds; None for a question that failed.
+#: Time of the answer (Unix seconds), and the answer time in milliseconds; None for a failed exchange.
 Sample = tuple[float, float | None]
-#: Sides whose last words are kept; bytes that are shown of them.
+#: For how many clients the last command is stored; how many bytes of it are shown.
 MOST, SHOWN = 200, 40
-#: Seconds for which Sun, Moon and planets stay where they were; while some are missing; programs and what they said.
+#: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; the clients.
 BODIES_FRESH, BODIES_MISSING, PROGRAMS_FRESH = 10.0, 1.0, 1.0
-#: Programs that are told in one piece; seconds between two pieces.
+#: How many clients are listed in one step; the pause between two steps, seconds.
 AT_ONCE, TURN = 10, 0.001
 
 
 class Pulse:
-    """Listens to the mount's side of a wire_log."""
+    """Collects answer times and faults from the mount's side of a wire log."""
 
     def __init__(self) -> None:
         self.samples: deque[Sample] = deque(maxlen=KEPT)
@@ -42,7 +42,7 @@ class Pulse:
         self._rate = Rate()
 
     def put(self, entry: Entry) -> None:
-        """A sink of the wire_log."""
+        """Receive an entry; this is a sink of the wire log."""
         if entry.side != MOUNT:
             return
         if entry.arrow == ">":
@@ -53,19 +53,19 @@ class Pulse:
             self._new.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
 
     def take(self) -> list[Sample]:
-        """What is new since the last time; from now on it is among the ``samples``."""
+        """Return the samples since the last call, and add them to ``samples``."""
         new = list(self._new)
         self._new.clear()
         self.samples += new
         return new
 
     def rate(self, now: float, answers: int) -> float:
-        """Exchanges a second, of late."""
+        """Return the recent rate of exchanges, per second."""
         return round(self._rate.per_second(now, answers), 1)
 
 
 class Programs:
-    """Listens to the programs' side of a wire_log."""
+    """Collects the last commands and their rates from the clients' side of a wire log."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
@@ -74,7 +74,7 @@ class Programs:
         self._rates: dict[str, Rate] = {}
 
     def put(self, entry: Entry) -> None:
-        """A sink of the wire_log."""
+        """Receive an entry; this is a sink of the wire log."""
         side = entry.side
         if side == MOUNT:
             return
@@ -88,7 +88,7 @@ class Programs:
             self._counts[side] = self._counts.get(side, 0) + 1
 
     def told(self, now: float) -> Iterator[dict[str, Any]]:
-        """Every connection: name, surface, profile, last command, commands a second, whether it only looks."""
+        """Yield every connection: name, surface, profile, last command, commands a second, whether it is read-only."""
         receptions = zip(self._gateway.names(), self._gateway.receptions, strict=False)
         here = [(surface, visit) for surface, reception in receptions for visit in reception.connections()]
         for surface, visit in here:
@@ -102,19 +102,19 @@ class Programs:
 
 
 def _spoken(surface: str, protocol: str) -> str:
-    """Where a program is connected; where every protocol is spoken, with the one that it speaks."""
+    """Return the surface of a client; if the surface takes any protocol, with the client's own."""
     what, at, where = surface.partition("@")
     return f"{protocol}{at}{where}" if what == ANY else surface
 
 
 async def turn() -> None:
-    """Whoever else has something to do does it now, with all that follows from it: a stop takes several turns of the
-    event loop to the mount's line, and is to meet one piece at the most."""
+    """Let other tasks run. The pause covers several iterations of the event loop, because a stop needs several to reach
+    the mount's line and must not wait for more than one step of this work."""
     await asyncio.sleep(TURN)
 
 
 class ShownMount:
-    """``look`` while there are pages, ``look_away`` when there are none."""
+    """The state of one mount. It collects data between ``look`` and ``look_away``, while pages are open."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self.gateway, self._index = gateway, index
@@ -126,17 +126,17 @@ class ShownMount:
         self._loop = asyncio.get_running_loop()
 
     def look(self) -> None:
-        """Listen to the mount's line and to the programs."""
+        """Begin to collect data from the wire log."""
         self.gateway.wire_log.sinks += [self.pulse.put, self._programs.put]
         self._told_at = -1e9
 
     def look_away(self) -> None:
-        """Cost nothing any more."""
+        """Stop collecting data."""
         for sink in (self.pulse.put, self._programs.put):
             self.gateway.wire_log.leave(sink)
 
     async def state(self) -> dict[str, Any]:
-        """Everything that a page is shown of it."""
+        """Return the whole state of the mount."""
         controller = self.gateway.controller
         state: dict[str, Any] = {}
         for part in view.parts(self.gateway, self._index):
@@ -149,7 +149,7 @@ class ShownMount:
         return state
 
     async def _who_is_here(self) -> list[dict[str, Any]]:
-        """Anew after a while, and at once when one comes or goes."""
+        """Return the clients; refresh the cached list when it is stale or the number of connections has changed."""
         now, many = self._loop.time(), sum(len(reception.connections()) for reception in self.gateway.receptions)
         if now - self._told_at >= PROGRAMS_FRESH or many != len(self._told):
             self._told_at = now
@@ -157,7 +157,7 @@ class ShownMount:
         return self._told
 
     async def _on_the_sky(self) -> list[dict[str, Any]]:
-        """Anew after a while, and at once when the site changes or the astronomy becomes exact."""
+        """Return the bodies; refresh the cached list when it is stale, the site changes or astropy gets ready."""
         controller = self.gateway.controller
         now, by = self._loop.time(), (controller.sources.site(), controller.astrometry.sky.ready)
         fresh = BODIES_FRESH if len(self._bodies) == len(view.BODIES) else BODIES_MISSING
@@ -168,7 +168,7 @@ class ShownMount:
 
 
 async def _gathered(found: Iterable[dict[str, Any]], at_once: int) -> list[dict[str, Any]]:
-    """All of them, so many in one piece."""
+    """Collect all items, with a pause after every ``at_once`` of them."""
     kept = []
     for count, one in enumerate(found, 1):
         kept.append(one)

@@ -1,8 +1,8 @@
-"""Frames for everybody who looks: one task makes them, at most five times a second, and only while a page is open.
+"""The publisher of frames: one task makes them for all pages, at most five times a second, while a page is open.
 
-A frame is made in pieces of about 0.1 ms, and one page after the other is told of it; between any two of them lies a
-millisecond in which programs are answered and stops go out. A page that is not waiting for a frame, because its browser
-has not taken the last one, holds up nobody; when it looks again it finds the newest.
+A frame is made in steps of about 0.1 ms, and the pages are notified one after another; between any two of these there
+is a millisecond in which clients are answered and stops are sent. A page that is not waiting for a frame, because its
+browser has not read the last one, delays nothing and later gets the newest.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from gateway.console.shown.frame import Content, Frame, changes
 from gateway.console.shown.mount import ShownMount, turn
 from gateway.console.shown.talk import MOST
 
-#: Seconds between two frames, and the least that lie between the end of one and the next where there is much to do.
+#: Seconds between two frames, and at least between the end of one and the beginning of the next.
 EVERY, PAUSE = 0.2, 0.05
-#: Seconds for which the conversation is put into words before programs have their turn.
+#: Seconds for which rows of the conversation are made before other tasks may run.
 PIECE = 0.0002
 
 
 class Publisher:
-    """``recordings`` says what is being recorded of every mount."""
+    """Makes the frames. ``recordings`` returns the state of the recording of every mount."""
 
     def __init__(self, gateways: Sequence[Gateway], recordings: Callable[[], list[Any]]) -> None:
         self.mounts = [ShownMount(gateway, index) for index, gateway in enumerate(gateways)]
         self._recordings = recordings
         self._loop = asyncio.get_running_loop()
         self._content = Content()
-        #: The newest; its number is 0 while there is none.
+        #: The newest frame; its number is 0 if there is none yet.
         self.frame = Frame(0, self._content, "")
         self._pages: set[Subscription] = set()
         self._task: asyncio.Task[None] | None = None
         self._listening = 0
         self._rows: deque[Any] = deque(maxlen=MOST)
-        #: Rows of the conversation so far.
+        #: How many rows of the conversation there have been.
         self.count = 0
 
     def subscribe(self) -> Subscription:
-        """A page looks from now on, until its subscription is ended."""
+        """Return a subscription for a page; the first one starts the work."""
         page = Subscription(self, self._loop)
         self._pages.add(page)
         if self._task is None:
@@ -53,7 +53,7 @@ class Publisher:
         return page
 
     def leave(self, page: Subscription) -> None:
-        """It looks no longer; with the last one all work ends, and what it has shown is forgotten."""
+        """Remove a subscription; after the last one, end the work and forget the frames."""
         self._pages.discard(page)
         if not self._pages and self._task is not None:
             task, self._task = self._task, None
@@ -67,13 +67,13 @@ class Publisher:
             mount.look_away()
 
     def listen(self, by: int) -> None:
-        """One page more, or one less, shows the conversation."""
+        """Count one page more (1) or less (-1) that shows the conversation."""
         self._listening += by
         for mount in self.mounts:
             mount.talk.listen(self._listening > 0)
 
     def since(self, row: int) -> Sequence[Any]:
-        """The rows of the conversation from this number on, as far back as they are kept."""
+        """Return the rows of the conversation from this number on, as far as they are still stored."""
         missed = min(self.count - row, len(self._rows))
         return list(self._rows)[-missed:] if missed > 0 else []
 
@@ -104,7 +104,7 @@ class Publisher:
         return Frame(self.frame.number + 1, after, changed, self.since(first), first)
 
     async def _take_rows(self) -> None:
-        """What was said since the last frame, in words; no more of it than is kept for a page."""
+        """Make the rows of the conversation since the last frame, at most as many as are stored."""
         began, end = time.perf_counter(), self.count + MOST
         for mount in self.mounts:
             for row in mount.talk.take():
@@ -117,7 +117,7 @@ class Publisher:
                     began = time.perf_counter()
 
     def _failed(self, task: asyncio.Task[None]) -> None:
-        """A defect: every page is told and connects anew, and the next one finds work that begins anew."""
+        """After a defect, end every subscription with the error; the pages reconnect, which starts the work again."""
         if task is not self._task:
             return
         self._task = None
@@ -126,18 +126,18 @@ class Publisher:
         if error is not None:
             self.mounts[0].gateway.wire_log.note("console", f"internal error, please report it: {error!r}")
         for page in list(self._pages):
-            page.fail(error or ConnectionError("the console closes"))
+            page.fail(error or ConnectionError("the console is closing"))
 
 
 class Subscription:
-    """What one page waits on."""
+    """The subscription of one page to the frames."""
 
     def __init__(self, publisher: Publisher, loop: asyncio.AbstractEventLoop) -> None:
         self._publisher, self._loop = publisher, loop
         self._waiting: asyncio.Future[Frame] | None = None
 
     async def next(self, seen: int) -> Frame:
-        """The newest frame, as soon as there is one that was not seen."""
+        """Return the newest frame as soon as its number is not ``seen``. Raises ConnectionError after the end."""
         frame = self._publisher.frame
         if frame.number and frame.number != seen:
             return frame
@@ -147,15 +147,15 @@ class Subscription:
         return await self._waiting
 
     def tell(self, frame: Frame) -> None:
-        """There is a new one."""
+        """Deliver a new frame to a waiting page."""
         if self._waiting is not None and not self._waiting.done():
             self._waiting.set_result(frame)
 
     def fail(self, error: BaseException) -> None:
-        """There will be none."""
+        """Raise an error in a waiting page: there will be no more frames."""
         if self._waiting is not None and not self._waiting.done():
             self._waiting.set_exception(error)
 
     def end(self) -> None:
-        """The page is gone."""
+        """End the subscription."""
         self._publisher.leave(self)

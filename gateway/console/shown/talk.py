@@ -1,7 +1,7 @@
-"""The conversation as a page shows it: both sides' bytes in words, and which of them belong together.
+"""The conversation with clients and mount as rows for the pages: bytes, their meaning, and which rows belong together.
 
-A program's command gets a number; what goes over the mount's line until that command is answered, and the answer,
-bear the same one. Only while a page shows it is anything done, and then not in the call in which it is said.
+A client's command gets a number; the exchanges with the mount until it is answered, and the reply, have the same one.
+Entries are collected only while a page shows them, and are made into rows later, not in the call that logs them.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
 
-#: Rows that are kept for pages; things that were said and wait to be put into words. The oldest are dropped.
+#: How many rows are stored for pages, and how many entries may wait to be made into rows; the oldest are dropped.
 MOST, WAITING = 400, 2000
-#: How many seconds an unanswered command may still be what the mount is asked for.
+#: For how many seconds an unanswered command may be the reason for an exchange with the mount.
 RECENT = 3.0
 
 
 class Talk:
-    """What was said at one mount: kept as it is when it is said, and put into words when pages are to be shown it."""
+    """The conversation at one mount: stores the log entries, and makes rows of them when a frame is made."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self._gateway, self._index = gateway, index
@@ -38,7 +38,7 @@ class Talk:
         return Rows(self._gateway.mount.protocol, surfaces)
 
     def listen(self, on: bool) -> None:
-        """Somebody is shown it from now on, or nobody any more."""
+        """Begin or end collecting entries."""
         if on == self._listening:
             return
         self._listening, wire_log = on, self._gateway.wire_log
@@ -50,7 +50,7 @@ class Talk:
             wire_log.leave(self._entries.append)
 
     def take(self) -> Iterator[dict[str, Any]]:
-        """The rows of what was said since the last time, one by one."""
+        """Yield the rows of the entries since the last call."""
         while self._entries:
             entry = self._entries.popleft()
             pair = self._pair(entry)
@@ -58,24 +58,24 @@ class Talk:
                 yield as_row(row, self._index, pair)
 
     def _pair(self, entry: Entry) -> int | None:
-        """Which command of a program this belongs to, as far as that can be told from the order of things."""
+        """Return the number of the client's command that an entry belongs to, judged by their order, or None."""
         if entry.side != MOUNT and entry.arrow == ">":
             self._number += 1
             self._open[entry.side] = (self._number, entry.time)
             return self._number
         if entry.side != MOUNT:
             number = self._open.get(entry.side, (None, 0.0))[0]
-            if entry.arrow in "<-":  # a refusal is noted first, and the reply that says it follows
+            if entry.arrow in "<-":  # not after a note: a refusal is noted first, and its reply follows
                 self._open.pop(entry.side, None)
             return number
-        if entry.arrow == ">":  # what the mount answers then belongs to the same command, however late it comes
+        if entry.arrow == ">":  # the mount's answer belongs to the same command, however late it arrives
             waiting = [number for number, at in self._open.values() if entry.time - at <= RECENT]
             self._asked = max(waiting, default=None)
         return self._asked
 
 
 def as_row(row: Row, index: int, pair: int | None) -> dict[str, Any]:
-    """A row as the page gets it: bytes become printable text here, and the page shows it as text, never as markup."""
+    """Return a row for the page, with bytes as printable text; the page shows it as text, never as markup."""
     return {
         "mount": index, "time": round(row.time, 3), "side": show(row.side.encode()), "arrow": row.arrow,
         "data": show(row.data), "words": row.words, "kind": row.kind, "pair": pair,

@@ -1,4 +1,4 @@
-"""What a page is shown of a mount: plain dictionaries, from what is known without asking the mount.
+"""The state of a mount for pages as plain dictionaries, from cached readings: the mount is not asked.
 
 Angles are degrees, azimuth from north through east, times Unix seconds. The sentences are those of ``status``.
 """
@@ -15,22 +15,22 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.safety.admission.contradictions import contradictions, shown, time_unknown
+from gateway.mount.safety.admission.contradictions import contradictions, site_text, time_unknown
 
-#: Places over the horizon along the way of a goto, beginning and end counted.
+#: Into how many steps the path of a goto is divided.
 STEPS = 24
-#: A position is told to a tenth of an arcsecond, a horizon place to a thousandth of a degree: finer changes are noise.
+#: Decimal places of degrees: 0.04 arcseconds for positions, 0.001 degrees for azimuth and altitude; the rest is noise.
 FINE, COARSE = 5, 3
-#: The sky's own bodies that are shown.
+#: The bodies of the solar system that are shown.
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
 
 def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
-    """Everything but the line's pulse, the programs and the bodies of the sky; each part takes about 0.1 ms."""
+    """Yield the state except answer times, clients and bodies of the sky; each part takes about 0.1 ms."""
     controller = gateway.controller
     state = gather(controller, gateway.config.name or "", str(gateway.mount), ())
     look = state.look
-    yield {}  # to gather is a piece of work by itself
+    yield {}  # gathering is a step of its own
     here = None if look.position is None else place(controller, look.position)
     yield {"position": here and {**here, "age": round(look.age, 1)}}
     snapshot = controller.cache
@@ -52,7 +52,7 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
 
 
 def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
-    """A place of date, as J2000 and over the horizon besides; ``alt`` and ``az`` are None while the site is unknown."""
+    """Return a position of date, also as J2000 and as altitude and azimuth (None while the site is unknown)."""
     derived = controller.astrometry
     ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.site_clock.unix())
     found: dict[str, Any] = {
@@ -66,7 +66,7 @@ def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
 
 
 def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
-    """Sun, Moon and planets: name, place of J2000, altitude and azimuth where the site is known."""
+    """Yield Sun, Moon and planets: name, J2000 position, altitude and azimuth (None while the site is unknown)."""
     for name in BODIES:
         where = _body(controller, name)
         if where is not None:
@@ -87,7 +87,7 @@ def _body(controller: MountController, name: str) -> op.Equatorial | None:
 
 
 def _sky(controller: MountController, seen: op.Equatorial | None) -> dict[str, Any]:
-    """Sidereal time and hour angle, where the site is known."""
+    """Return sidereal time and hour angle, degrees; None while the site is unknown."""
     if controller.sources.site() is None:
         return {"sidereal": None, "hour_angle": None}
     sidereal = controller.astrometry.sidereal_time()
@@ -96,7 +96,7 @@ def _sky(controller: MountController, seen: op.Equatorial | None) -> dict[str, A
 
 
 def _goal(controller: MountController, here: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Where a goto leads, and the way over the horizon that is to be expected."""
+    """Return the target of the goto under way, and its expected path in azimuth and altitude."""
     motion = controller.wanted.value.motion
     goal = None
     if isinstance(motion, Slew):
@@ -113,7 +113,8 @@ def _goal(controller: MountController, here: Mapping[str, Any] | None) -> dict[s
 def way(
     controller: MountController, here: Mapping[str, Any] | None, goal: Mapping[str, Any]
 ) -> list[tuple[float, float]]:
-    """Azimuth and altitude, step by step: both axes turn at once, over the horizon on a fork, else about the pole."""
+    """Return azimuth and altitude step by step. Both axes turn at once: in azimuth and altitude on an alt-az fork,
+    else in right ascension and declination."""
     if here is None or here["alt"] is None or goal["alt"] is None:
         return []
     status: op.Status | None = controller.cache.value(op.GetStatus)
@@ -132,7 +133,7 @@ def way(
 
 
 def _where_and_when(controller: MountController) -> dict[str, Any]:
-    """The site and the clock in force, who says so, and who says otherwise."""
+    """Return the site and the clock in force, their sources, and contradictions between sources."""
     sources = controller.sources
     sites, time = sources.sites(), sources.best_time()
     doubts = [found.words for found in contradictions(sites, sources.times())]
@@ -140,12 +141,12 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
     if sites:
         best = sites[0]
         site = {"latitude": best.place.latitude, "longitude": best.place.longitude, "source": best.source,
-                "words": shown(best.place)}  # fmt: skip
+                "words": site_text(best.place)}  # fmt: skip
     return {
         "site": site,
         "clock": {"ahead": round(time.unix - controller.wire_log.clock(), 1), "source": time.source},
         "site_doubt": next((words for words in doubts if "clocks" not in words), ""),
-        "clock_doubt": "nobody tells the time, and this computer has lost it"
+        "clock_doubt": "no source reports the time, and this computer's clock is wrong"
         if time_unknown(time)
         else next((words for words in doubts if "clocks" in words), ""),
     }

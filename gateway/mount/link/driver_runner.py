@@ -71,13 +71,13 @@ _T = TypeVar("_T")
 class DriverRunner:
     """``perform`` carries out an operation with a priority, ``drive`` runs any generator of the driver.
 
-    ``stirs`` is emitted before anything is sent that may set the mount moving, ``scheduled`` with an operation that the
+    ``may_move`` is emitted before a command that may set the mount moving, ``scheduled`` with an operation that the
     driver wants done later, ``broken`` when a defect leaves it unknown what moves now.
     """
 
     def __init__(self, context: Context, verifier: ReplyVerifier, gate: HibernationGate) -> None:
         self._context, self._verifier, self._gate = context, verifier, gate
-        self.stirs: Signal[None] = Signal()
+        self.may_move: Signal[None] = Signal()
         self.scheduled: Signal[Schedule] = Signal()
         self.broken: Signal[None] = Signal()
         #: The number of exchanges of the last operation, and the loop time at which it sent the first of its last
@@ -97,7 +97,7 @@ class DriverRunner:
         asked: list[float] = []
         late = since is not None and now() - since > AT_ONCE
         if priority == MOTION:
-            self.stirs.emit(None)
+            self.may_move.emit(None)
 
         async def exchange(ask: Send) -> Mapping[str, Any]:
             nonlocal exchanges, late

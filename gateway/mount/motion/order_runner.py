@@ -20,7 +20,7 @@ from gateway.mount.link.queue import MOTION, SETTING, STOP
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done
 from gateway.mount.motion.wanted import IN_ORDER, Order
-from gateway.mount.readings.told_position import ToldPosition
+from gateway.mount.readings.client_readings import ClientReadings
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.watch import LimitWatch
 from gateway.protocols.base.driver import FollowUps
@@ -84,7 +84,7 @@ class Consequences:
     """Updates the cache and the watches once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
-        self, context: Context, gate: HibernationGate, told: ToldPosition, watch: LimitWatch, ends: EndWatch
+        self, context: Context, gate: HibernationGate, told: ClientReadings, watch: LimitWatch, ends: EndWatch
     ) -> None:
         self._context, self._now, self._cache = context, context.now, context.cache
         self._gate, self._told, self._watch, self._ends = gate, told, watch, ends
@@ -93,13 +93,13 @@ class Consequences:
         self._ends.sent((1, 2), self._watch.fastest)
 
     def at_rest(self, _: None) -> None:
-        self._told.ordered(op.AbortMotion(), self._watch.restless)
-        self._watch.ended()
+        self._told.ordered(op.AbortMotion(), self._watch.moved_by_others)
+        self._watch.motion_ended()
         self._cache.put(op.Slewing, False, self._now())
 
     def begins(self, operation: op.Operation) -> None:
         """Handle an operation that the mount has acknowledged, before ``Wanted`` shows it."""
-        self._told.ordered(operation, isinstance(operation, ENDS) and self._watch.restless)
+        self._told.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.began(operation)
 
@@ -128,9 +128,9 @@ class Consequences:
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:
             self._ends.sent((axis,), self._context.speed(moved))
-        self._watch.halted()
+        self._watch.axis_stopped()
         if not self._context.wanted.by_hand:
-            self._watch.ended()
+            self._watch.motion_ended()
 
     def _has_synced(self, operation: op.Sync) -> None:
         """Add the shift to the sum of all syncs, and forget the positions: the mount reports others from now on."""

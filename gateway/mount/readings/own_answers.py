@@ -33,7 +33,7 @@ class _Heard(Struct, frozen=True):
 
 
 class OwnAnswers:
-    """``tell`` returns a cached reply, ``read`` requests one if there is none, ``forget`` empties the cache."""
+    """``peek`` returns a cached reply, ``read`` requests one if there is none, ``forget`` empties the cache."""
 
     def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
         self._context, self._runner, self._fair = context, runner, fair
@@ -50,7 +50,7 @@ class OwnAnswers:
             {} if everything else {key: heard for key, heard in self._heard.items() if math.isinf(heard.until)}
         )
 
-    def tell(self, operation: op.Own) -> bytes:
+    def peek(self, operation: op.Own) -> bytes:
         """Return the cached reply of the mount; NOT_CACHED if it must be requested."""
         heard = self._fresh(operation)
         told: bytes = NOT_CACHED

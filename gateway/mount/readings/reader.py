@@ -19,7 +19,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import POSITION, READ
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings.cache import NOT_CACHED, Kind
-from gateway.mount.readings.told_position import PLACES, ToldPosition, at_hand
+from gateway.mount.readings.client_readings import POSITIONS, ClientReadings, cached_reading
 
 _T = TypeVar("_T")
 #: Seconds between two checks whether the mount has begun to move.
@@ -35,13 +35,13 @@ CLOSE = 0.5
 
 
 class Reader:
-    """``read`` prefers the cache, ``anew`` always asks the mount, ``tell`` answers a client with a timeout.
+    """``read`` prefers the cache, ``read_now`` always asks the mount, ``answer`` answers a client with a timeout.
 
     Signals: ``position``, ``axes`` and ``status`` with a new reading; ``unseen`` when a position read failed;
     ``goto_over`` when the mount reports that a goto has ended.
     """
 
-    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, told: ToldPosition) -> None:
+    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, told: ClientReadings) -> None:
         self._context, self._driver, self._now, self._link, self._cache = (
             context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
@@ -66,7 +66,7 @@ class Reader:
         """Return the event to wait for before this read: for the position a mount was found, else identified."""
         return self._context.met if isinstance(operation, op.Position) else self._context.known
 
-    async def tell(self, operation: op.Operation) -> Any:
+    async def answer(self, operation: op.Operation) -> Any:
         """Return the answer for a client, the last one if no new one arrives in time, and for an unknown status a
         harmless default. Raises Fault if there is no answer.
         """
@@ -94,23 +94,23 @@ class Reader:
         A position that was requested before the last motion order is outdated: the mount is asked again.
         """
         kind, told = type(operation), self._told
-        value = told.tell(operation)
+        value = told.peek(operation)
         answer: Any = NOT_CACHED
         for _ in range(TRIES):
             if value is NOT_CACHED and (source := told.source(kind)) is not None:
-                await self.tell(source())
-                value = told.tell(operation)
+                await self.answer(source())
+                value = told.peek(operation)
             if value is not NOT_CACHED:
                 return value
             answer = await self.asked(operation)
-            if kind not in PLACES:
+            if kind not in POSITIONS:
                 return answer
-            value = told.tell(operation)
+            value = told.peek(operation)
         return answer if value is NOT_CACHED else value
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """Return a reading from the cache, or by an exchange that all callers share. Raises Fault."""
-        value = at_hand(self._context, type(operation))
+        value = cached_reading(self._context, type(operation))
         return cast(_T, await self.asked(operation) if value is NOT_CACHED else value)
 
     async def asked(self, operation: op.Operation) -> Any:
@@ -127,7 +127,7 @@ class Reader:
                 raise NoAnswer from None
             return True
 
-    async def anew(self, operation: op.Operation[_T]) -> _T:
+    async def read_now(self, operation: op.Operation[_T]) -> _T:
         """Read from the mount, however fresh the last reading is. Cancelling one caller does not cancel the exchange.
         Raises Fault.
         """
@@ -149,7 +149,7 @@ class Reader:
     async def _ask(self, operation: op.Operation) -> Any:
         if not self._there(operation).is_set():
             await self._there(operation).wait()
-            if (met := at_hand(self._context, type(operation))) is not NOT_CACHED:
+            if (met := cached_reading(self._context, type(operation))) is not NOT_CACHED:
                 return met  # identification has read it meanwhile
         kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None
@@ -166,7 +166,7 @@ class Reader:
         if isinstance(operation, op.HorizontalPosition) and value is None:
             source, value = op.Position, self._astrometry.horizon(await self.read(op.Position()))
         if source is not None:
-            self._told.worked_out(kind, source)
+            self._told.calculated_from(kind, source)
         self._fold(kind, value)
         return value
 
@@ -211,7 +211,7 @@ class Reader:
         if isinstance(value, op.Equatorial | op.Horizontal):
             half = self._link.typical_rtt / 2.0
             first, second = self._driver.read_at or (self._now(), self._now())
-            self._told.came(type(operation), value, self._runner.asked_at, (first - half, second - half))
+            self._told.take(type(operation), value, self._runner.asked_at, (first - half, second - half))
         return value
 
     async def _while_it_rests(self, operation: op.Operation) -> Any:
@@ -232,8 +232,8 @@ class Reader:
         slew = self._wanted.value.motion
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
-        self._told.anew()
-        here = await self.tell(op.Position())
+        self._told.outdate()
+        here = await self.answer(op.Position())
         if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self._wanted.axes:
             goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
             if words := missed(goal, here):

@@ -79,11 +79,11 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = SIGHT)
 async def _look(context: Context, reader: Reader) -> Look:
     """Take a sample by new requests to the mount. Raises Fault."""
     status: op.Status = await reader.read(op.GetStatus())
-    seen: op.Equatorial = await reader.anew(op.Position())
+    seen: op.Equatorial = await reader.read_now(op.Position())
     at = context.now()
     if context.driver.implementation(op.AxisPosition) or not status.equatorial:
         kind = op.AxisPosition if context.driver.implementation(op.AxisPosition) else op.HorizontalPosition
-        there: op.Horizontal = await reader.anew(kind())
+        there: op.Horizontal = await reader.read_now(kind())
         axes = (there.az, there.alt)
     else:
         axes = (seen.ra, seen.dec)

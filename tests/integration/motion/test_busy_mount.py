@@ -102,7 +102,7 @@ def silence(bridge: Any, seconds: float) -> None:
 async def look(bridge: Bridge) -> None:
     """Keep the line with a question that is not answered."""
     with contextlib.suppress(NoAnswer):
-        await bridge.controller.anew(op.Position())
+        await bridge.controller.read_now(op.Position())
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("cgx", "nexstar"), ("autostar", "lx200")])

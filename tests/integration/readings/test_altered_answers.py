@@ -59,11 +59,13 @@ def test_an_altered_answer_is_asked_again(
             truth = await bridge.controller.perform(operation)
         async with Bridge(mount, driven=driven) as bridge:
             if not isinstance(operation, op.GetGps):
-                assert await bridge.controller.anew(operation) == truth  # else what was heard first is what was altered
+                assert (
+                    await bridge.controller.read_now(operation) == truth
+                )  # else what was heard first is what was altered
             replaced = alter(bridge, question, to)
-            told = await (bridge.controller.perform if isinstance(operation, op.GetGps) else bridge.controller.anew)(
-                operation
-            )
+            told = await (
+                bridge.controller.perform if isinstance(operation, op.GetGps) else bridge.controller.read_now
+            )(operation)
             assert replaced
             if isinstance(truth, op.Gps):
                 assert told.linked

@@ -209,7 +209,7 @@ def test_a_place_from_the_satellites_is_told_at_once() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("forget", ["forget", "anew"])
+@pytest.mark.parametrize("forget", ["forget", "outdate"])
 def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
     async def program() -> None:
         async with Bridge("cge", surface=None) as bridge:
@@ -223,7 +223,7 @@ def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
             if forget == "forget":
                 bridge.controller.cache.forget(op.Position)
             else:
-                bridge.controller.told_position.anew()
+                bridge.controller.client_readings.outdate()
             client.tell(b":GR#")
             assert client.heard == b"", "the mount is asked"
 

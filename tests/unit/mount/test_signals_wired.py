@@ -16,7 +16,7 @@ CHANGES: dict[str, Callable[[MountController], object]] = {
     "something else is wanted": lambda mount: mount.reconciler.no_more(),
     "a clock was set": lambda mount: mount.site_clock.keep_clock(op.SetClock(0.0, 0.0)),
     "a site was set": lambda mount: mount.site_clock.set_site_half(op.SetSite(latitude=10.0)),
-    "an order was acknowledged": lambda mount: mount.told_position.anew(),
+    "an order was acknowledged": lambda mount: mount.client_readings.outdate(),
 }
 
 

@@ -45,8 +45,8 @@ def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(
 def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            waiting = asyncio.create_task(bridge.controller.anew(op.Position()))
-            other = asyncio.create_task(bridge.controller.anew(op.Position()))
+            waiting = asyncio.create_task(bridge.controller.read_now(op.Position()))
+            other = asyncio.create_task(bridge.controller.read_now(op.Position()))
             await asyncio.sleep(0.01)
             waiting.cancel()
             assert isinstance(await other, op.Equatorial)

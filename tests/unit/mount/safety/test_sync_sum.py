@@ -78,9 +78,9 @@ def test_a_new_alignment_begins_anew() -> None:
             assert await sync_north(bridge, 14.0) is None
             assert await sync_north(bridge, 14.0) is not None
             bridge.sim.aligned = False
-            await bridge.controller.anew(op.GetStatus())
+            await bridge.controller.read_now(op.GetStatus())
             bridge.sim.aligned = True
-            await bridge.controller.anew(op.GetStatus())
+            await bridge.controller.read_now(op.GetStatus())
             assert await sync_north(bridge, 14.0) is None
 
     run(program())

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gateway.astro.spherical import wrap180
-from gateway.mount.readings.reckoning import Reading, course, place
+from gateway.mount.readings.extrapolation import Reading, course, place
 from tests.support.each import each
 from tests.support.examples import some
 

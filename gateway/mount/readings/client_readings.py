@@ -18,12 +18,12 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.readings import reckoning
+from gateway.mount.readings import extrapolation
 from gateway.mount.readings.cache import LAST_POSITION, MAX_AGE, NOT_CACHED, Kind
-from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
+from gateway.mount.readings.extrapolation import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
 
 #: The reads of a position.
-PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
+POSITIONS: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
 #: Seconds for which an extrapolated position is used again.
 MOMENT = EARLIER
 #: A reading is fresh for this many reply times at least.
@@ -32,7 +32,7 @@ EXCHANGES = 2.5
 UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 
 
-class Taken(Struct, frozen=True):
+class Reported(Struct, frozen=True):
     """A position as the mount reported it, the same as a reading, and the loop time of the request."""
 
     value: Any
@@ -40,7 +40,7 @@ class Taken(Struct, frozen=True):
     asked: float
 
 
-def at_hand(context: Context, kind: Kind) -> Any:
+def cached_reading(context: Context, kind: Kind) -> Any:
     """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
     if kind not in MAX_AGE:
         known = context.site_clock.known(kind)
@@ -54,8 +54,8 @@ def at_hand(context: Context, kind: Kind) -> Any:
     return context.cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
 
 
-class ToldPosition:
-    """``tell`` answers clients; ``came`` takes readings, ``ordered`` the operations that the mount has acknowledged.
+class ClientReadings:
+    """``peek`` answers clients; ``take`` takes readings, ``ordered`` the operations that the mount has acknowledged.
 
     ``changed`` is emitted when earlier answers are outdated.
     """
@@ -65,53 +65,53 @@ class ToldPosition:
         self._cache, self._wanted, self._movement = context.cache, context.wanted, context.movement
         self._astrometry = context.astrometry
         self.changed: Signal[None] = Signal()
-        self._taken: dict[Kind, tuple[Taken | None, Taken]] = {}
+        self._taken: dict[Kind, tuple[Reported | None, Reported]] = {}
         self._courses: dict[Kind, Course] = {}
         #: Positions that the mount does not report, and the reads from which they are calculated.
         self._sources: dict[Kind, Kind] = {}
         self._since = self._moment = -1e9
-        self._stirred = False
+        self._may_move = False
         #: Clients get the last known position, because the mount has not replied in time.
-        self.told_old = False
+        self.gives_last_position = False
 
     # --- input ------------------------------------------------------------------------------------------------------
 
-    def came(self, kind: Kind, value: Any, asked: float, at: Pair) -> None:
+    def take(self, kind: Kind, value: Any, asked: float, at: Pair) -> None:
         """Take a position that the mount reported; ``asked`` is the loop time of the request, ``at`` the loop times at
         which its two angles were true.
         """
         self._sources.pop(kind, None)
         _, last = self._taken.get(kind, (None, None))
-        taken = Taken(value, Reading(_pair(value), at), asked)
+        taken = Reported(value, Reading(_pair(value), at), asked)
         if last is not None and min(at) - min(last.reading.at) < SOONEST:
             last = self._taken[kind][0]
         self._taken[kind] = last, taken
         self._courses.pop(kind, None)
 
-    def worked_out(self, kind: Kind, source: Kind) -> None:
+    def calculated_from(self, kind: Kind, source: Kind) -> None:
         """Note that the mount does not report this position, and from which read it is calculated."""
         self._sources[kind] = source
 
-    def stirs(self, _: None = None) -> None:
+    def may_move(self, _: None = None) -> None:
         """Note that a command is sent that may set the mount moving: the next end makes readings outdated."""
-        self._stirred = True
+        self._may_move = True
 
     def ordered(self, operation: op.Operation, restless: bool) -> None:
         """Note an operation that the mount has acknowledged, before any other part acts on it. ``restless``: the
         position shows a motion that the gateway has not ordered.
         """
         if isinstance(operation, op.AbortMotion | op.StopAxis | op.AbortSlew):
-            if not (self._movement.anything or self._stirred or restless):
+            if not (self._movement.anything or self._may_move or restless):
                 return
-            self._stirred = not isinstance(operation, op.AbortMotion) and self._movement.anything
+            self._may_move = not isinstance(operation, op.AbortMotion) and self._movement.anything
         elif isinstance(operation, op.Move | op.MoveAxis):
             if self._wanted.by_hand.get(operation.axis) == operation:
                 return  # the same motion continues
         elif not isinstance(operation, (*GOTOS, op.Sync)):
             return
-        self.anew()
+        self.outdate()
 
-    def anew(self) -> None:
+    def outdate(self) -> None:
         """Treat readings that were requested before now as outdated."""
         self._since = self._now()
         self._courses.clear()
@@ -120,16 +120,16 @@ class ToldPosition:
 
     # --- answers ----------------------------------------------------------------------------------------------------
 
-    def tell(self, operation: op.Operation) -> Any:
+    def peek(self, operation: op.Operation) -> Any:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         kind = type(operation)
-        value = at_hand(self._context, kind)
-        if kind not in PLACES:
+        value = cached_reading(self._context, kind)
+        if kind not in POSITIONS:
             return value
         source = self.source(kind)
         if source is not None:
-            seen = self.tell(source())
-            return NOT_CACHED if seen is NOT_CACHED else self._worked_out(kind, seen)
+            seen = self.peek(source())
+            return NOT_CACHED if seen is NOT_CACHED else self._calculate(kind, seen)
         if value is NOT_CACHED or kind not in self._taken:
             return NOT_CACHED
         _, last = self._taken[kind]
@@ -146,23 +146,23 @@ class ToldPosition:
         source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)
         if kind not in self._taken and source is not None:
             seen = self.last(source)
-            return NOT_CACHED if seen is NOT_CACHED else self._worked_out(kind, seen)
+            return NOT_CACHED if seen is NOT_CACHED else self._calculate(kind, seen)
         _, last = self._taken.get(kind, (None, None))
         if last is None or last.asked < self._since or self._now() - last.reading.complete > LAST_POSITION:
             return NOT_CACHED
-        if not self.told_old:
-            self.told_old = True
+        if not self.gives_last_position:
+            self.gives_last_position = True
             self._context.note(
                 f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
             )
         return type(last.value)(*place(self._course(kind), self._now())) if self._movement.anything else last.value
 
     def answered(self, kind: Kind) -> None:
-        self.told_old = self.told_old and kind not in PLACES
+        self.gives_last_position = self.gives_last_position and kind not in POSITIONS
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the answers just given may be given again."""
-        places = [kind for kind in kinds if kind in PLACES]
+        places = [kind for kind in kinds if kind in POSITIONS]
         sources = [source for kind in places if (source := self.source(kind)) is not None]
         until = self._cache.until([*kinds, *sources])
         return min(until, self._moment + MOMENT) if places and self._movement.anything else until
@@ -195,9 +195,9 @@ class ToldPosition:
 
     def _inside(self, kind: Kind) -> Inside | None:
         if kind is op.Position:
-            return reckoning.on_the_sky(self._context)
+            return extrapolation.on_the_sky(self._context)
         unknown = kind is op.AxisPosition and self._equatorial
-        return None if unknown else reckoning.over_the_horizon(self._context)
+        return None if unknown else extrapolation.over_the_horizon(self._context)
 
     def _goal(self, kind: Kind) -> Pair | None:
         """Return the goal of the goto under way in the coordinates of this read; None if it is unknown."""
@@ -238,7 +238,7 @@ class ToldPosition:
             return op.Position
         return self._sources.get(kind)
 
-    def _worked_out(self, kind: Kind, seen: Any) -> Any:
+    def _calculate(self, kind: Kind, seen: Any) -> Any:
         """Calculate a position by the present site and clock; NOT_CACHED if the site is unknown."""
         if isinstance(seen, op.Horizontal):
             return seen
