@@ -13,7 +13,7 @@ from typing import Any, TypeVar, cast
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer, Stopped, Unsupported
 from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
-from gateway.core.waiting import Outcome, over_before, refused, result_of
+from gateway.core.waiting import Outcome, cancelled, failed, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import SETTING
@@ -155,7 +155,7 @@ class Orders:
         reconciler = self._reconciler
         before, now = self._wanted.value, self._context.now()
         if reconciler.closed or too_late(before, operation, stops):
-            return over_before()
+            return cancelled()
         if isinstance(operation, op.StopAxis) and self._only_a_stop_is_heard(operation.axis):
             self._context.note(
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
@@ -173,7 +173,7 @@ class Orders:
         try:
             after = apply(before, order, now, self._movement.slewing)
         except Fault as fault:
-            return refused(fault)
+            return failed(fault)
         return reconciler.begin_stop() if after.stops != before.stops else reconciler.take(order, after)
 
     def _only_a_stop_is_heard(self, axis: int) -> bool:

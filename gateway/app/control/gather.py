@@ -123,7 +123,7 @@ def _lately(controller: MountController) -> Iterator[str]:
     """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
     now = controller.wire_log.clock()
     counted: dict[tuple[str, str], tuple[int, float]] = {}
-    for word in controller.wire_log.lately:
+    for word in controller.wire_log.recent:
         if now - word.time <= LATELY:
             key = word.side, word.text
             counted[key] = (counted.pop(key, (0, 0.0))[0] + 1, word.time)

@@ -133,7 +133,7 @@ class ShownMount:
     def look_away(self) -> None:
         """Stop collecting data."""
         for sink in (self.pulse.put, self._programs.put):
-            self.gateway.wire_log.leave(sink)
+            self.gateway.wire_log.remove(sink)
 
     async def state(self) -> dict[str, Any]:
         """Return the whole state of the mount."""

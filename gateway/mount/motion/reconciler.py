@@ -83,12 +83,12 @@ class Reconciler:
         """
         asked = any(one.number == order.number for one in after.pending)
         if asked:
-            self._outcomes[order.number] = waiting.outcome()
+            self._outcomes[order.number] = waiting.new_outcome()
         self._want(after)
         same = order if asked else does_for(after, order.operation)
         outcome = self._outcomes.get(same.number) if same is not None else None
         self._go_on()
-        return outcome if outcome is not None else waiting.done()
+        return outcome if outcome is not None else waiting.finished()
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
         numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))

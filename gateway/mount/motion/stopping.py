@@ -15,7 +15,7 @@ from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import MOVING
 from gateway.core.operations import AbortMotion, StopAxis
 from gateway.core.signals import Signal
-from gateway.core.waiting import heed
+from gateway.core.waiting import mark_retrieved
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import STOP
@@ -75,7 +75,7 @@ class Stopping:
             await self._runner.perform(StopAxis(axis), STOP)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        heed(task)
+        mark_retrieved(task)
         if self.task is task:
             self.task = None
         self.over.emit(None)

@@ -98,7 +98,7 @@ def abandoned(
     """
     found = []
     for motion in motions:
-        activities = presence.stands_for(motion.by)
+        activities = presence.connections_for(motion.by)
         for one in activities:
             if one.heard:
                 one.heard, one.last = False, now

@@ -114,7 +114,7 @@ def test_what_a_stranger_has_sent_behind_its_greeting_is_not_heard_either() -> N
     async def program() -> None:
         async with Bridge() as bridge:
             stranger = Caller(bridge.reception)
-            while bridge.controller.fair_scheduler.open():
+            while bridge.controller.fair_scheduler.try_acquire():
                 pass
             for piece in (b"POST / HTTP/1.1\r\n", b"Host: scope\r\n\r\n", b"#:RS#:Me#"):
                 stranger.tell(piece)
