@@ -1,4 +1,4 @@
-"""Connections to a ``fixture.Mount`` through the product's own reception, so that what one keeps for the next is real.
+"""Connections to a ``fixture.Mount`` through the product's own acceptor, so that what one keeps for the next is real.
 
 The hub behind it is the smallest that a client can do with: reads are at hand, everything else is performed at once.
 Needs a running event loop; ``tests.support.virtual.run`` gives one on virtual time.
@@ -108,7 +108,7 @@ class House:
         self.controller = Still(self.mount)
         face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
         self.shared = Shared()
-        self.reception = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
+        self.acceptor = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
 
     def visit(self, host: str = "192.168.4.2") -> Visit:
         return Visit(self, host)
@@ -119,7 +119,7 @@ class Visit:
 
     def __init__(self, house: House, host: str) -> None:
         self._heard = b""
-        self._guest = house.reception.arrive(f"{host}:1", host, self._hear)
+        self._guest = house.acceptor.arrive(f"{host}:1", host, self._hear)
 
     def _hear(self, data: bytes) -> None:
         self._heard += data

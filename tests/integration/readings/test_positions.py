@@ -186,7 +186,7 @@ def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount:
     async def program() -> None:
         async with bridge_to(mount, "lx200", config={"lowest": 20.0, "sun": 0.0}) as bridge:
             controller, client = bridge.controller, bridge.client()
-            controller.reader.position.disconnect(controller.watch.look)  # nobody stops it there
+            controller.reader.position.disconnect(controller.watch.check_position)  # nobody stops it there
             controller.watch.began = lambda _: None  # type: ignore[method-assign]
             client.tell(b":RS#:Ms#")
             lowest = 90.0
@@ -281,7 +281,7 @@ def test_slewing_is_told_from_the_order_until_the_mount_has_arrived(mount: str) 
 
 def handled(bridge: Bridge) -> list[bytes]:
     """The commands that the surface has had work with."""
-    surface, frames = bridge.reception.binding.surface, []
+    surface, frames = bridge.acceptor.binding.surface, []
     handle = surface.handle
 
     def counted(session: Any, frame: bytes) -> Any:

@@ -87,7 +87,7 @@ def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
             await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
             guard.check_position(here)
             await asyncio.sleep(0.3)
-            guard.ended()
+            guard.motion_ended()
             guard.check_position(op.Equatorial(here.ra, here.dec - 1.5))
             await asyncio.sleep(0.5)
             assert notes(bridge) == []
