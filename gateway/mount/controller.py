@@ -68,7 +68,7 @@ class MountController:
         self.settings = SiteAndClock(context, runner, sync)
         # Limits and motion.
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
-        watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sets_sky)
+        watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sky_pending)
         self.admission = Admission(context, reader, watch)
         reader.goto_over.connect(watch.goto_ended)
         reader.position.connect(watch.check_position)
@@ -112,7 +112,7 @@ class MountController:
     def _found_equinox(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
         if self.context.policy.equinox == "auto":
-            self.astrometry.equinox = self.context.told_astrometry.equinox = self.driver.equinox
+            self.astrometry.equinox = self.context.client_astrometry.equinox = self.driver.equinox
 
     # --- start and end --------------------------------------------------------------------------------------------
 

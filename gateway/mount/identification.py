@@ -74,7 +74,7 @@ class Identification:
         if self._driver.goto_unconfirmed:  # poll the goto until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
         self._gate.try_next_read()
-        self._sync.doubt()
+        self._sync.pause()
         if self._asking is not None:
             self._asking.cancel()
         self._asking = self._context.tasks.spawn(self._identify())
@@ -139,6 +139,6 @@ class Identification:
             self._context.note(str(fault))
             return
         if isinstance(value, op.Place | op.Moment):
-            self._sync.heard(value)
+            self._sync.take_value(value)
         else:
             self._cache.put(type(operation), value, self._context.now())

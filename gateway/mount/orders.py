@@ -119,7 +119,7 @@ class Orders:
                 value = op.Chosen(self._context.astrometry.from_mount(value.place), value.text, value.reply)
             return value
         if type(operation) in PLACES:
-            return PLACES[type(operation)](self._context.told_astrometry, operation)
+            return PLACES[type(operation)](self._context.client_astrometry, operation)
         handler = self._handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)

@@ -106,5 +106,5 @@ class OwnAnswers:
         """Whether clients get another site or clock from the gateway than the mount's own."""
         site_clock = self._context.site_clock
         if operation.keep == "clock":
-            return site_clock.kept_clock is not None
-        return operation.keep == "site" and site_clock.set_site() is not None
+            return site_clock.client_clock is not None
+        return operation.keep == "site" and site_clock.site_set_by_clients() is not None
