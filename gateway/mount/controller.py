@@ -68,12 +68,12 @@ class MountController:
         self.settings = SiteAndClock(context, runner, sync)
         # Limits and motion.
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
-        watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sets_sky)
+        watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sky_pending)
         self.admission = Admission(context, reader, watch)
-        reader.goto_over.connect(watch.arrived)
-        reader.position.connect(watch.look)
-        reader.axes.connect(watch.look_at_altitude)
-        reader.unseen.connect(watch.unseen)
+        reader.goto_over.connect(watch.goto_ended)
+        reader.position.connect(watch.check_position)
+        reader.axes.connect(watch.check_altitude_axis)
+        reader.unseen.connect(watch.position_missing)
         reader.status.connect(self._status_came)
         self.order_runner = OrderRunner(context, follow_ups, runner, self.admission)
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
@@ -93,7 +93,7 @@ class MountController:
         TrackingAtLimit(context, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
         self.supervisor = Supervisor(context, self.presence, self.orders.perform)
-        reconciler.done.connect(self.supervisor.look_after)
+        reconciler.done.connect(self.supervisor.start_watching)
         self.identification = Identification(context, runner, gate, reader, self.own, sync, reconciler, self.ends)
         self.identification.told.connect(self._found_equinox)
         self.identified, self.settled = context.known, context.settled
@@ -112,7 +112,7 @@ class MountController:
     def _found_equinox(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
         if self.context.policy.equinox == "auto":
-            self.astrometry.equinox = self.context.told_astrometry.equinox = self.driver.equinox
+            self.astrometry.equinox = self.context.client_astrometry.equinox = self.driver.equinox
 
     # --- start and end --------------------------------------------------------------------------------------------
 

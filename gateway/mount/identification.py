@@ -20,7 +20,7 @@ from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import doubts
+from gateway.mount.safety.admission.contradictions import contradiction_warning
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
 
@@ -74,7 +74,7 @@ class Identification:
         if self._driver.goto_unconfirmed:  # poll the goto until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
         self._gate.try_next_read()
-        self._sync.doubt()
+        self._sync.pause()
         if self._asking is not None:
             self._asking.cancel()
         self._asking = self._context.tasks.spawn(self._identify())
@@ -107,7 +107,7 @@ class Identification:
         await self.learn(op.GetClock())
         self._sync.resume()
         self._context.settled.set()
-        if words := doubts(self._context):
+        if words := contradiction_warning(self._context):
             self._context.note_once(words)
 
     async def _meet(self) -> bool:
@@ -139,6 +139,6 @@ class Identification:
             self._context.note(str(fault))
             return
         if isinstance(value, op.Place | op.Moment):
-            self._sync.heard(value)
+            self._sync.take_value(value)
         else:
             self._cache.put(type(operation), value, self._context.now())

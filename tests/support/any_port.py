@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.app.bindings import Acceptors
+from gateway.app.bindings import AcceptorFactory
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.any_protocol.web import Web
 from gateway.protocols.registry import ANY
@@ -19,7 +19,7 @@ class AnyBridge(Bridge):
 
     def __init__(self, *arguments: Any, web: Web | None = None, keys: dict[str, Any] | None = None, **others: Any):
         super().__init__(*arguments, **others)
-        made = Acceptors(
+        made = AcceptorFactory(
             self.controller,
             Endpoint(self._driven, "sim"),
             self.gateway.config,

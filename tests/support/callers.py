@@ -18,17 +18,12 @@ class Caller:
     """
 
     def __init__(
-        self,
-        reception: Any,
-        transport: str = "tcp",
-        host: str = "127.0.0.1",
-        number: int = 50000,
-        trusted: bool = False,
+        self, acceptor: Any, transport: str = "tcp", host: str = "127.0.0.1", number: int = 50000, trusted: bool = False
     ) -> None:
         self.heard = b""
         self.gone = False
         self._told = asyncio.Event()
-        arrive = over_telnet(reception.arrive) if transport == "rfc2217" else reception.arrive
+        arrive = over_telnet(acceptor.arrive) if transport == "rfc2217" else acceptor.arrive
         self._guest = arrive(f"{host}:{number}", host, self._hear)
         if not trusted:
             self._guest.network(self._hang_up)

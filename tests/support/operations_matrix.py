@@ -256,7 +256,7 @@ async def park(b: Bridge) -> bool:
     await b.controller.perform(op.Park())
     await _settle(b)
     await asyncio.sleep(2.0)
-    if any("keeps tracking" in entry.note for entry in b.entries):
+    if any("cannot turn tracking off" in entry.note for entry in b.entries):
         raise KeepsTracking
     return not b.sim.tracking
 

@@ -31,13 +31,13 @@ class GuestWire:
 
     name = "the other gateway"
 
-    def __init__(self, reception: ConnectionAcceptor) -> None:
-        self._reception = reception
+    def __init__(self, acceptor: ConnectionAcceptor) -> None:
+        self._acceptor = acceptor
         self._guest: ConnectionHandler | None = None
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         loop = asyncio.get_running_loop()
-        self._guest = self._reception.arrive("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
+        self._guest = self._acceptor.arrive("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
 
     def write(self, data: bytes) -> None:
         assert self._guest is not None
@@ -60,14 +60,14 @@ class Chain:
         self.wire_log.sinks.append(self.entries.append)
         driver, follow_ups, reply_rules = make_driver(Endpoint(link, "-"), MountConfig(at="-"), loop.time)
         self.driver: Any = driver
-        line = MountLink(GuestWire(inner.reception), reply_rules, self.wire_log)
+        line = MountLink(GuestWire(inner.acceptor), reply_rules, self.wire_log)
         site_clock = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
         self.controller = MountController(
             Context(driver, Policy(limits), self.wire_log, line, Sky(), site_clock), follow_ups
         )
         face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
-        self.reception = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
+        self.acceptor = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
 
     async def __aenter__(self) -> Chain:
         await self.inner.__aenter__()

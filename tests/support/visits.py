@@ -47,7 +47,7 @@ class Still:
     def changed(self) -> None:
         self.version += 1
 
-    def again(self, operation: op.Operation) -> None:
+    def halt_is_pending(self, operation: op.Operation) -> None:
         """Do nothing: no stop is ever under way here, because each is done at once."""
 
     def peek(self, operation: op.Operation) -> Any:
@@ -65,7 +65,11 @@ class Still:
         return self.now() + 0.5
 
     async def perform(
-        self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None, patience: float = 3.5
+        self,
+        operation: op.Operation,
+        stops: int | None = None,
+        activity: HostActivity | None = None,
+        patience: float = 3.5,
     ) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
@@ -79,7 +83,7 @@ class Still:
         self.spawn(self.perform(op.AbortMotion()))
 
     def begin(
-        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
+        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], activity: HostActivity
     ) -> asyncio.Task[None]:
         async def finish() -> None:
             try:
@@ -108,7 +112,7 @@ class House:
         self.controller = Still(self.mount)
         face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
         self.shared = Shared()
-        self.reception = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
+        self.acceptor = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
 
     def visit(self, host: str = "192.168.4.2") -> Visit:
         return Visit(self, host)
@@ -119,7 +123,7 @@ class Visit:
 
     def __init__(self, house: House, host: str) -> None:
         self._heard = b""
-        self._guest = house.reception.arrive(f"{host}:1", host, self._hear)
+        self._guest = house.acceptor.arrive(f"{host}:1", host, self._hear)
 
     def _hear(self, data: bytes) -> None:
         self._heard += data

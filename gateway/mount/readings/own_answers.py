@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Silence, Unsupported
-from gateway.core.waiting import FairScheduler, heed
+from gateway.core.waiting import FairScheduler, mark_retrieved
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
@@ -68,7 +68,7 @@ class OwnAnswers:
             if task is None:
                 task = self._asking[operation] = self._context.tasks.spawn(self._ask(operation))
                 task.add_done_callback(lambda done: self._asked(operation, done))
-            answer: bytes = await self._fair.outcome(task)
+            answer: bytes = await self._fair.shared_result(task)
             return answer
         if isinstance(heard.answer, Fault):
             raise type(heard.answer)(str(heard.answer))
@@ -77,7 +77,7 @@ class OwnAnswers:
     def _asked(self, operation: op.Own, task: asyncio.Task[bytes]) -> None:
         if self._asking.get(operation) is task:
             del self._asking[operation]
-        heed(task)
+        mark_retrieved(task)
 
     async def _ask(self, operation: op.Own) -> bytes:
         await self._context.known.wait()
@@ -106,5 +106,5 @@ class OwnAnswers:
         """Whether clients get another site or clock from the gateway than the mount's own."""
         site_clock = self._context.site_clock
         if operation.keep == "clock":
-            return site_clock.kept_clock is not None
-        return operation.keep == "site" and site_clock.set_site() is not None
+            return site_clock.client_clock is not None
+        return operation.keep == "site" and site_clock.site_set_by_clients() is not None

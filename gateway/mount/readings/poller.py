@@ -120,14 +120,14 @@ class Poller:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
         if kind is op.Position and self._watched:
             return True
-        if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._watch.axes_every is not None:
+        if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._watch.axes_interval is not None:
             return True
         return (kind is op.Slewing and self._context.movement.slewing) or self._cache.polled(kind, now)
 
     @property
     def _watched(self) -> bool:
         """Whether the mount moves, for whatever reason: then the line is needed for positions."""
-        return self._context.movement.anything or self._watch.restless or self._ends.pending
+        return self._context.movement.anything or self._watch.moved_by_others or self._ends.pending
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
@@ -136,7 +136,7 @@ class Poller:
         ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical_rtt
         every = POLL_PERIOD[kind]
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
-            every = self._watch.axes_every or every
+            every = self._watch.axes_interval or every
         return max(every - ahead, BREATH) - self._cache.age(kind, now)
 
     async def renew(self, kind: Kind) -> None:

@@ -13,7 +13,7 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, NoAnswer
 from gateway.core.signals import Signal
-from gateway.core.waiting import FairScheduler, heed, result_of
+from gateway.core.waiting import FairScheduler, mark_retrieved, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import POSITION, READ
@@ -121,7 +121,7 @@ class Reader:
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else UNTIL_KNOWN if slews else None):
-                return await self._fair.outcome(self.shared(operation))
+                return await self._fair.shared_result(self.shared(operation))
         except TimeoutError:
             if first or not self._movement.slewing:
                 raise NoAnswer from None
@@ -144,7 +144,7 @@ class Reader:
 
     def _unshare(self, kind: Kind, task: asyncio.Task[Any]) -> None:
         self._sharing.pop(kind, None)
-        heed(task)
+        mark_retrieved(task)
 
     async def _ask(self, operation: op.Operation) -> Any:
         if not self._there(operation).is_set():
