@@ -206,12 +206,12 @@ class Orders:
 
     async def _tube_side(self, _: op.TubeSide) -> str:
         driver = self._context.driver
-        told: str = await self._reader.read(op.PierSide())
+        reported: str = await self._reader.read(op.PierSide())
         if not driver.german:
             raise Unsupported("Only a German mount has two sides of the pier.")
-        if (side := driver.tube_side(told)) is not None:
+        if (side := driver.tube_side(reported)) is not None:
             return side
-        return told if self._context.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[told]
+        return reported if self._context.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[reported]
 
 
 async def _ended(outcome: Outcome) -> Any:
