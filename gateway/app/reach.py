@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from gateway.app.control.exchange import ControlEndpoint, Parts, new_number, read_endpoints, seal, unseal
-from gateway.app.state.file import MarkerContent, read_mark
+from gateway.app.state.file import MarkerContent, read_marker
 from gateway.system import processes
 from gateway.system.files import directory
 from gateway.system.runtime_folders import folders, of_others, user, user_name
@@ -30,7 +30,7 @@ class Found(Struct):
     """The result of a search: gateways that can be asked, motion markers of killed gateways, and doubts."""
 
     gateways: list[tuple[Path, ControlEndpoint]]
-    marks: list[MarkerContent]
+    markers: list[MarkerContent]
     doubts: list[str]
 
 
@@ -67,8 +67,8 @@ def look(scope: Scope) -> Found:
     for path, endpoint in seen:
         if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == here:
             gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
-    marks = [mark for mark in map(read_mark, sorted(scope.folder.glob("*.moving"))) if mark is not None]
-    return Found(list(gateways.values()), marks, doubts)
+    markers = [mark for mark in map(read_marker, sorted(scope.folder.glob("*.moving"))) if mark is not None]
+    return Found(list(gateways.values()), markers, doubts)
 
 
 def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:

@@ -48,13 +48,13 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
             if (_meant(endpoint.mount, only) or only == endpoint.name) and (endpoint.pid, endpoint.port) not in asked
         ]
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
-        marks = {mark.mount: mark for mark in found.marks if _meant(mark.mount, only)}
+        markers = {mark.mount: mark for mark in found.markers if _meant(mark.mount, only)}
         if word == "release" or attempt > 0:
-            marks.clear()
-        mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *marks]))
+            markers.clear()
+        mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
         told = await asyncio.gather(
             *(
-                _of_mount([one for one in new if one[1].mount == mount], word, marks.get(mount), scope.folder)
+                _of_mount([one for one in new if one[1].mount == mount], word, markers.get(mount), scope.folder)
                 for mount in mounts
             )
         )
@@ -74,9 +74,9 @@ async def _of_mount(
     asked = await asyncio.gather(*(ask(endpoint, word, LONGEST) for _, endpoint in gateways))
     for (path, _), answer in zip(gateways, asked, strict=True):
         if answer is None:
-            _take_away(path)
+            _delete(path)
     answers = [answer for answer in asked if answer is not None]
-    return [await _rescue(left, folder)] if left is not None and not answers else answers
+    return [await _stop_directly(left, folder)] if left is not None and not answers else answers
 
 
 def _meant(mount: str, only: str | None) -> bool:
@@ -84,14 +84,14 @@ def _meant(mount: str, only: str | None) -> bool:
     return only is None or not mount or only in (mount, mount.partition("@")[2])
 
 
-def _take_away(path: Path) -> None:
+def _delete(path: Path) -> None:
     """Delete the endpoint file of a gateway that has ended, unless the folder belongs to another user."""
     with contextlib.suppress(OSError):
         if user() is None or os.lstat(path.parent).st_uid == user():
             path.unlink()
 
 
-async def _rescue(mark: MarkerContent, where: Path) -> str:
+async def _stop_directly(mark: MarkerContent, where: Path) -> str:
     """Stop a mount that a killed gateway has left moving; return ``stopped`` or ``failed REASON``.
 
     This opens a gateway without surfaces: a gateway that finds a marker sends the stop before anything else.
@@ -106,10 +106,10 @@ async def _rescue(mark: MarkerContent, where: Path) -> str:
         await gateway.open()
     except UserError as error:
         return f"failed {error}"
-    assert gateway.keeping is not None
+    assert gateway.store is not None
     wanted, line = gateway.controller.wanted, gateway.controller.line
     try:
-        if not gateway.keeping.held:
+        if not gateway.store.held:
             return "failed a gateway holds its state files but does not answer"
         async with asyncio.timeout(ACKNOWLEDGED):
             while wanted.owed:

@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Iterable, Sequence
 
-from gateway.core.errors import UserError, alike
+from gateway.core.errors import UserError, similar
 
 #: Patterns of argparse's messages, and the message in plain words for each.
 _PLAINLY = (
@@ -70,7 +70,7 @@ def command(word: str, commands: Sequence[str]) -> UserError:
         return UserError(f"{word!r} is no command; did you mean mount-gateway run {word}?")
     if "@" in word:
         return UserError(f"{word!r} is no command; did you mean mount-gateway run --mount {word}?")
-    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *alike(word.lower(), commands)]
+    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *similar(word.lower(), commands)]
     right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
     return UserError(f"there is no command {word!r}; {right}")
 
@@ -106,7 +106,7 @@ def extra(words: Sequence[str], asked: argparse.ArgumentParser, others: Iterable
         right = f"{' and '.join(has[:2])} {'has' if len(has) == 1 else 'have'} it"
     elif key := _key(word):
         right = key
-    elif close := alike(word, own, least=0.75):
+    elif close := similar(word, own, least=0.75):
         right = f"did you mean {close[0]}?"
     return UserError(f"{name} has no flag {word}; {right}")
 

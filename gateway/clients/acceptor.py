@@ -82,7 +82,7 @@ class ConnectionAcceptor:
         at, kept = self._left.get(host, (-1e9, session.kept))
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
-        activity = self.controller.presence.arrive(host)
+        activity = self.controller.presence.connected(host)
         client = CommandProcessor(name, self.controller, binding, session, write, activity)
         client.runner.equinox = binding.equinox
         self._clients.add(client)
@@ -142,14 +142,14 @@ class ConnectionAcceptor:
         self._connections.discard(connection)
         closed()
         if connection.stranger:
-            self.controller.presence.was_nobody(client.activity)
+            self.controller.presence.forget(client.activity)
             return
         self._save_state(host, client)
 
     def _save_state(self, host: str, client: CommandProcessor) -> None:
         """The client has disconnected: save its state for the next connection from this host."""
         if client.activity.closed is None:
-            self.controller.presence.leave(client.activity)
+            self.controller.presence.disconnected(client.activity)
         self._left[host] = (self.controller.now(), copy(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._left[old]

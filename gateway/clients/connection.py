@@ -132,7 +132,7 @@ class ClientConnection:
     def _note_late(self) -> None:
         """The sender may have disconnected, so the motions it started are no longer held by it."""
         if self.client.activity.closed is None:
-            self._controller.presence.leave(self.client.activity)
+            self._controller.presence.disconnected(self.client.activity)
         if not self._said_late:
             self._said_late = True
             self.client.log.note(
@@ -150,13 +150,17 @@ class ClientConnection:
         """Process bytes now or in their turn; ``behind`` is the number of stops when they may have been sent."""
         urgent = self._binding.surface.protocol.may_end_motion(data)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > MAX_WAITING
-        if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.fair_scheduler.open()):
+        if (
+            urgent
+            or (self._waiting and piled_up)
+            or (not self._waiting and self._controller.fair_scheduler.try_acquire())
+        ):
             self._process_waiting()
             self._deliver(data, behind)
             return
         self._waiting.append((data, self._wanted.value.stops if behind is None else behind))
         if len(self._waiting) == 1:
-            self._controller.fair_scheduler.enter(self._process_waiting)
+            self._controller.fair_scheduler.run(self._process_waiting)
 
     def _process_waiting(self) -> None:
         """Process all waiting bytes in the order of arrival."""

@@ -20,14 +20,14 @@ _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released
 
 async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
     """Carry out ``stop``, ``hold`` or ``release`` like ``mount-gateway stop``. Return success and a message."""
-    assert gateway.keeping is not None
-    answer = await orders(gateway.controller, gateway.keeping, gateway.entrance)[word]()
+    assert gateway.store is not None
+    answer = await orders(gateway.controller, gateway.store, gateway.entrance)[word]()
     return (True, _WORD[answer]) if answer in _WORD else (False, answer.removeprefix("failed "))
 
 
 async def carry_out(gateway: Gateway, command: request_types.Request) -> tuple[bool, str]:
     """Carry out an order. Return whether it was done or begun, and a message."""
-    answer = await gateway.entrance.wish(request_types.encode(command), gateway.request_handler.carry_out)
+    answer = await gateway.entrance.handle_request(request_types.encode(command), gateway.request_handler.carry_out)
     word, _, rest = answer.partition(" ")
     return word == DONE, rest
 

@@ -134,7 +134,7 @@ class Recording:
         recorder, path = self._recorder, self._path
         if recorder is None or path is None:
             raise UserError("no recording is running")
-        self._gateway.wire_log.leave(recorder.put)
+        self._gateway.wire_log.remove(recorder.put)
         recorder.close()
         self._recorder = None
         return path

@@ -34,7 +34,7 @@ def about_file(path: Path | str, error: OSError) -> str:
     return error.strerror or str(error)
 
 
-def alike(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:
+def similar(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:
     """Return up to ``most`` words similar to a mistyped one, the nearest first.
 
     ``least`` is the similarity that they need, from 0 to 1.

@@ -18,9 +18,9 @@ _T = TypeVar("_T")
 Outcome = asyncio.Future[Any]
 
 #: How many of many waiting clients continue in one event loop iteration: together they take a quarter of a millisecond.
-FEW = 2
+PER_ITERATION = 2
 #: Event loop iterations within which any stop reaches the line; waiting clients are held back for it no longer.
-WAY = 20
+HELD_AT_MOST = 20
 
 
 class TimedEvent(asyncio.Event):
@@ -35,7 +35,7 @@ class TimedEvent(asyncio.Event):
             return True
         loop = asyncio.get_running_loop()
         waiter: asyncio.Future[bool] = loop.create_future()
-        limit = loop.call_later(max(0.0, seconds), _go_on, waiter)
+        limit = loop.call_later(max(0.0, seconds), _resume, waiter)
         self._waiters.append(waiter)
         try:
             return await waiter
@@ -44,7 +44,7 @@ class TimedEvent(asyncio.Event):
             self._waiters.remove(waiter)
 
 
-def _go_on(waiter: asyncio.Future[bool]) -> None:
+def _resume(waiter: asyncio.Future[bool]) -> None:
     if not waiter.done():
         waiter.set_result(False)
 
@@ -60,41 +60,41 @@ async def result_of(work: asyncio.Future[_T]) -> _T:
         try:
             await asyncio.wait((work,))
         except asyncio.CancelledError:
-            work.add_done_callback(heed)
+            work.add_done_callback(mark_retrieved)
             raise
     return work.result()
 
 
-def heed(outcome: asyncio.Future[_T]) -> None:
+def mark_retrieved(outcome: asyncio.Future[_T]) -> None:
     """Mark the exception as retrieved, so that asyncio does not log it if no caller waits."""
     if not outcome.cancelled():
         outcome.exception()
 
 
-def outcome() -> Outcome:
+def new_outcome() -> Outcome:
     """Return a new future for the result of an order; it is cancelled if the order is superseded."""
     work: Outcome = asyncio.get_running_loop().create_future()
-    work.add_done_callback(heed)
+    work.add_done_callback(mark_retrieved)
     return work
 
 
-def done() -> Outcome:
+def finished() -> Outcome:
     """Return the outcome of an order that needs no action."""
-    work = outcome()
+    work = new_outcome()
     work.set_result(None)
     return work
 
 
-def refused(fault: Exception) -> Outcome:
+def failed(fault: Exception) -> Outcome:
     """Return the outcome of an order that is refused."""
-    work = outcome()
+    work = new_outcome()
     work.set_exception(fault)
     return work
 
 
-def over_before() -> Outcome:
+def cancelled() -> Outcome:
     """Return the outcome of an order that was superseded before it arrived."""
-    work = outcome()
+    work = new_outcome()
     work.cancel()
     return work
 
@@ -104,16 +104,16 @@ class FairScheduler:
 
     Hundreds of polling clients may wait for the same position. If they all continued at once, a stop that arrives
     meanwhile would be handled after them. So the event loop reads its sockets between a few and the next few, and while
-    a stop is on its way to the line none of many waiting clients continues. ``open`` and ``enter`` are for clients with
-    a command, ``outcome`` for those that wait for a reply; ``stopping`` returns whether a motion is being ended.
+    a stop is on its way to the line none of them continues. ``try_acquire`` and ``run`` are for clients with a command,
+    ``shared_result`` for those that wait for a reply; ``stopping`` returns whether a motion is being ended.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, stopping: Callable[[], bool]) -> None:
         self._loop, self._stopping = loop, stopping
-        self._left, self._held, self._turning = FEW, 0, False
+        self._left, self._held, self._turning = PER_ITERATION, 0, False
         self._waiting: deque[Callable[[], object]] = deque()
 
-    def open(self) -> bool:
+    def try_acquire(self) -> bool:
         """Whether a client may continue in this event loop iteration; if so, it is counted."""
         if self._left <= 0:
             return False
@@ -121,20 +121,20 @@ class FairScheduler:
         self._turn_later()
         return True
 
-    def enter(self, go_on: Callable[[], object]) -> None:
+    def run(self, resume: Callable[[], object]) -> None:
         """Call the function now if possible, else in a later iteration, in order of arrival."""
-        if self.open():
-            go_on()
+        if self.try_acquire():
+            resume()
         else:
-            self._waiting.append(go_on)
+            self._waiting.append(resume)
 
-    async def outcome(self, task: asyncio.Task[Any]) -> Any:
+    async def shared_result(self, task: asyncio.Task[Any]) -> Any:
         """Return the result of a shared task. Raises what the task raises, or NoAnswer if it was cancelled. Cancelling
         one caller does not cancel the task.
         """
         if not task.done():
             place = self._loop.create_future()
-            task.add_done_callback(lambda _: self.enter(lambda: _go_on(place)))
+            task.add_done_callback(lambda _: self.run(lambda: _resume(place)))
             await place
         if task.cancelled():  # CancelledError would look as if the caller had been cancelled
             raise NoAnswer
@@ -148,14 +148,14 @@ class FairScheduler:
     def _turn(self) -> None:
         """Let the next few waiting clients continue; they go before new ones."""
         self._turning = False
-        crowd = len(self._waiting) > FEW
+        crowd = len(self._waiting) > PER_ITERATION
         self._held = self._held + 1 if crowd and self._stopping() else 0
-        held = 0 < self._held <= WAY
+        held = 0 < self._held <= HELD_AT_MOST
         try:
-            for _ in range(0 if held else min(FEW, len(self._waiting))):
+            for _ in range(0 if held else min(PER_ITERATION, len(self._waiting))):
                 self._waiting.popleft()()
         finally:  # an exception of one client must not hold up the others
-            self._left = 0 if self._waiting else FEW
+            self._left = 0 if self._waiting else PER_ITERATION
             if self._waiting:
                 self._turn_later()
 

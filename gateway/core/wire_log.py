@@ -31,7 +31,7 @@ class Entry(NamedTuple):
     note: str = ""
 
 
-class Word(NamedTuple):
+class Notice(NamedTuple):
     """A refusal or a note on the mount: its time in Unix seconds, its side, and its text."""
 
     time: float
@@ -59,13 +59,13 @@ class WireLog:
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self.sinks: list[Sink] = []
-        self._said: set[tuple[str, str]] = set()
+        self._logged: set[tuple[str, str]] = set()
         #: The latest refusals and notes on the mount; they are kept even without a sink.
-        self.lately: deque[Word] = deque(maxlen=REMEMBERED)
+        self.recent: deque[Notice] = deque(maxlen=REMEMBERED)
         #: The number of refusals, logged or not.
         self.refusals = 0
 
-    def leave(self, sink: Sink) -> None:
+    def remove(self, sink: Sink) -> None:
         """Remove a sink, if it is still there: a sink that fails has been removed already."""
         if sink in self.sinks:
             self.sinks.remove(sink)
@@ -78,23 +78,23 @@ class WireLog:
                 try:
                     sink(entry)
                 except OSError:  # a log that can no longer be written must not disturb the line to the mount
-                    self.leave(sink)
+                    self.remove(sink)
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision in words."""
         if side == MOUNT and text != SKY_READY:
-            self.lately.append(Word(self.clock(), side, text))
+            self.recent.append(Notice(self.clock(), side, text))
         self.put(side, "!", note=text)
 
     def note_once(self, side: str, text: str, of: str = "") -> None:
         """Like `note`, but only the first time that this text is logged for the subject ``of``."""
-        if (of, text) not in self._said and len(self._said) < MOST:
-            self._said.add((of, text))
+        if (of, text) not in self._logged and len(self._logged) < MOST:
+            self._logged.add((of, text))
             self.note(side, text)
 
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
         """Record that a client's command was refused; with ``once_of`` (a host) it is logged once per text and host."""
-        self.lately.append(Word(self.clock(), side, text))
+        self.recent.append(Notice(self.clock(), side, text))
         self.refusals += 1
         if once_of is None:
             self.note(side, text)

@@ -59,7 +59,7 @@ class _Shown:
     def close(self) -> None:
         """Stop publishing events and taking orders."""
         self.orders.close()
-        self.gateway.wire_log.leave(self.events.put)
+        self.gateway.wire_log.remove(self.events.put)
 
 
 class Station:

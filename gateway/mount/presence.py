@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 #: Seconds after which a closed connection is forgotten.
-FORGET = 60.0
+FORGOTTEN_AFTER = 60.0
 
 
 class HostActivity:
@@ -33,12 +33,12 @@ class Presence:
         self._hosts: dict[str, list[HostActivity]] = {}
         self._swept = now()
 
-    def arrive(self, host: str) -> HostActivity:
+    def connected(self, host: str) -> HostActivity:
         now = self._now()
-        if now - self._swept > FORGET:
+        if now - self._swept > FORGOTTEN_AFTER:
             self._swept = now
             kept = {
-                who: [one for one in there if one.closed is None or now - one.closed <= FORGET]
+                who: [one for one in there if one.closed is None or now - one.closed <= FORGOTTEN_AFTER]
                 for who, there in self._hosts.items()
             }
             self._hosts = {who: there for who, there in kept.items() if there}
@@ -46,14 +46,14 @@ class Presence:
         self._hosts.setdefault(host, []).append(activity)
         return activity
 
-    def was_nobody(self, activity: HostActivity) -> None:
+    def forget(self, activity: HostActivity) -> None:
         """Forget a connection that did not belong to a telescope program, as if it had never been opened."""
         self._hosts[activity.who].remove(activity)
 
-    def leave(self, activity: HostActivity) -> None:
+    def disconnected(self, activity: HostActivity) -> None:
         activity.closed = self._now()
 
-    def stands_for(self, activity: HostActivity) -> list[HostActivity]:
+    def connections_for(self, activity: HostActivity) -> list[HostActivity]:
         """Return the connections whose data count for this one: itself, and if it is closed, those that its host opened
         since.
         """

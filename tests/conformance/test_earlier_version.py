@@ -13,7 +13,7 @@ import tomli
 
 from gateway.app.config import Config, make_config, read_tables
 from gateway.app.recording.format import read
-from gateway.app.state.file import is_held, read_mark
+from gateway.app.state.file import is_held, read_marker
 from gateway.cli import main
 from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import add_settings, settings
@@ -158,7 +158,7 @@ def test_what_was_synced_counts_on_and_the_zone_is_kept(tmp_path: Path) -> None:
 
 
 def test_what_it_left_moving_is_stopped_first(tmp_path: Path) -> None:
-    mark = read_mark(FILES / "state" / "killed.moving")
+    mark = read_marker(FILES / "state" / "killed.moving")
     assert mark is not None and (mark.mount, mark.baud) == ("nexstar@/dev/ttyUSB0", 9600)
 
     async def program() -> None:

@@ -163,7 +163,7 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
             def broken(*_: object) -> None:
                 raise ArithmeticError("as if")
 
-            surface = bridge.reception.binding.surface
+            surface = bridge.acceptor.binding.surface
             surface.handlers = {**surface.handlers, "commit_quiet": lambda *_: (broken() for _ in "x")}
             client = bridge.client()
             await client.ask(b":SL20:15:30#")
@@ -191,7 +191,7 @@ def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_to
             guard.seen = Seen(last=PositionSample(bridge.controller.now() - 1.0, seen))
             guard._coasts_until = 0.0
             assert bridge.controller.suns.distances(seen)
-            guard.look(seen)
+            guard.check_position(seen)
             assert guard.seen.farthest
 
     run(program())

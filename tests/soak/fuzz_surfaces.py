@@ -123,8 +123,8 @@ class Judge:
             ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._cache._readings), 40), ("deferred", len(client.runner._deferred), 4),
-            ("said", len(bridge.wire_log._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
-            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.reception._left), 200),
+            ("said", len(bridge.wire_log._logged), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
+            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._left), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")
@@ -149,7 +149,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     endpoint = Endpoint(case.presented, "-", case.model, case.version)
     face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
-    bridge.reception.binding = face
+    bridge.acceptor.binding = face
     bridge.controller.astrometry.sky = SKY
     bridge.wire_log.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0

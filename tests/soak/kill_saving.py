@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 from gateway.app.state import store
-from gateway.app.state.file import MarkerContent, read_kept
+from gateway.app.state.file import MarkerContent, read_state
 from gateway.protocols.base.session import NamedSite
 
 LONGEST = 0.02
@@ -67,7 +67,7 @@ def _kill_once(directory: Path, first: int, chance: random.Random) -> tuple[str,
     said = int.from_bytes(heard[-4:], "big") if heard else first
     torn = any(directory.glob(".*.new"))
     try:
-        sites = read_kept(directory / "nexstar@proof.json").sites
+        sites = read_state(directory / "nexstar@proof.json").sites
     except (OSError, ValueError) as error:
         return f"not readable: {error}", said, torn
     names = {site.name for site in sites.values()}

@@ -1,4 +1,4 @@
-"""A whole gateway on virtual time, as the product rehearses it, with what only tests need: files, ends, a judge."""
+"""A whole gateway on virtual time: the product's rehearsal stage with state files, a kill and a check of all frames."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ EVENING = 1768514400.0
 
 
 async def here(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Files are written at once: a thread knows nothing of virtual time."""
+    """Call the function at once instead of in a thread: threads do not run on virtual time."""
     return function(*arguments)
 
 
 class Bridge(Stage):
-    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection."""
+    """``sim`` is the simulated mount, ``controller`` the gateway's mount controller, ``client()`` a new connection."""
 
-    keeping: StateStore | None = None
+    store: StateStore | None = None
 
     def __init__(
         self,
@@ -42,32 +42,32 @@ class Bridge(Stage):
         in_thread: InThread | None = None,
         **settings: Any,
     ) -> None:
-        """With ``state`` a directory for what is kept; the other settings are those of a stage."""
+        """``state`` is the folder of the state files; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
 
-    def remember(self) -> None:
+    def open_store(self) -> None:
         if self._state is not None:
             marked, folder = MarkerContent(f"{self._driven}@bridge", 9600), str(self._state)
             in_thread = self._in_thread or here
-            self.keeping = StateStore(self._driven, "bridge", marked, folder, self.warned.append, in_thread)
-            self.gateway.keeping, self.gateway.past = self.keeping, self.keeping.past
+            self.store = StateStore(self._driven, "bridge", marked, folder, self.warned.append, in_thread)
+            self.gateway.store, self.gateway.previous_run = self.store, self.store.previous_run
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:
         await super().__aexit__()
-        if self.keeping is not None:
-            await self.keeping.close()
-        if failed is None and not self._hands_on:  # what passes through is the program's own
+        if self.store is not None:
+            await self.store.close()
+        if failed is None and not self._hands_on:  # these commands are the program's own
             assert not (wrong := malformed(self._driven, self.sent())), f"no paper writes it so: {wrong}"
 
     async def kill(self) -> None:
-        """End as a killed process does: nothing more is sent or written, only the lock is let go."""
-        assert self.keeping is not None
+        """End like a killed process: send and write nothing more, and only release the lock."""
+        assert self.store is not None
         tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in tasks:
             task.cancel()
         self.controller.reconciler.close()
         await asyncio.gather(*tasks, return_exceptions=True)
-        self.keeping._lock.release()
+        self.store._lock.release()

@@ -37,7 +37,7 @@ class RunningGateway:
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway, self._controller = gateway, gateway.controller
-        self._host = self._controller.presence.arrive("the program that embeds the gateway")
+        self._host = self._controller.presence.connected("the program that embeds the gateway")
 
     @property
     def addresses(self) -> list[str]:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 
-from gateway.core.errors import alike
+from gateway.core.errors import similar
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 
@@ -37,7 +37,7 @@ def suggestion(word: str) -> str:
     known = [*PROTOCOLS, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
     plain = _plain(word)
     for choices in (known, sorted(_every())):
-        if close := alike(plain if choices is not known else word, choices, least=0.7):
+        if close := similar(plain if choices is not known else word, choices, least=0.7):
             return f"did you mean {close[0]!r}?"
     which = ", ".join(
         f"{name} for a {spec.makers[0].title()}" for name, spec in reversed(PROTOCOLS.items()) if spec.makers

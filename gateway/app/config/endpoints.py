@@ -16,7 +16,7 @@ import msgspec
 
 from gateway.app.config.called import named, suggestion
 from gateway.astro.offline import go_offline
-from gateway.core.errors import UserError, alike
+from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams
 
@@ -129,7 +129,7 @@ def right(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
 
 def nearest(word: str, choices: Sequence[str]) -> str:
     """Return a hint for a mistyped word: the choice that is most like it, else all choices."""
-    close = alike(word, choices)
+    close = similar(word, choices)
     return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
 
 

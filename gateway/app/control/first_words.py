@@ -14,7 +14,7 @@ from msgspec import Struct
 from gateway.app.control.gather import LATELY, clock, gather, site
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
-from gateway.mount.safety.admission.contradictions import doubts
+from gateway.mount.safety.admission.contradictions import contradiction_warning
 
 
 class Said(Struct, frozen=True):
@@ -47,7 +47,7 @@ def first_words(controller: MountController, model: str | None, version: str | N
             "(north and east are positive)",
             warns=True,
         )
-    if words := doubts(controller.context):
+    if words := contradiction_warning(controller.context):
         yield Said(words.removeprefix("WARNING: "), warns=True)
 
 

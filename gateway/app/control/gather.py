@@ -14,12 +14,12 @@ from gateway.app.status import Rate, State, StatusLine, on_the_sky
 from gateway.core import operations as op
 from gateway.mount.motion.wanted import ByHand, Slew
 from gateway.mount.presence import HostActivity
-from gateway.mount.safety.admission.contradictions import shown
+from gateway.mount.safety.admission.contradictions import site_text
 
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController
 
-#: Events of the last so many seconds are shown, and at most so many of them.
+#: Events of the last so many seconds are site_text, and at most so many of them.
 LATELY, MOST = 60.0, 10
 
 
@@ -58,7 +58,7 @@ def gather(controller: MountController, name: str, mount: str, programs: Sequenc
 def site(controller: MountController) -> str:
     """Return the site in use and its source; empty if no site is known."""
     sites = controller.sources.sites()
-    return f"{shown(sites[0].place)}, told by {sites[0].source}" if sites else ""
+    return f"{site_text(sites[0].place)}, told by {sites[0].source}" if sites else ""
 
 
 def clock(controller: MountController) -> str:
@@ -123,7 +123,7 @@ def _lately(controller: MountController) -> Iterator[str]:
     """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
     now = controller.wire_log.clock()
     counted: dict[tuple[str, str], tuple[int, float]] = {}
-    for word in controller.wire_log.lately:
+    for word in controller.wire_log.recent:
         if now - word.time <= LATELY:
             key = word.side, word.text
             counted[key] = (counted.pop(key, (0, 0.0))[0] + 1, word.time)

@@ -24,24 +24,24 @@ ACKNOWLEDGED = 5.0
 LONGEST = ACKNOWLEDGED + SIGHT + 2.0
 
 
-def orders(controller: MountController, keeping: StateStore, entrance: Entrance = Entrance()) -> Mapping[str, Order]:
+def orders(controller: MountController, store: StateStore, entrance: Entrance = Entrance()) -> Mapping[str, Order]:
     """Return the orders by their words."""
 
     async def stop() -> str:
-        return await entrance.do("o", lambda: stopped(controller))
+        return await entrance.carry_out("o", lambda: stopped(controller))
 
     async def hold() -> str:
-        entrance.tell("h", lambda: _hold(controller, True))
+        entrance.apply_event("h", lambda: _hold(controller, True))
         answer, trouble = await asyncio.gather(
-            entrance.do("o", lambda: stopped(controller)), _on_disk(keeping, held=True)
+            entrance.carry_out("o", lambda: stopped(controller)), _on_disk(store, held=True)
         )
         if answer != STOPPED:
             return f"failed not stopped: {answer.removeprefix('failed ')}; it is held from now on{trouble}"
         return f"failed it is stopped and held{trouble}" if trouble else HELD
 
     async def release() -> str:
-        trouble = await _on_disk(keeping, held=False)
-        entrance.tell("u", lambda: _hold(controller, False))
+        trouble = await _on_disk(store, held=False)
+        entrance.apply_event("u", lambda: _hold(controller, False))
         return f"failed it is released{trouble}" if trouble else RELEASED
 
     return {"stop": stop, "hold": hold, "release": release}
@@ -69,13 +69,13 @@ async def stopped(controller: MountController) -> str:
     return STOPPED
 
 
-async def _on_disk(keeping: StateStore, *, held: bool) -> str:
+async def _on_disk(store: StateStore, *, held: bool) -> str:
     """Write or remove the hold file; return an empty text, or what went wrong as the rest of a sentence."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
-            await keeping.in_thread(on_disk.hold_folder if held else on_disk.release_folder, keeping.directory)
+            await store.in_thread(on_disk.hold_folder if held else on_disk.release_folder, store.directory)
     except OSError as error:  # TimeoutError, for a disk that hangs, is an OSError too
-        where = keeping.directory / on_disk.HOLD
+        where = store.directory / on_disk.HOLD
         why = error.strerror or "the disk does not answer"
         if held:
             return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"

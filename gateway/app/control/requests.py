@@ -96,9 +96,9 @@ class RequestHandler:
     def _remember(self, number: str, who: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
         if active is None:
-            active = self._active[number] = ActiveRequest(presence.arrive(who), self._controller.stops)
+            active = self._active[number] = ActiveRequest(presence.connected(who), self._controller.stops)
             if len(self._active) > REMEMBERED:
-                presence.leave(self._active.pop(next(iter(self._active))).activity)
+                presence.disconnected(self._active.pop(next(iter(self._active))).activity)
         return active
 
     # --- carrying out -----------------------------------------------------------------------------------------------

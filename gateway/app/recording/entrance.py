@@ -30,29 +30,29 @@ class Admitting(Protocol):
 class Entrance:
     """The entrance without a recording: everything enters as it arrives."""
 
-    def arrive(self, reception: Admitting) -> Arrive:
+    def arrive(self, acceptor: Admitting) -> Arrive:
         """Return the function that a port calls for each new connection."""
-        return reception.arrive
+        return acceptor.arrive
 
     def wire(self, wire: Transport) -> Transport:
         """Return the transport to the mount for the line to use."""
         return wire
 
-    def waiting(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
+    def wrap_wait(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
         """Wrap a function that waits for something outside, such as the disk, for the gateway to call."""
         return work
 
     async def begin(self, begin: Callable[[], None]) -> None:
         begin()
 
-    def tell(self, arrow: str, act: Callable[[], None]) -> None:
+    def apply_event(self, arrow: str, act: Callable[[], None]) -> None:
         """Act on an outside event; ``arrow`` is its letter in a recording."""
         act()
 
-    async def do(self, arrow: str, work: Work[_T]) -> _T:
+    async def carry_out(self, arrow: str, work: Work[_T]) -> _T:
         """Carry out a request; ``arrow`` is its letter in a recording. Raises what the work raises."""
         return await work()
 
-    async def wish(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
+    async def handle_request(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
         """Carry out a request from the command line, written on one line, and return the answer."""
         return await carry_out(line)

@@ -68,7 +68,7 @@ class Recording:
         #: After iterating: a sentence that says why the recording is incomplete; empty if it is complete.
         self.cut = ""
         #: The file in which the recording continues, if it does.
-        self.goes_on: Path | None = None
+        self.continues_in: Path | None = None
 
     def __iter__(self) -> Iterator[Event]:
         """Yield the events, reading the files step by step. Raises UserError with file and line."""
@@ -85,8 +85,8 @@ class Recording:
         """Return why the recording is incomplete, judged by its last event; empty if it is complete."""
         file = self.parts[-1]
         ended = last is not None and (last.side, last.arrow) == (RECORDER, "!")
-        if self.goes_on is not None:
-            return f"{file}: the recording continues{_when(last)} in {self.goes_on}"
+        if self.continues_in is not None:
+            return f"{file}: the recording continues{_when(last)} in {self.continues_in}"
         if ended and last is not None and last.data.startswith(STOPPED.encode()):
             return f"{file}: the recording {last.data.decode('latin-1')}"
         if ended or self.format == WITHOUT_TURNS:
@@ -150,7 +150,7 @@ def read(path: Path) -> Recording:
     if name != path:
         newer = part_of(name, int(number) - 1) if int(number) > 1 else name
         if newer.exists() and is_recording(newer) and _head(newer)["began"] == settings["began"]:
-            recording.goes_on = newer
+            recording.continues_in = newer
     return recording
 
 

@@ -29,15 +29,17 @@ class RecordedEntrance(Entrance):
 
     def __init__(self, loop: TurnLoop, recorder: Recorder) -> None:
         self._loop, self.recorder = loop, recorder
-        self._gates = count(1)
+        self._wait_numbers = count(1)
         self._present: set[str] = set()
 
-    def arrive(self, reception: Admitting) -> Arrive:
+    def arrive(self, acceptor: Admitting) -> Arrive:
         def arrive(name: str, host: str, write: Write) -> ConnectionHandler:
-            reception.admit(name, host)
-            visitor = _Visitor(self._loop, self.recorder, self._unique(name), write, self._present.discard)
-            self._loop.enter(visitor.come, reception, host)
-            return visitor
+            acceptor.admit(name, host)
+            connection = _RecordedConnection(
+                self._loop, self.recorder, self._unique(name), write, self._present.discard
+            )
+            self._loop.enter(connection.come, acceptor, host)
+            return connection
 
         return arrive
 
@@ -48,10 +50,10 @@ class RecordedEntrance(Entrance):
         return unique
 
     def wire(self, wire: Transport) -> Transport:
-        return _RecordedWire(wire, self)
+        return _RecordedTransport(wire, self)
 
-    def waiting(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
-        return lambda: self.passed(work())
+    def wrap_wait(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
+        return lambda: self.wait_outside(work())
 
     async def begin(self, begin: Callable[[], None]) -> None:
         begun = self._loop.create_future()
@@ -60,20 +62,20 @@ class RecordedEntrance(Entrance):
             begin()
             begun.set_result(None)
 
-        self.tell("b", go)
+        self.apply_event("b", go)
         await begun
 
-    def tell(self, arrow: str, act: Callable[[], None]) -> None:
+    def apply_event(self, arrow: str, act: Callable[[], None]) -> None:
         def go() -> None:
             self.recorder.line(MOUNT, arrow)
             act()
 
         self._loop.enter(go)
 
-    async def do(self, arrow: str, work: Work[_T]) -> _T:
+    async def carry_out(self, arrow: str, work: Work[_T]) -> _T:
         return await result_of(await self._task(arrow, work))  # a caller that gives up waiting does not cancel a stop
 
-    async def wish(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
+    async def handle_request(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
         if not (line.isascii() and line.isprintable()):
             return await carry_out("")  # is answered like a request that the gateway does not understand
         return await asyncio.shield(await self._task("c", lambda: carry_out(line), line))
@@ -92,9 +94,9 @@ class RecordedEntrance(Entrance):
         self._loop.enter(go)
         return await begun
 
-    async def passed(self, work: Awaitable[None]) -> None:
+    async def wait_outside(self, work: Awaitable[None]) -> None:
         """Wait for something outside, and continue at the beginning of a turn. Raises OSError if it failed."""
-        number, failure = next(self._gates), ""
+        number, failure = next(self._wait_numbers), ""
         try:
             await work
         except Exception as error:  # pyserial has more kinds of failure than OSError
@@ -112,14 +114,14 @@ class RecordedEntrance(Entrance):
             raise OSError(failure)
 
 
-class _Visitor:
+class _RecordedConnection:
     """One connection at the entrance. Replies to the commands of one chunk of bytes are sent as one."""
 
     def __init__(
         self, loop: TurnLoop, recorder: Recorder, name: str, write: Write, gone: Callable[[str], None]
     ) -> None:
-        self._loop, self._recorder, self._name, self._write, self._gone = loop, recorder, name, write, gone
-        self._guest: ConnectionHandler | None = None
+        self._loop, self._recorder, self._name, self._write, self._release_name = loop, recorder, name, write, gone
+        self._handler: ConnectionHandler | None = None
         self._change_rate: Callable[[int], int] | None = None
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
@@ -129,31 +131,31 @@ class _Visitor:
 
     @property
     def ended(self) -> bool:
-        return self._guest is not None and not self._waiting and self._guest.ended
+        return self._handler is not None and not self._waiting and self._handler.ended
 
     @property
     def answered(self) -> bool:
-        return self._guest is not None and not self._waiting and self._guest.answered
+        return self._handler is not None and not self._waiting and self._handler.answered
 
-    def come(self, reception: Admitting, host: str) -> None:
-        self._guest = reception.create(self._name, host, self._tell)
+    def come(self, acceptor: Admitting, host: str) -> None:
+        self._handler = acceptor.create(self._name, host, self._tell)
         if self._change_rate is not None:
-            self._guest.serial(self._change_rate)
+            self._handler.serial(self._change_rate)
         if self._hang_up is not None:
-            self._guest.network(self._hang_up, self._hand_over)
+            self._handler.network(self._hang_up, self._hand_over)
 
     def feed(self, data: bytes) -> None:
         self._waiting += 1
         self._loop.enter(self._feed, data)
 
     def _feed(self, data: bytes) -> None:
-        assert self._guest is not None
+        assert self._handler is not None
         self._waiting -= 1
         self._recorder.line(self._name, ">", escape(data))
         replies: list[bytes] = []
         self._replies = replies
         try:
-            self._guest.feed(data)
+            self._handler.feed(data)
         finally:
             self._replies = None
             if replies:
@@ -167,32 +169,32 @@ class _Visitor:
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         self._change_rate = change_rate
-        if self._guest is not None:
-            self._guest.serial(change_rate)
+        if self._handler is not None:
+            self._handler.serial(change_rate)
 
     def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         """Pass on the functions of a network connection; call this before ``feed``."""
         self._hang_up, self._hand_over = hang_up, hand_over
 
     def peer_closed(self) -> None:
-        self._loop.enter(self._gone_away)
+        self._loop.enter(self._end_of_input)
 
-    def _gone_away(self) -> None:
-        assert self._guest is not None
+    def _end_of_input(self) -> None:
+        assert self._handler is not None
         self._recorder.line(self._name, "e")
-        self._guest.peer_closed()
+        self._handler.peer_closed()
 
     def close(self) -> None:
         self._write = lambda data: None
         self._loop.enter(self._close)
 
     def _close(self) -> None:
-        assert self._guest is not None
-        self._guest.close()
-        self._gone(self._name)
+        assert self._handler is not None
+        self._handler.close()
+        self._release_name(self._name)
 
 
-class _RecordedWire:
+class _RecordedTransport:
     """A transport whose bytes, losses and failures enter at the beginning of a turn."""
 
     def __init__(self, wire: Transport, entrance: RecordedEntrance) -> None:
@@ -207,7 +209,7 @@ class _RecordedWire:
             on_lost(reason)
 
         enter = self._loop.enter
-        await self._entrance.passed(
+        await self._entrance.wait_outside(
             self._wire.open(lambda data: enter(on_data, data), lambda reason: enter(lost, reason))
         )
 
@@ -220,4 +222,4 @@ class _RecordedWire:
             raise OSError(reason) from error
 
     async def close(self) -> None:
-        await self._entrance.passed(self._wire.close())
+        await self._entrance.wait_outside(self._wire.close())

@@ -30,23 +30,23 @@ class HostClock:
         self._loop, self._show, self._steady = loop, show, steady
         self._ahead = show() - steady()
         self._began = show() - loop.real
-        self._tell: Callable[[str], object] = lambda began: None
+        self._record: Callable[[str], object] = lambda began: None
 
     def __call__(self) -> float:
         return self._began + self._loop.time() - BASE
 
     def watch(self, recorder: Recorder) -> None:
         """Record the clock now, and from now on whenever it is set."""
-        self._tell = lambda began: recorder.line(MOUNT, "k", began)
-        self._loop.on_time.append(self._look)
-        self._tell(repr(self._began))
+        self._record = lambda began: recorder.line(MOUNT, "k", began)
+        self._loop.on_time.append(self._check)
+        self._record(repr(self._began))
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         ahead = self._show() - self._steady()
         if abs(ahead - self._ahead) > SET:
             self._began += ahead - self._ahead
             self._ahead = ahead
-            self._tell(repr(self._began))
+            self._record(repr(self._began))
 
 
 def host_clock() -> Callable[[], float]:
@@ -59,7 +59,7 @@ def record(path: Path, gateway: Gateway, longest: int = LONGEST, turns: TurnLoop
     """Record what happens from now on, in files of ``longest`` bytes. Raises UserError."""
     now = asyncio.get_running_loop().time
     config = {"mount": gateway.config, "surface": gateway.surfaces}
-    settings = {"began": gateway.clock(), "config": config, "past": gateway.past, "version": VERSION}
+    settings = {"began": gateway.clock(), "config": config, "past": gateway.previous_run, "version": VERSION}
     keep = gateway.config.record_keep
     recorder = Recorder(path, now, msgspec.to_builtins(settings), longest, keep, gateway.warn, turns)
     gateway.wire_log.sinks.append(recorder.put)

@@ -34,7 +34,7 @@ REMEMBERED = 64
 
 
 class Recorder:
-    """Writes a recording. ``now`` is the event loop's clock; ``say`` gets messages for the user.
+    """Writes a recording. ``now`` is the event loop's clock; ``warn`` gets messages for the user.
 
     On a ``TurnLoop`` the turns are recorded as well. Raises UserError for a file that cannot be written.
     """
@@ -46,10 +46,10 @@ class Recorder:
         settings: dict[str, Any],
         longest: int = LONGEST,
         keep: int = KEPT,
-        say: Callable[[str], object] = lambda text: None,
+        warn: Callable[[str], object] = lambda text: None,
         loop: asyncio.AbstractEventLoop | None = None,
     ) -> None:
-        self._path, self._now, self._longest, self._keep, self._say = path, now, longest, keep, say
+        self._path, self._now, self._longest, self._keep, self._warn = path, now, longest, keep, warn
         self._turns = loop if isinstance(loop, TurnLoop) else None
         self._began = now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
@@ -60,12 +60,12 @@ class Recorder:
         self._lines: list[str] = []
         self._size = 0
         self._ends: deque[int] = deque(maxlen=REMEMBERED)
-        self._told = False
+        self._warned = False
         try:
-            _make_way(path, keep)
+            _rotate(path, keep)
             self._open(first=True)
         except OSError as error:
-            self._give_up()
+            self._close_file()
             raise UserError(f"cannot record to {path}: {about_file(path, error)}") from None
 
     @property
@@ -125,21 +125,21 @@ class Recorder:
         try:
             self._write(text)
             if self._size >= self._longest:
-                self._put_aside()
+                self._next_file()
         except OSError as error:  # a full disk must not end the night
             self._end_early(error.strerror or str(error))
 
     # --- the end of a file ------------------------------------------------------------------------------------------
 
-    def _put_aside(self) -> None:
+    def _next_file(self) -> None:
         """Begin the next file. Raises OSError."""
         os.close(self._file)
         self._file = -1
-        full = _make_way(self._path, self._keep)
+        full = _rotate(self._path, self._keep)
         self._open(first=False)
-        if full and not self._told:
-            self._told = True
-            self._say(
+        if full and not self._warned:
+            self._warned = True
+            self._warn(
                 f"the recording {self._path} has filled {self._keep} files: from now on the oldest is deleted "
                 "whenever a new one begins, and it can no longer be replayed from its beginning; "
                 "record-keep says how many files are kept"
@@ -153,8 +153,8 @@ class Recorder:
                 os.ftruncate(self._file, cut)
                 os.lseek(self._file, cut, os.SEEK_SET)
                 self._write(self._last(f"{STOPPED}, it could not be written any more: {reason}"))
-        self._give_up()
-        self._say(
+        self._close_file()
+        self._warn(
             f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway "
             "continues without it; make room on the disk and restart the gateway to record again"
         )
@@ -162,7 +162,7 @@ class Recorder:
     def _last(self, words: str) -> str:
         return f"{self._at:.6f} {RECORDER} ! {words}\n"
 
-    def _give_up(self) -> None:
+    def _close_file(self) -> None:
         """Close the file; later events are dropped."""
         file, self._file = self._file, -1
         self._lines.clear()
@@ -177,10 +177,10 @@ class Recorder:
         if self._turns is not None and self._file >= 0:
             self._lines.append(self._last("ends here: the gateway has ended"))
         self.flush()
-        self._give_up()
+        self._close_file()
 
 
-def _make_way(path: Path, keep: int) -> bool:
+def _rotate(path: Path, keep: int) -> bool:
     """Rename existing files to FILE.1 and so on; return whether the oldest had to be deleted.
 
     Raises OSError, and UserError for a file that is no recording, which is left alone.

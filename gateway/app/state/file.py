@@ -69,7 +69,7 @@ def encode(kept: SavedState) -> bytes:
     return msgspec.json.format(msgspec.json.encode(kept, order="sorted"), indent=2) + b"\n"
 
 
-def read_kept(path: Path) -> SavedState:
+def read_state(path: Path) -> SavedState:
     """Read a state file; a missing one is an empty state. Raises OSError, and ValueError for an invalid file."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=SavedState)
@@ -79,7 +79,7 @@ def read_kept(path: Path) -> SavedState:
         raise ValueError(str(error)) from None
 
 
-def read_mark(path: Path) -> MarkerContent | None:
+def read_marker(path: Path) -> MarkerContent | None:
     """Read a motion marker; None if there is none. One that cannot be read still counts, as an unknown mount's."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=MarkerContent)

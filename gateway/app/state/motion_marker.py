@@ -39,7 +39,7 @@ class MotionMarker:
     ) -> None:
         self.path, self._content, self._busy, self._warn, self._in_thread = path, content, busy, warn, in_thread
         self._wanted: bytes | None = b"" if there else None
-        self._there = self._wanted
+        self._written = self._wanted
         self._quiet = 0.0
         self._writing: asyncio.Task[None] | None = None
         self._watching: asyncio.Task[None] | None = None
@@ -48,7 +48,7 @@ class MotionMarker:
 
     async def before_motion(self) -> None:
         """Write the marker; return once it is written, or after ``PATIENCE`` seconds while the disk is still busy."""
-        marked = self._there is not None and self._wanted is not None
+        marked = self._written is not None and self._wanted is not None
         self._want(msgspec.json.encode(self._content()))
         self._quiet = 0.0
         self._watch()
@@ -63,12 +63,12 @@ class MotionMarker:
     def _want(self, content: bytes | None) -> None:
         """Write this content, or delete the file (None); writes run one after another, and the last one wins."""
         self._wanted = content
-        if self._writing is None and self._there != content:
+        if self._writing is None and self._written != content:
             self._writing = asyncio.get_running_loop().create_task(self._write())
 
     async def _write(self) -> None:
         try:
-            while self._there != self._wanted:
+            while self._written != self._wanted:
                 content = self._wanted
                 try:
                     await self._in_thread(self._put, content)
@@ -77,7 +77,7 @@ class MotionMarker:
                         f"cannot write the motion marker {self.path} "
                         f"({error.strerror or error}): after a crash the mount would not be stopped automatically"
                     )
-                self._there = content
+                self._written = content
         finally:
             self._writing = None
 

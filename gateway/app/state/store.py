@@ -34,12 +34,12 @@ class PreviousRun(Struct, frozen=True):
     left: MarkerContent | None = None
 
 
-def recall(controller: MountController, past: PreviousRun) -> None:
+def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run; a mount that it left moving is stopped first."""
-    controller.driver.restore_state(past.kept.mount, moving=False)
-    controller.synced.value = past.kept.synced
-    if past.left is not None:
-        controller.driver.restore_state(past.left.memory, moving=True)
+    controller.driver.restore_state(previous_run.kept.mount, moving=False)
+    controller.synced.value = previous_run.kept.synced
+    if previous_run.left is not None:
+        controller.driver.restore_state(previous_run.left.memory, moving=True)
         controller.reconciler.owe_stop()
 
 
@@ -67,29 +67,29 @@ class StateStore:
         in_thread: InThread = asyncio.to_thread,
     ) -> None:
         self.directory, self.name = directory(configured), file.file_name(protocol, where)
-        self.path, self._mark_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))
+        self.path, self._marker_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))
         #: Holds the number of the process that owns these files; another number in it means another gateway.
         self.lock_path = self.directory / f"{self.name}.lock"
         self.held = False
         #: A simulated mount ends with this process: it needs no marker, and a second gateway is no conflict.
         self._simulated = where == "sim"
-        self._marked, self.in_thread = marked, in_thread
+        self._marker_base, self.in_thread = marked, in_thread
         self._warn, self._warned = warn, False
         self._lock = PidLock(self.lock_path)
-        self._take()
+        self._take_lock()
         kept = self._read()
         self.shared = Shared(file.to_shared(kept), self.changed)
-        self._marks = self.held and not self._simulated
-        self.past = PreviousRun(kept, file.read_mark(self._mark_path) if self._marks else None)
+        self._uses_marker = self.held and not self._simulated
+        self.previous_run = PreviousRun(kept, file.read_marker(self._marker_path) if self._uses_marker else None)
         self._written = file.encode(kept)
         self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
-        self._mark: MotionMarker | None = None
+        self._marker: MotionMarker | None = None
         self._dirty = False
         self._closing = asyncio.Event()
         self._writer: asyncio.Task[None] | None = None
 
-    def _say(self, text: str) -> None:
+    def _warn_once(self, text: str) -> None:
         """Warn the user, but only once: a disk that is full stays full for a while."""
         if not self._warned:
             self._warned = True
@@ -97,7 +97,7 @@ class StateStore:
 
     # --- beginning --------------------------------------------------------------------------------------------------
 
-    def _take(self) -> None:
+    def _take_lock(self) -> None:
         """Create the folder and take the lock of the files."""
         try:
             self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -105,23 +105,23 @@ class StateStore:
             self.held = True
         except Taken as by:
             if not self._simulated:
-                self._say(
+                self._warn_once(
                     f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "
                     f"that one, in {self.path}"
                 )
         except OSError as error:
             why = about_file(self.directory, error)
-            self._say(
+            self._warn_once(
                 f"{self.directory} cannot be written to ({why}): what a hand control keeps over power-off is kept "
                 "in memory only; --state PATH names another folder"
             )
 
     def _read(self) -> SavedState:
         try:
-            return file.read_kept(self.path)
+            return file.read_state(self.path)
         except OSError as error:
             if self.held:
-                self._say(
+                self._warn_once(
                     f"cannot read the state file {self.path} ({error.strerror or error}): the "
                     "gateway starts without what earlier runs kept"
                 )
@@ -140,37 +140,38 @@ class StateStore:
         """Restore the previous state in the controller, and follow its motions and changes from now on."""
         self._memory = controller.driver.saved_state
         self._synced = lambda: controller.synced.value
-        recall(controller, self.past)
+        restore(controller, self.previous_run)
         controller.changed.connect(lambda _: self.changed())
         controller.hold.on = file.is_held(self.directory)
         if controller.hold.on:
             self._warn(
-                f"{self._marked.mount}: the mount is held: no program moves it until mount-gateway stop --release"
+                f"{self._marker_base.mount}: the mount is held: no program moves it until mount-gateway stop --release"
             )
-        if self._marks:
-            if self.past.left is not None:
+        if self._uses_marker:
+            if self.previous_run.left is not None:
                 self._warn(
-                    f"{self._marked.mount}: the last run ended while the mount was moving: the mount is stopped first"
+                    f"{self._marker_base.mount}: the last run ended while the mount was moving: the mount is stopped "
+                    "first"
                 )
-            self._mark = MotionMarker(
-                self._mark_path,
+            self._marker = MotionMarker(
+                self._marker_path,
                 self._content,
                 lambda: controller.reconciler.busy,
-                self._say,
+                self._warn_once,
                 self.in_thread,
-                there=self.past.left is not None,
+                there=self.previous_run.left is not None,
             )
-            controller.order_runner.announce = self._mark.before_motion
+            controller.order_runner.announce = self._marker.before_motion
 
     def _content(self) -> MarkerContent:
-        return MarkerContent(self._marked.mount, self._marked.baud, self._memory(True))
+        return MarkerContent(self._marker_base.mount, self._marker_base.baud, self._memory(True))
 
     # --- saving -----------------------------------------------------------------------------------------------------
 
     def changed(self) -> None:
         """Save soon: saved state may have changed."""
-        if self._mark is not None:
-            self._mark.renew()
+        if self._marker is not None:
+            self._marker.renew()
         self._dirty = True
         if self.held and self._writer is None and not self._closing.is_set():
             self._writer = asyncio.get_running_loop().create_task(self._save())
@@ -196,7 +197,7 @@ class StateStore:
             await self.in_thread(write_whole, self.path, data)
         except OSError as error:
             self._written = b""
-            self._say(
+            self._warn_once(
                 f"cannot write the state file {self.path} ({error.strerror or error}): what is "
                 "set now is lost when the gateway ends"
             )
@@ -207,6 +208,6 @@ class StateStore:
         self._closing.set()
         if self._writer is not None:
             await asyncio.wait({self._writer})
-        if self._mark is not None:
-            await self._mark.close()
+        if self._marker is not None:
+            await self._marker.close()
         self._lock.release()

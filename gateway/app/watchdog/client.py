@@ -134,7 +134,7 @@ class Watchdog:
     def _ended(self) -> None:
         """Restart the process after it was killed, unless it ended right after its start."""
         assert self._loop is not None
-        self._hang_up()
+        self._disconnect()
         if self._loop.time() - self._began < LASTED:
             self.warn(
                 "the watchdog process does not keep running: a gateway that is killed leaves its mount moving "
@@ -147,7 +147,7 @@ class Watchdog:
         for mount in self._mounts:
             mount.introduce()
 
-    def _hang_up(self) -> None:
+    def _disconnect(self) -> None:
         connection, self._connection = self._connection, None
         if connection is not None:
             if self._loop is not None:
@@ -163,7 +163,7 @@ class Watchdog:
             self._beating.cancel()
         for mount in self._mounts:
             mount.renew()
-        self._hang_up()
+        self._disconnect()
 
 
 class WatchedMount:
@@ -187,7 +187,7 @@ class WatchedMount:
         self._watchdog, self._number, self._title, self._lock = watchdog, number, title, lock
         self._stop_commands, self._busy, self._stopped = stop_commands, busy, stopped
         self._descriptor: int | None = None
-        self._told: Sequence[bytes] = ()
+        self._sent: Sequence[bytes] = ()
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
@@ -207,30 +207,30 @@ class WatchedMount:
             self._watchdog.send(
                 f"line {self._number} {' '.join(word.encode().hex() or '00' for word in words)}", [self._descriptor]
             )
-            self._told = ()
+            self._sent = ()
             if self.moving:
                 self.renew()
 
     def begin(self) -> None:
         """Tell the process that a motion is about to begin."""
         self.moving = True
-        self._tell()
+        self._report()
         self._watchdog.beat()
 
     def renew(self) -> None:
         """Check whether the mount still moves, and send its stop commands again if they have changed."""
         if self.moving:
             self.moving = self._busy()
-            self._tell()
+            self._report()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         commands = tuple(self._stop_commands()) if self.moving else ()
-        if commands != self._told:
-            self._told = commands
+        if commands != self._sent:
+            self._sent = commands
             words = "".join(f" {command.hex()}" for command in commands)
             self._watchdog.send(f"{'moving' if commands else 'rest'} {self._number}{words}")
 
     def was_stopped(self) -> None:
         """Report that the process has stopped the mount because heartbeats were missing."""
-        self._told = ()
+        self._sent = ()
         self._stopped()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from gateway.astro.catalog import deepsky, stars
 from gateway.astro.catalog.objects import Entry, NotInstalled
-from gateway.core.errors import alike
+from gateway.core.errors import similar
 from gateway.core.tables import read_table
 
 _TABLE = read_table("stars.toml")
@@ -71,7 +71,7 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS, *more)}
     typed = bare(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
-    close = [*longer, *alike(typed, spelled, SUGGESTED, ALIKE)]
+    close = [*longer, *similar(typed, spelled, SUGGESTED, ALIKE)]
     return [spelled[known] for known in dict.fromkeys(close)][:SUGGESTED]
 
 

@@ -63,9 +63,9 @@ def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
     """Return the ports of surfaces that browsers can use, too, and the access rules of each."""
     return {
-        split_address(port.where)[1]: reception.access
+        split_address(port.where)[1]: acceptor.access
         for gateway in gateways
-        for endpoint, port, reception in zip(gateway.endpoints, gateway.ports, gateway.receptions, strict=True)
+        for endpoint, port, acceptor in zip(gateway.endpoints, gateway.ports, gateway.acceptors, strict=True)
         if endpoint.protocol == ANY
     }
 
@@ -77,10 +77,10 @@ def _made_ready() -> type[Console]:
 
 
 def _access(page: ConsoleConfig) -> Access:
-    from gateway.app.bindings import admission
+    from gateway.app.bindings import access_networks
     from gateway.clients.access import Access
 
-    return Access(*admission(page))
+    return Access(*access_networks(page))
 
 
 def offer(page: Console) -> Offer:

@@ -98,8 +98,8 @@ def _instead(gateway: Gateway, reason: str) -> str:
     from gateway.diagnostics.detect.ports import holder
     from gateway.system.locks import read_pid
 
-    keeping = gateway.keeping
-    if keeping is not None and not keeping.held and (other := read_pid(keeping.lock_path)):
+    store = gateway.store
+    if store is not None and not store.held and (other := read_pid(store.lock_path)):
         return (
             f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
             "need another --surface, end it and start it with that one, too"

@@ -105,7 +105,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             clock = host_clock()
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, clock, screen.warn, watchdog))
         gateways[-1].web = web
-        gateways[-1].remember()
+        gateways[-1].open_store()
         if mount.record:
             recorders.append(record_whole(Path(mount.record), gateways[-1]))
     before_suspension(lambda: _stand_still(gateways, screen))
@@ -223,7 +223,7 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     moving = [gateway for gateway in gateways if gateway.busy]
     try:
         async with asyncio.timeout(SUSPEND):
-            await asyncio.gather(*(gateway.entrance.do("s", gateway.controller.stop) for gateway in moving))
+            await asyncio.gather(*(gateway.entrance.carry_out("s", gateway.controller.stop) for gateway in moving))
         outcome = "the mount was stopped" if moving else "the mount was not moving"
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"

@@ -89,8 +89,8 @@ class Programs:
 
     def told(self, now: float) -> Iterator[dict[str, Any]]:
         """Yield every connection: name, surface, profile, last command, commands a second, whether it is read-only."""
-        receptions = zip(self._gateway.names(), self._gateway.receptions, strict=False)
-        here = [(surface, visit) for surface, reception in receptions for visit in reception.connections()]
+        acceptors = zip(self._gateway.names(), self._gateway.acceptors, strict=False)
+        here = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
         for surface, visit in here:
             client, side = visit.client, visit.client.log.name
             rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
@@ -133,7 +133,7 @@ class ShownMount:
     def look_away(self) -> None:
         """Stop collecting data."""
         for sink in (self.pulse.put, self._programs.put):
-            self.gateway.wire_log.leave(sink)
+            self.gateway.wire_log.remove(sink)
 
     async def state(self) -> dict[str, Any]:
         """Return the whole state of the mount."""
@@ -150,7 +150,7 @@ class ShownMount:
 
     async def _who_is_here(self) -> list[dict[str, Any]]:
         """Return the clients; refresh the cached list when it is stale or the number of connections has changed."""
-        now, many = self._loop.time(), sum(len(reception.connections()) for reception in self.gateway.receptions)
+        now, many = self._loop.time(), sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
         if now - self._told_at >= PROGRAMS_FRESH or many != len(self._told):
             self._told_at = now
             self._told = await _gathered(self._programs.told(now), AT_ONCE)

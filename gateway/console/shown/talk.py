@@ -47,7 +47,7 @@ class Talk:
             wire_log.sinks.append(self._entries.append)
         else:
             self._entries.clear()
-            wire_log.leave(self._entries.append)
+            wire_log.remove(self._entries.append)
 
     def take(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of the entries since the last call."""

@@ -15,7 +15,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.safety.admission.contradictions import contradictions, shown, time_unknown
+from gateway.mount.safety.admission.contradictions import contradictions, site_text, time_unknown
 
 #: Into how many steps the path of a goto is divided.
 STEPS = 24
@@ -141,7 +141,7 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
     if sites:
         best = sites[0]
         site = {"latitude": best.place.latitude, "longitude": best.place.longitude, "source": best.source,
-                "words": shown(best.place)}  # fmt: skip
+                "words": site_text(best.place)}  # fmt: skip
     return {
         "site": site,
         "clock": {"ahead": round(time.unix - controller.wire_log.clock(), 1), "source": time.source},

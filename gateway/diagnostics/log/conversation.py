@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from gateway.app.bindings import speech
+from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import in_words, steady
 from gateway.protocols.base.driver import Send
@@ -54,7 +54,7 @@ class Side:
 
     def __init__(self, protocol: str) -> None:
         self._now = 0.0
-        framing, self._reply_rules = speech(protocol)
+        framing, self._reply_rules = framer_and_replies(protocol)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""

@@ -10,7 +10,7 @@ from functools import cache
 
 from msgspec.structs import replace
 
-from gateway.app.bindings import shows_itself
+from gateway.app.bindings import presents_mount
 from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
 from gateway.astro.ephemeris.sky import Sky
@@ -66,7 +66,7 @@ def explain(surface: str, mount: str, typed: str) -> str:
     except ValueError as error:
         lines.append(f"  not valid: {error}")
     play, presented = play_one(face, at, frame, row)
-    own = shows_itself(at, face)
+    own = presents_mount(at, face)
     seen = traits(replace(face, model=presented), command)
     lines += _own(protocol, command.name) if own else _said(row, driven, at, seen)
     said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""

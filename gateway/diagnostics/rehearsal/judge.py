@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gateway.app.bindings import speech
+from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice, Unsupported
 from gateway.core.operations import Read, named
 from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, sent, taken
@@ -105,7 +105,7 @@ def _mount_says_no(mount: CommandSet, request: bytes, answer: bytes) -> bool:
     command, picture = found
     if any(reply.fault and form.matcher.fullmatch(answer) for reply, form in command.replies):
         return True
-    taken = speech(mount.name)[1].take(Send(command.name, picture.decode(request)), answer)
+    taken = framer_and_replies(mount.name)[1].take(Send(command.name, picture.decode(request)), answer)
     return taken is not None and isinstance(taken[0], NoDevice)
 
 

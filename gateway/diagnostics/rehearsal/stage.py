@@ -72,18 +72,18 @@ class Stage:
         known = MountConfig(at=str(endpoint if named else Endpoint(driven, "sim")), speed=speed, **(config or {}))
         shown = SurfaceConfig(at=str(Endpoint(presented, "-", surface, surface_version)))
         self.gateway = Gateway(known, [shown], self.wire_log, sky, self.host)
-        self.remember()
+        self.open_store()
         self.wire: list[bytes] = []
         wire = SimulatedTransport("sim", self._listening(self.sim.connection), latency)
         self.gateway.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         self.controller = self.gateway.controller
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
-        [made] = self.gateway.receptions
+        [made] = self.gateway.acceptors
         assert isinstance(made, ConnectionAcceptor)
         self.face, self.shared = made.binding, made.shared
-        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
+        self.acceptor = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
-    def remember(self) -> None:
+    def open_store(self) -> None:
         """Do nothing: a stage has no saved state of an earlier run."""
 
     def _listening(self, connect: Connection) -> Connection:
@@ -121,7 +121,7 @@ class Visitor:
     def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._more = TimedEvent()
-        self._guest = stage.reception.arrive(host, host, self._hear)
+        self._guest = stage.acceptor.arrive(host, host, self._hear)
 
     def _hear(self, data: bytes) -> None:
         self.heard += data

@@ -95,7 +95,7 @@ def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
     except (msgspec.ValidationError, KeyError, TypeError) as error:
         raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None
     gateway = Gateway(mount, surfaces, clock=clock)
-    gateway.past = past
+    gateway.previous_run = past
     return gateway
 
 

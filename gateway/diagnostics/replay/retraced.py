@@ -113,10 +113,10 @@ class RetracedEntrance(Entrance):
         self._gates: dict[int, asyncio.Future[None]] = {}
         self._number, self._released = 0, False
 
-    def waiting(self, work: Any) -> Any:
-        return self.passed
+    def wrap_wait(self, work: Any) -> Any:
+        return self.wait_outside
 
-    async def passed(self) -> None:
+    async def wait_outside(self) -> None:
         """Wait for something outside. Raises OSError if it failed when it was recorded."""
         if self._released:
             return
@@ -159,7 +159,7 @@ class RetracedWire:
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         self.on_data, self.on_lost = on_data, on_lost
-        await self._entrance.passed()
+        await self._entrance.wait_outside()
 
     def write(self, data: bytes) -> None:
         if self.ended:
@@ -182,4 +182,4 @@ class RetracedWire:
 
     async def close(self) -> None:
         if not self.ended:
-            await self._entrance.passed()
+            await self._entrance.wait_outside()

@@ -37,8 +37,8 @@ class Told:
     def come(self, gateway: Gateway, event: Event, name: str | None = None) -> None:
         """Connect as in a recorded event, under another ``name`` if one is given. Raises UserError."""
         number, host = surface_and_host(event)
-        reception = gateway.receptions[number - 1]
-        self.guest = reception.create(name or self.name, host, self.now.extend)  # it was accepted when it was recorded
+        acceptor = gateway.acceptors[number - 1]
+        self.guest = acceptor.create(name or self.name, host, self.now.extend)  # it was accepted when it was recorded
         if networked(gateway.endpoints[number - 1].where):
             self.guest.network(lambda last: None)  # bytes of refused connections are not recorded
 

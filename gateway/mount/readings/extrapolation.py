@@ -18,7 +18,7 @@ from gateway.core import operations as op
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits
-from gateway.mount.safety.allow import can_be_told, past_meridian
+from gateway.mount.safety.allow import meridian_known, past_meridian
 
 Pair = tuple[float, float]
 Inside = Callable[[float, float], bool]
@@ -193,7 +193,7 @@ def _meridian(context: Context, limit: float | None) -> Callable[[float], bool]:
     driver, cache = context.driver, context.cache
     status = cache.value(op.GetStatus)
     side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
-    known = status is not None and status.equatorial and can_be_told(driver.german, side)
+    known = status is not None and status.equatorial and meridian_known(driver.german, side)
     if limit is None or not known or context.movement.slewing or context.sources.site() is None:
         return lambda _: True
     sidereal = context.astrometry.sidereal_time()

@@ -11,8 +11,8 @@ from __future__ import annotations
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import PastMeridian
 from gateway.mount.policy import AT_LIMIT, Limits
-from gateway.mount.safety.stop_timing import SHORTEST
-from gateway.mount.safety.view import ALLOWED, RESTLESS, Verdict, View
+from gateway.mount.safety.stop_timing import MIN_INTERVAL
+from gateway.mount.safety.view import ALLOWED, FASTER_THAN_TRACKING, Verdict, View
 
 #: Degrees by which a goto that ends at a limit may overshoot.
 OVERSHOOT = 0.05
@@ -40,7 +40,7 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     degrees a second. The first stretch of the motion has been checked already (``admission/motions.py``).
     """
     here, limits, timing = view.seen.last, view.limits, view.timing
-    if here is None or view.status is None or not view.status.aligned or speed <= RESTLESS:
+    if here is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:
         return Verdict()
     rooms = [distance - view.sun for distance in here.suns]
     if here.altitude is not None:
@@ -48,7 +48,7 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
         rooms += [limits.highest - here.altitude] * (limits.highest < 90.0)
     nearest = min((room for room in rooms if room > 0.0), default=180.0)
     seconds = nearest / speed - timing.to_stop - (now - here.at)
-    return Verdict(within=max(seconds, timing.interval + SHORTEST), limit="a limit")
+    return Verdict(within=max(seconds, timing.interval + MIN_INTERVAL), limit="a limit")
 
 
 # --- altitude ---------------------------------------------------------------------------------------------------------
@@ -71,13 +71,13 @@ def altitude(view: View) -> Verdict:
         return ALLOWED
     limits, earlier = view.limits, view.seen.earlier
     rate = view.ahead(changes.altitude, None if earlier is None else earlier.altitude)
-    margin = view.margin(rate) - OVERSHOOT * view.going
+    margin = view.margin(rate) - OVERSHOOT * view.on_checked_path
     if leaving(limits, before.altitude, last.altitude, margin):
         return Verdict(f"the altitude limit ({last.altitude:.1f} degrees)")
     if last.altitude < before.altitude and limits.lowest > -90.0:
-        return view.until(last.altitude - limits.lowest, rate, "the altitude limit")
+        return view.allowed_within(last.altitude - limits.lowest, rate, "the altitude limit")
     if last.altitude > before.altitude and limits.highest < 90.0:
-        return view.until(limits.highest - last.altitude, rate, "the altitude limit")
+        return view.allowed_within(limits.highest - last.altitude, rate, "the altitude limit")
     return ALLOWED
 
 
@@ -92,7 +92,7 @@ def near_sun(view: View) -> Verdict:
     for number, (then, now) in enumerate(zip(before.suns, last.suns, strict=True)):
         rate = _rate(view, number)
         if now >= view.sun + view.margin(rate):
-            soon = view.until(now - view.sun, rate, "the Sun") if now < then else ALLOWED
+            soon = view.allowed_within(now - view.sun, rate, "the Sun") if now < then else ALLOWED
             if soon.within is not None and (soonest.within is None or soon.within < soonest.within):
                 soonest = soon
         elif now < view.seen.farthest[number] - NEARER:
@@ -126,7 +126,7 @@ def meridian(view: View) -> Verdict:
     before, last, changes = view.seen.before, view.seen.last, view.seen.changes
     limit = view.limits.hour_angle
     equatorial = view.status is not None and view.status.equatorial
-    if limit is None or not equatorial or view.moving.slewing or not can_be_told(view.german, view.side):
+    if limit is None or not equatorial or view.moving.slewing or not meridian_known(view.german, view.side):
         return ALLOWED
     if before is None or last is None or changes is None or before.hour_angle is None or last.hour_angle is None:
         return ALLOWED
@@ -137,10 +137,10 @@ def meridian(view: View) -> Verdict:
     rate = view.ahead(changes.hour_angle, None if earlier is None else earlier.hour_angle)
     if now > limit - view.margin(rate):
         return Verdict(f"the hour angle limit ({now / 15.0:.2f} hours past the meridian)")
-    return view.until(limit - now, rate, "the hour angle limit")
+    return view.allowed_within(limit - now, rate, "the hour angle limit")
 
 
-def can_be_told(german: bool | None, side: str | None) -> bool:
+def meridian_known(german: bool | None, side: str | None) -> bool:
     """Whether the distance past the meridian is known. A German mount must have reported its pier side."""
     return german is not None and (bool(side) or not german)
 

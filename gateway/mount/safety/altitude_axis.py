@@ -15,16 +15,16 @@ from gateway.mount.motion.seen import Seen
 from gateway.mount.readings.reader import Reader
 
 #: Degrees by which alignment, cone error and refraction may let an axis reading differ from the calculated altitude.
-MATTERS = 1.0
+TOLERANCE = 1.0
 #: Seconds of motion by which the two may also differ: they are read one after the other, and motors accelerate.
-APART = 0.3
+READ_APART = 0.3
 #: Seconds between two readings of the axes: while the mount moves, and while it rests with a difference.
 IN_MOTION, AT_REST = 1.0, 5.0
 #: Seconds for which the mount's status ("alt-azimuth") is still trusted when the axis contradicts the calculation.
 STATUS_AGE = 2.0
 
 
-def told(reading: float) -> float:
+def altitude_of(reading: float) -> float:
     """Return the altitude for an axis reading in degrees, which may lie beyond the zenith."""
     return degrees(asin(sin(radians(reading))))
 
@@ -37,10 +37,10 @@ def corrected(tilt: float | None, difference: float, speed: float, speed_factor:
     ``speed_factor`` times faster moves so much farther before its speed has been measured.
     """
     before = tilt or 0.0
-    if abs(difference) <= MATTERS * speed_factor + speed * APART and (speed or not before):
+    if abs(difference) <= TOLERANCE * speed_factor + speed * READ_APART and (speed or not before):
         return before
     new = before + difference
-    return new if abs(new) > MATTERS else 0.0
+    return new if abs(new) > TOLERANCE else 0.0
 
 
 class AltitudeAxis:
@@ -56,7 +56,7 @@ class AltitudeAxis:
         self._status: op.Status | None = None
 
     @property
-    def tells(self) -> bool:
+    def available(self) -> bool:
         """Whether the axis gives the altitude: on an aligned alt-azimuth mount whose axes can be read.
 
         A change of the tracking mode invalidates the cached status; until it has been read again the last one counts.
@@ -69,9 +69,9 @@ class AltitudeAxis:
             self._mount.astrometry.site_clock.site() is not None and driver.implementation(op.AxisPosition) is not None
         )
 
-    def every(self, moves: bool) -> float | None:
+    def interval(self, moves: bool) -> float | None:
         """Return how often to read the axes, seconds; None if that is not needed."""
-        if not (moves or self.tilt is None or self.tilt) or not self.tells:
+        if not (moves or self.tilt is None or self.tilt) or not self.available:
             return None
         return IN_MOTION if moves or self.tilt is None else AT_REST
 
@@ -79,7 +79,7 @@ class AltitudeAxis:
         """Forget the difference after a sync, a change of site or clock, or on a mount that is not alt-azimuth."""
         self.tilt, self.synced = None, self.synced or synced
 
-    async def asked(self, ask: Reader) -> float:
+    async def current_tilt(self, ask: Reader) -> float:
         """Return the tilt in degrees. After a sync, read the mount first to measure it again. Raises Fault."""
         if self.synced and not self._mount.movement.anything:
             await ask.read_now(op.GetStatus())
@@ -87,20 +87,20 @@ class AltitudeAxis:
             await ask.read_now(op.AxisPosition())
         return self.tilt or 0.0
 
-    def read(self, axes: op.Horizontal, seen: Seen, now: float, moves: bool) -> float | None:
+    def take_reading(self, axes: op.Horizontal, seen: Seen, now: float, moves: bool) -> float | None:
         """Take an axis reading and return by how much the tilt changed; None if the status must be read again first.
 
         The status may be too old: on a mount that was put on a wedge meanwhile, the axes give no altitude.
         """
         last, before = seen.last, self.tilt or 0.0
-        if last is None or last.altitude is None or not self.tells:
+        if last is None or last.altitude is None or not self.available:
             return 0.0
         if moves:
-            reckoned = last.altitude + _climb(seen) * (now - last.at)
+            calculated = last.altitude + _climb(seen) * (now - last.at)
         else:
-            reckoned = (self._mount.astrometry.altitude(last.place.ra, last.place.dec) or 0.0) + before
+            calculated = (self._mount.astrometry.altitude(last.place.ra, last.place.dec) or 0.0) + before
         speed, speed_factor = (seen.across, self._mount.driver.speed_factor) if moves else (0.0, 1.0)
-        tilt = corrected(self.tilt, told(axes.alt) - reckoned, speed, speed_factor)
+        tilt = corrected(self.tilt, altitude_of(axes.alt) - calculated, speed, speed_factor)
         if tilt != before and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
             return None
         self.tilt, self.synced = tilt, False

@@ -24,9 +24,9 @@ BLIND = 1.0
 #: large a part of the commanded way must be seen.
 FROM, AFTER, PART = 0.1, 3.0, 0.1
 #: Seconds; setting the clock by more than this changes the sky.
-SET_ANEW = 30.0
+CLOCK_JUMP = 30.0
 #: Seconds after that during which a resting mount may report the old sky, the new one, or half of each.
-SETTLES = 3.0
+SETTLE_TIME = 3.0
 
 
 def blind(moving: Moving, age: float, since_stop: float) -> str:
@@ -87,7 +87,7 @@ class StallWatch:
         return None
 
 
-class MeantSky:
+class SkyChange:
     """Notices that site or clock were set: positions before and after then mean different altitudes.
 
     The mount receives the settings one by one (``being_set``: some are still to be sent), so changes at rest during
@@ -100,15 +100,15 @@ class MeantSky:
         self._settles_until = NEVER
         self.changed: Signal[None] = Signal()
 
-    def is_another(self, now: float, restless: bool) -> bool:
+    def has_changed(self, now: float, moved_by_others: bool) -> bool:
         """Whether the position read now cannot be compared with the one before."""
         mount, (place, ahead) = self._mount, self._frame
         known = mount.astrometry.site_clock
         self._frame = known.site(), known.unix() - now
-        changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
+        changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > CLOCK_JUMP)
         if changed or self._being_set():
-            self._settles_until = now + SETTLES
+            self._settles_until = now + SETTLE_TIME
         moves = mount.movement.anything
         if changed and not moves:
             self.changed.emit(None)
-        return changed or (now < self._settles_until and not moves and not restless)
+        return changed or (now < self._settles_until and not moves and not moved_by_others)

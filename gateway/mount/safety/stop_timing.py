@@ -15,18 +15,18 @@ from collections.abc import Callable
 from msgspec import Struct
 
 #: Positions closer together than this, in seconds, give no reliable rate.
-SHORTEST = 0.15
+MIN_INTERVAL = 0.15
 #: Exchanges until a stop takes effect: the one that returned the position, one already sent, and the first of the stop.
 EXCHANGES = 3
 #: Seconds at full speed that a motor runs on after a stop: one that slows down evenly within a second covers half a
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
 #: Exchanges between stopping one axis and stopping the other, which alone may lead where both together do not.
-BETWEEN = 2.0
+BETWEEN_AXES = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP = 1.0
 #: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
-LEADS = 0.2
+APPROACH = 0.2
 
 
 class StopTiming(Struct, frozen=True):
@@ -60,9 +60,9 @@ class StopTiming(Struct, frozen=True):
         """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next one may be as late."""
         return max(self.reaction, elapsed + EXCHANGES * self.exchange + RUN_ON)
 
-    def between(self, axes: int) -> float:
+    def between_axes(self, axes: int) -> float:
         """Seconds between stopping one axis and stopping the other; 0 if at most one moves."""
-        return BETWEEN * self.exchange if axes > 1 else 0.0
+        return BETWEEN_AXES * self.exchange if axes > 1 else 0.0
 
 
 def ahead(rate: float, earlier: float | None, told: float, first: float, last: float) -> float:
@@ -73,7 +73,7 @@ def ahead(rate: float, earlier: float | None, told: float, first: float, last: f
     unknown.
     """
     grown = max(0.0, rate - earlier) if earlier is not None else 0.0
-    if first < RUN_UP and rate > LEADS * told * _run_up(first, last):
+    if first < RUN_UP and rate > APPROACH * told * _run_up(first, last):
         return max(rate + grown, told)
     return rate + grown
 
@@ -98,7 +98,7 @@ class StopDeadline:
         if self._handle is not None and self._handle.when() <= at:
             return
         self.disarm()
-        self._handle = self._loop.call_at(at, self._passes, limit)
+        self._handle = self._loop.call_at(at, self._fire, limit)
 
     def disarm(self) -> None:
         """Cancel the deadline: no limit is near, or the next position has arrived."""
@@ -106,6 +106,6 @@ class StopDeadline:
             self._handle.cancel()
             self._handle = None
 
-    def _passes(self, limit: str) -> None:
+    def _fire(self, limit: str) -> None:
         self._handle = None
         self._passed(limit)

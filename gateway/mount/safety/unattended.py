@@ -23,9 +23,9 @@ from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
 
 #: Degrees a second; a motion by hand up to this speed counts as tracking by the client.
-TRACKING = 60.0 / 3600.0
+TRACKING_SPEED = 60.0 / 3600.0
 #: Seconds between two checks of the clients.
-EVERY = 0.5
+INTERVAL = 0.5
 
 
 class Supervised(Struct, frozen=True):
@@ -47,26 +47,26 @@ class Supervisor:
         self._watching: asyncio.TimerHandle | None = None
         self._ended: set[Supervised] = set()
 
-    def look_after(self, _: object = None) -> None:
+    def start_watching(self, _: object = None) -> None:
         """Start the timer if there is a motion to supervise and it is not running."""
         if self._watching is None and supervised(self._state.value):
-            self._watching = self._loop.call_later(EVERY, self._look)
+            self._watching = self._loop.call_later(INTERVAL, self._check)
 
     def close(self) -> None:
         if self._watching is not None:
             self._watching.cancel()
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         self._watching = None
         motions, policy = supervised(self._state.value), self._context.policy
-        for gone, why in missing(motions, self._presence, self._loop.time(), policy.silence, policy.silence_closed):
-            if gone not in self._ended:
-                self._ended.add(gone)
-                what = "the focuser" if isinstance(gone.ends, op.Focus) else "its motion"
-                self._context.note(f"{gone.by.who} {why}: {what} is stopped")
-                self._context.tasks.spawn(self._end(gone.ends))
+        for motion, why in abandoned(motions, self._presence, self._loop.time(), policy.silence, policy.silence_closed):
+            if motion not in self._ended:
+                self._ended.add(motion)
+                what = "the focuser" if isinstance(motion.ends, op.Focus) else "its motion"
+                self._context.note(f"{motion.by.who} {why}: {what} is stopped")
+                self._context.tasks.spawn(self._end(motion.ends))
         self._ended.intersection_update(motions)
-        self.look_after()
+        self.start_watching()
 
     async def _end(self, operation: op.Operation) -> None:
         try:
@@ -82,14 +82,14 @@ def supervised(wanted: Wanted) -> list[Supervised]:
         found += [
             Supervised(op.StopAxis(axis), motion.by, motion.since)
             for axis, motion in wanted.motion
-            if motion.by is not None and motion.speed > TRACKING
+            if motion.by is not None and motion.speed > TRACKING_SPEED
         ]
     if wanted.focus is not None and wanted.focus.by is not None:
         found.append(Supervised(op.Focus(0), wanted.focus.by, wanted.focus.since))
     return found
 
 
-def missing(
+def abandoned(
     motions: Iterable[Supervised], presence: Presence, now: float, silence: float, closed: float
 ) -> list[tuple[Supervised, str]]:
     """Return the motions whose client has disconnected or has been silent for too long, each with the reason in words.
@@ -98,14 +98,14 @@ def missing(
     """
     found = []
     for motion in motions:
-        there = presence.stands_for(motion.by)
-        for one in there:
+        activities = presence.connections_for(motion.by)
+        for one in activities:
             if one.heard:
                 one.heard, one.last = False, now
-        left = [one.closed for one in there if one.closed is not None]
-        if len(left) == len(there) and now - max(motion.since, *left) >= closed:
+        left = [one.closed for one in activities if one.closed is not None]
+        if len(left) == len(activities) and now - max(motion.since, *left) >= closed:
             found.append((motion, "has disconnected"))
-        elif now - max(motion.since, *(one.last for one in there)) >= silence:
+        elif now - max(motion.since, *(one.last for one in activities)) >= silence:
             found.append((motion, f"has sent nothing for {silence:g} s"))
     return found
 
@@ -121,50 +121,52 @@ class TrackingAtLimit:
         self, context: Context, reader: Reader, watch: LimitWatch, perform: Callable[[op.Operation], Awaitable[object]]
     ) -> None:
         self._context, self._reader, self._perform = context, reader, perform
-        self._switching = self._helpless = self._resting = self._set_there = False
+        self._switching = self._cannot_turn_off = self._drifting = self._sky_set_at_rest = False
         self.must_stop: Signal[None] = Signal()
         watch.motion_began.connect(self.began)
-        watch.sky_changed.connect(self.under_another_sky)
-        watch.looked.connect(self.seen)
+        watch.sky_changed.connect(self.sky_changed)
+        watch.position_checked.connect(self.seen)
         watch.carried_to_limit.connect(self.switch_off)
 
     def began(self, _: None = None) -> None:
         """A motion has begun: forget earlier findings."""
-        self._helpless = self._resting = self._set_there = False
+        self._cannot_turn_off = self._drifting = self._sky_set_at_rest = False
 
-    def under_another_sky(self, _: None = None) -> None:
+    def sky_changed(self, _: None = None) -> None:
         """Remember that site or clock was set at rest: a limit that is exceeded now was not reached by tracking."""
-        self._set_there = True
+        self._sky_set_at_rest = True
 
     def seen(self, status: op.Status | None) -> None:
         """Take the last status of the mount, None while it must be read again."""
         if status is None or status.tracking is not op.Tracking.OFF:
-            self._resting = False
+            self._drifting = False
 
     def switch_off(self, reason: str) -> None:
         age = self._context.cache.age(op.GetStatus, self._context.now())
-        if self._resting and age > STATUS_AGE:
+        if self._drifting and age > STATUS_AGE:
             self._reader.shared(op.GetStatus())
-        elif not (self._switching or self._helpless or self._resting):
+        elif not (self._switching or self._cannot_turn_off or self._drifting):
             self._switching = True
             self._context.tasks.spawn(self._switch_off(reason))
 
     async def _switch_off(self, reason: str) -> None:
-        say = self._context
+        context = self._context
         try:
             if (await self._reader.read(op.GetStatus())).tracking is op.Tracking.OFF:
-                say.note(f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop")
-                self._resting = True
+                context.note(
+                    f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop"
+                )
+                self._drifting = True
                 return
             await self._perform(op.SetTracking(on=False))
-            say.note(f"tracking was switched off at {reason}")
+            context.note(f"tracking was switched off at {reason}")
         except Unsupported:
-            self._helpless = True
-            say.note(f"{'WARNING: the mount is' if self._set_there else 'stopped'} at {reason}")
-            say.note_once("the tracking of this mount cannot be switched off at a limit")
-            if not self._set_there:
+            self._cannot_turn_off = True
+            context.note(f"{'WARNING: the mount is' if self._sky_set_at_rest else 'stopped'} at {reason}")
+            context.note_once("the tracking of this mount cannot be switched off at a limit")
+            if not self._sky_set_at_rest:
                 self.must_stop.emit(None)
         except Fault as fault:
-            say.note(f"tracking could not be switched off at {reason} and goes on beyond it: {fault}")
+            context.note(f"tracking could not be switched off at {reason} and continues beyond it: {fault}")
         finally:
             self._switching = False

@@ -15,7 +15,7 @@ from gateway.mount.safety.stop_timing import StopTiming, ahead
 
 #: Degrees a second, faster than any tracking: something moves the mount. The last digit of a coarse position may jump
 #: so.
-RESTLESS = 0.1
+FASTER_THAN_TRACKING = 0.1
 
 
 class Verdict(Struct, frozen=True):
@@ -52,7 +52,7 @@ class View(Struct, frozen=True):
     astray: bool = False
 
     @property
-    def going(self) -> bool:
+    def on_checked_path(self) -> bool:
         """Whether only a goto moves the mount: no motion by hand took over, and none of its axes was stopped.
 
         A goto whose path leads beyond a limit does not count: it is watched like a motion by hand.
@@ -60,23 +60,23 @@ class View(Struct, frozen=True):
         return self.moving.slewing and not self.moving.by_hand and not self.astray
 
     @property
-    def _alone(self) -> float:
+    def _second_axis_alone(self) -> float:
         """How far one of two axes moves the tube after the other has stopped, degrees."""
-        return self.seen.across * self.timing.between(len(self.moving.by_hand))
+        return self.seen.across * self.timing.between_axes(len(self.moving.by_hand))
 
     def ahead(self, rate: float, earlier: float | None) -> float:
         """How fast the mount may approach a limit from now on, after the rates ``earlier`` and ``rate``."""
         seen = self.seen
         assert seen.before is not None
         assert seen.last is not None
-        return ahead(rate, earlier, seen.told, seen.before.at - seen.began, seen.last.at - seen.began)
+        return ahead(rate, earlier, seen.ordered_speed, seen.before.at - seen.began, seen.last.at - seen.began)
 
     def margin(self, rate: float) -> float:
         """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto."""
-        return 0.0 if self.going else rate * self.timing.overdue(self.seen.elapsed) + self._alone
+        return 0.0 if self.on_checked_path else rate * self.timing.overdue(self.seen.elapsed) + self._second_axis_alone
 
-    def until(self, room: float, rate: float, limit: str) -> Verdict:
+    def allowed_within(self, room: float, rate: float, limit: str) -> Verdict:
         """Return a verdict that allows the motion while a stop can still end it within ``room`` degrees."""
-        if rate <= RESTLESS or self.going:
+        if rate <= FASTER_THAN_TRACKING or self.on_checked_path:
             return ALLOWED
-        return Verdict(within=(room - self._alone) / rate - self.timing.to_stop, limit=limit)
+        return Verdict(within=(room - self._second_axis_alone) / rate - self.timing.to_stop, limit=limit)

@@ -21,14 +21,14 @@ from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import AltitudeAxis
-from gateway.mount.safety.positions import MeantSky, StallWatch, blind
-from gateway.mount.safety.stop_timing import SHORTEST, StopDeadline
-from gateway.mount.safety.view import RESTLESS, Verdict, View
+from gateway.mount.safety.positions import SkyChange, StallWatch, blind
+from gateway.mount.safety.stop_timing import MIN_INTERVAL, StopDeadline
+from gateway.mount.safety.view import FASTER_THAN_TRACKING, Verdict, View
 
 #: A position that changes so many times faster than the mount can move means a new alignment at the hand control.
-ANEW = 3.0
+REALIGNED = 3.0
 #: Seconds for which a mount that was moved at the hand control is watched closely.
-CLOSELY = 3.0
+WATCH_CLOSELY = 3.0
 #: Seconds for which a mount may run on after the end of a motion; what it does meanwhile is not judged.
 COASTING = 1.0
 #: Seconds for which a status "not aligned" or "not tracking" is trusted; and for a pier side.
@@ -38,11 +38,11 @@ UNWATCHED = "not aligned: positions mean nothing yet, so no limit can be watched
 
 
 class LimitWatch:
-    """Watches the limits of one mount: ``look`` is called with every position, ``began`` with every motion begun.
+    """Watches the limits of one mount: call ``check_position`` with every position, ``began`` with every motion begun.
 
-    ``must_stop`` is emitted at once, within ``look`` or ``began``. ``carried_to_limit`` names the limit that the mount
-    reaches although no client moves it. ``motion_began``, ``sky_changed`` (site or clock were set) and ``looked`` (a
-    position was checked; the status, None if unknown) tell others.
+    ``must_stop`` is emitted at once, within ``check_position`` or ``began``. ``carried_to_limit`` names the limit that
+    the mount reaches although no client moves it. Other signals are ``motion_began``, ``sky_changed`` (site or clock
+    were set), and ``position_checked`` (with the status of the mount, None if unknown).
     """
 
     def __init__(self, mount: Context, reader: Reader, ends: EndWatch, being_set: Callable[[], bool]) -> None:
@@ -50,31 +50,31 @@ class LimitWatch:
         self.must_stop: Signal[None] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self.motion_began: Signal[None] = Signal()
-        self.looked: Signal[op.Status | None] = Signal()
-        self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._late), StallWatch()
+        self.position_checked: Signal[op.Status | None] = Signal()
+        self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._deadline_passed), StallWatch()
         self.seen = Seen()
         self._limits = mount.policy.limits
-        self._restless_until = self._coasts_until = self._stopped_at = NEVER
+        self._moved_by_others_until = self._coasts_until = self._stopped_at = NEVER
         #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
-        self._own_place = self._parked = False
+        self._at_own_park = self._parked = False
         self._astray = False
-        self._sky = MeantSky(mount, being_set)
+        self._sky = SkyChange(mount, being_set)
         self.sky_changed = self._sky.changed
         self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion ended.
-        self.rests_since = NEVER
+        self.at_rest_since = NEVER
         #: Whether the path of the goto that is about to begin leads beyond an altitude limit.
-        self.dips = False
+        self.path_leaves_limits = False
 
     @property
-    def restless(self) -> bool:
+    def moved_by_others(self) -> bool:
         """Whether the mount moves although no client told it to."""
-        return self._mount.now() < self._restless_until
+        return self._mount.now() < self._moved_by_others_until
 
     @property
-    def axes_every(self) -> float | None:
+    def axes_interval(self) -> float | None:
         """How often to read the axes for the altitude, seconds; None if that is not needed."""
-        return self.altitude_axis.every(self._mount.movement.anything or self.restless)
+        return self.altitude_axis.interval(self._mount.movement.anything or self.moved_by_others)
 
     @property
     def fastest(self) -> float:
@@ -90,42 +90,44 @@ class LimitWatch:
         """A motion has begun: it starts from the last position, unless the mount was moving already."""
         mount, moving = self._mount, self._mount.movement.now()
         limits = mount.policy.limits
-        self._own_place = False
+        self._at_own_park = False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
-            limits, self._own_place = limits.at_any_altitude(), True
-        self._limits, self._coasts_until, self._astray = limits, NEVER, self.dips
+            limits, self._at_own_park = limits.at_any_altitude(), True
+        self._limits, self._coasts_until, self._astray = limits, NEVER, self.path_leaves_limits
         self._parked = False
         self.motion_began.emit(None)
-        told = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
+        ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
             self.altitude_axis.forget(synced=True)
-        self.seen = fold.begin(self.seen, mount.now(), told, at_rest=not (moving.anything or self.restless))
+        self.seen = fold.begin(
+            self.seen, mount.now(), ordered_speed, at_rest=not (moving.anything or self.moved_by_others)
+        )
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
         elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
             speed = sum(mount.speed(one) for one in {**moving.by_hand, operation.axis: operation}.values())
-            self._heed(first_stretch(self._view(), mount.now(), speed))
+            self._apply(first_stretch(self._view(), mount.now(), speed))
 
-    def arrived(self, _: None = None) -> None:
+    def goto_ended(self, _: None = None) -> None:
         """A goto has ended. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         moving = self._mount.movement.now()
         if not (moving.ending or moving.by_hand):
             self.seen = replace(self.seen, upright=True)
 
-    def halted(self) -> None:
+    def axis_stopped(self) -> None:
         """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
         self._astray = True
 
-    def ended(self) -> None:
+    def motion_ended(self) -> None:
         """One or all motions by hand have ended."""
         self._deadline.disarm()
-        self.rests_since = self._mount.now()
+        self.at_rest_since = self._mount.now()
         self._coasts_until = self._mount.now() + COASTING
 
-    def unseen(self, _: None = None) -> None:
+    def position_missing(self, _: None = None) -> None:
         """The mount did not report its position."""
         mount, now = self._mount, self._mount.now()
         reason = blind(mount.movement.now(), mount.cache.age(op.Position, now), now - self._stopped_at)
@@ -135,22 +137,22 @@ class LimitWatch:
 
     # --- positions --------------------------------------------------------------------------------------------------
 
-    def look(self, place: op.Equatorial) -> None:
+    def check_position(self, place: op.Equatorial) -> None:
         """Compare a position with the previous one, apply the rules, and act on the verdict."""
         now, last = self._mount.now(), self.seen.last
-        if last is not None and now - last.at < SHORTEST:
+        if last is not None and now - last.at < MIN_INTERVAL:
             return
         self._deadline.disarm()
-        self._look_at_axes(now, place)
-        if not self.altitude_axis.tells:
+        self._check_axes(now, place)
+        if not self.altitude_axis.available:
             self.altitude_axis.forget()
-        if self._sky.is_another(now, self.restless):
+        if self._sky.has_changed(now, self.moved_by_others):
             last = None
             self.altitude_axis.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
-            last = self._measured(last.at, last.place)
+            last = self._sample(last.at, last.place)
             self.seen = fold.first(self.seen, last)
-        sample = self._measured(now, place, last)
+        sample = self._sample(now, place, last)
         if last is None or now < self._coasts_until or len(last.suns) != len(sample.suns):
             self.seen = fold.first(self.seen, sample)
             return
@@ -162,18 +164,20 @@ class LimitWatch:
                 self._reader.shared(op.GetStatus())
             return
         self.seen = fold.see(self.seen, sample)
-        self._notice(now, status)
+        self._update_state(now, status)
         view = self._view()
         verdict = allow(view)
         self.seen = replace(self.seen, farthest=farthest(view))
-        self._heed(verdict)
+        self._apply(verdict)
 
-    def look_at_altitude(self, axes: op.Horizontal) -> None:
+    def check_altitude_axis(self, axes: op.Horizontal) -> None:
         """Take an axis reading, which is the altitude on an alt-azimuth mount."""
         now, last = self._mount.now(), self.seen.last
         if last is None or last.altitude is None or now < self._coasts_until:
             return
-        change = self.altitude_axis.read(axes, self.seen, now, self._mount.movement.anything or self.restless)
+        change = self.altitude_axis.take_reading(
+            axes, self.seen, now, self._mount.movement.anything or self.moved_by_others
+        )
         if change is None:
             self._reader.shared(op.GetStatus())
         elif change:
@@ -184,7 +188,7 @@ class LimitWatch:
             )
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
 
-    def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
+    def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
         here = place if before is None else fold.at_once(now, place, before, mount.timing.lag)
@@ -195,19 +199,19 @@ class LimitWatch:
         suns = tuple(mount.suns.distances(here))
         return PositionSample(now, place, altitude, hour_angle, suns, mount.wanted.by_hand.get(2))
 
-    def _notice(self, now: float, status: op.Status | None) -> None:
+    def _update_state(self, now: float, status: op.Status | None) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
-        self.looked.emit(status)
-        if self.seen.across > RESTLESS and not moving.anything:
-            self._restless_until = now + CLOSELY
-        if self.seen.across > ANEW * mount.fastest:
+        self.position_checked.emit(status)
+        if self.seen.across > FASTER_THAN_TRACKING and not moving.anything:
+            self._moved_by_others_until = now + WATCH_CLOSELY
+        if self.seen.across > REALIGNED * mount.fastest:
             mount.synced.forget()
             self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
-        if not moving.anything and (not self._own_place or self._left_park(status)):
-            self._limits, self._own_place = mount.policy.limits, False
+        if not moving.anything and (not self._at_own_park or self._left_park(status)):
+            self._limits, self._at_own_park = mount.policy.limits, False
 
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
@@ -237,7 +241,7 @@ class LimitWatch:
             mount.tasks.spawn(self._reader.tube_side())
         return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
 
-    def _look_at_axes(self, now: float, place: op.Equatorial) -> None:
+    def _check_axes(self, now: float, place: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""
         mount, by_hand = self._mount, self._mount.wanted.by_hand
         if not (self._ends.pending or by_hand):
@@ -257,20 +261,20 @@ class LimitWatch:
 
     # --- acting -----------------------------------------------------------------------------------------------------
 
-    def _heed(self, verdict: Verdict) -> None:
+    def _apply(self, verdict: Verdict) -> None:
         if verdict.reason:
             self._act(verdict.reason)
         elif verdict.within is not None:
             self._deadline.arm(verdict.within, verdict.limit)
 
-    def _late(self, limit: str) -> None:
+    def _deadline_passed(self, limit: str) -> None:
         """By its last known speed the mount is about to reach a limit, and no position has arrived since."""
-        if self._mount.movement.anything or self.restless:
+        if self._mount.movement.anything or self.moved_by_others:
             self._act(f"{limit}, estimated from its speed")
 
     def _act(self, reason: str) -> None:
         """Stop the motion. If no client moves the mount, it is tracking, which is turned off instead."""
-        if self._mount.movement.anything or self.restless:
+        if self._mount.movement.anything or self.moved_by_others:
             self._stop(f"stopped at {reason}")
         else:
             self.carried_to_limit.emit(reason)

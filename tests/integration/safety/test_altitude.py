@@ -85,14 +85,14 @@ def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
             guard = bridge.controller.watch
             here = await bridge.controller.perform(op.Position())
             await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
-            guard.look(here)
+            guard.check_position(here)
             await asyncio.sleep(0.3)
-            guard.ended()
-            guard.look(op.Equatorial(here.ra, here.dec - 1.5))
+            guard.motion_ended()
+            guard.check_position(op.Equatorial(here.ra, here.dec - 1.5))
             await asyncio.sleep(0.5)
             assert notes(bridge) == []
             await asyncio.sleep(1.0)
-            guard.look(op.Equatorial(here.ra, here.dec - 2.5))
+            guard.check_position(op.Equatorial(here.ra, here.dec - 2.5))
             await asyncio.sleep(0.5)
             assert notes(bridge) == ["stopped at the altitude limit (42.5 degrees)"]
 

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
-from gateway.mount.safety.altitude_axis import corrected, told
+from gateway.mount.safety.altitude_axis import altitude_of, corrected
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import sampled
@@ -142,7 +142,7 @@ def test_it_costs_the_line_one_exchange_a_second_in_motion_and_none_at_rest() ->
 
 @pytest.mark.parametrize(("reading", "altitude"), [(40.0, 40.0), (100.0, 80.0), (-10.0, -10.0), (350.0, -10.0)])
 def test_an_axis_beyond_the_zenith_tells_the_altitude_on_the_other_side(reading: float, altitude: float) -> None:
-    assert told(reading) == pytest.approx(altitude)
+    assert altitude_of(reading) == pytest.approx(altitude)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -
             bridge.controller.watch.began(bridge.controller.wanted.by_hand[2])
             ra, dec = bridge.sim.mechanics.truth(bridge.clock())
             await asyncio.sleep(0.02)
-            bridge.controller.watch.look(op.Equatorial(ra, dec - 20.0))
+            bridge.controller.watch.check_position(op.Equatorial(ra, dec - 20.0))
             assert any("stopped at the altitude limit" in note for note in notes(bridge))
 
     run(program())
@@ -195,7 +195,7 @@ def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(he
         async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
             await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
             await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
-            look = bridge.controller.watch.look
+            look = bridge.controller.watch.check_position
             bridge.controller.reader.position.disconnect(look)  # only what is told here is looked at
             bridge.controller.watch.seen = Seen()
             for step in range(3):
@@ -271,7 +271,7 @@ def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position
             client = bridge.client()
             await bridge.controller.perform(op.GotoHorizontal(16.0, height))
             await ready(bridge, client, b"e")
-            bridge.controller.watch._restless_until = bridge.controller.now() + 3.0
+            bridge.controller.watch._moved_by_others_until = bridge.controller.now() + 3.0
             client.tell(UP)
             high = 0.0
             for _ in range(20):

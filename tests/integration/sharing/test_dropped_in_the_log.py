@@ -86,7 +86,7 @@ def test_half_a_command_that_its_connection_ends_with() -> None:
 def test_what_was_held_back_as_a_stranger_s_word() -> None:
     async def play() -> None:
         async with Bridge() as bridge:
-            caller = Caller(bridge.reception)
+            caller = Caller(bridge.acceptor)
             caller.tell(b"V")
             await asyncio.sleep(5.0)
             caller.close()

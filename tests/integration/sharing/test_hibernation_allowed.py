@@ -40,7 +40,7 @@ def test_over_a_network_it_is_refused_and_the_log_says_what_would_allow_it(
 ) -> None:
     async def program() -> None:
         async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
-            caller = Caller(bridge.reception, transport)
+            caller = Caller(bridge.acceptor, transport)
             assert await caller.ask(QUESTION[surface])
             assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
             await asyncio.sleep(10.0)
@@ -60,7 +60,7 @@ def test_where_the_operator_allows_it_it_is_done(mount: str, surface: str, first
     async def program() -> None:
         allowed = Access(hibernate=True)
         async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, access=allowed) as bridge:
-            caller = Caller(bridge.reception)
+            caller = Caller(bridge.acceptor)
             if not first:
                 await caller.ask(QUESTION[surface])
             assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
@@ -78,7 +78,7 @@ def test_on_a_serial_line_it_is_done_and_over_a_network_everybody_may_wake_it(mo
             bridge.client().tell(SLEEP[surface])
             await asyncio.sleep(10.0)
             assert bridge.sim.asleep and refusals(bridge) == []
-            Caller(bridge.reception).tell(WAKE[surface])
+            Caller(bridge.acceptor).tell(WAKE[surface])
             await asyncio.sleep(10.0)
             assert not bridge.sim.asleep
 

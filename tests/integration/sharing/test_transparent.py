@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.bindings import shows_itself
+from gateway.app.bindings import presents_mount
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
@@ -50,9 +50,9 @@ def test_the_answers_are_the_mounts_own(protocol: str, model: str, version: str 
 
 def test_who_names_a_model_is_presented_that() -> None:
     cpc = parse_endpoint("nexstar:cpc/4.21@sim")
-    assert shows_itself(cpc, parse_endpoint("nexstar@tcp://:4030"))
-    assert not shows_itself(cpc, parse_endpoint("nexstar:6-8se@tcp://:4030"))
-    assert not shows_itself(cpc, parse_endpoint("lx200@tcp://:4030"))
+    assert presents_mount(cpc, parse_endpoint("nexstar@tcp://:4030"))
+    assert not presents_mount(cpc, parse_endpoint("nexstar:6-8se@tcp://:4030"))
+    assert not presents_mount(cpc, parse_endpoint("lx200@tcp://:4030"))
 
     async def named() -> None:
         async with Bridge("slt", "4.03", presented="nexstar", surface="6-8se") as bridge:
@@ -208,7 +208,7 @@ def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> No
         assert await gateway.found(30.0)
         ((protocol, face),) = gateway.bindings
         assert f"{protocol}:{face.model['name']}" == told
-        assert gateway.receptions[0].binding.model is face.model
+        assert gateway.acceptors[0].binding.model is face.model
         await gateway.close()
 
     run(found())

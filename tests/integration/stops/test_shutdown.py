@@ -155,7 +155,7 @@ def test_a_defect_stops_the_mount_and_others_go_on(where: str) -> None:
             await asyncio.sleep(2)
             assert not await still(bridge.sim)
             if where == "surface":
-                face = bridge.reception.binding
+                face = bridge.acceptor.binding
                 face.surface.handlers = {**face.surface.handlers, "home_state": _broken}
             else:
                 bridge.driver.handlers = {**bridge.driver.handlers, "home_state": _broken}
@@ -218,7 +218,7 @@ class Served:
 
         monkeypatch.setattr(Gateway, "open", open_it)
         wire = SimulatedTransport("sim", self.sim.connection, 0.005)
-        monkeypatch.setattr("gateway.app.gateway.make_wire", lambda *_: wire)
+        monkeypatch.setattr("gateway.app.gateway.make_transport", lambda *_: wire)
 
     def run(self, fast: bool, then: Callable[[], object]) -> int:
         """Begin a goto, and a moment later do something to the loop or the process."""

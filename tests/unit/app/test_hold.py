@@ -49,8 +49,8 @@ def test_of_everything_that_can_move_it_is_known_whether_a_held_mount_does_it() 
 
 
 async def _order(bridge: Bridge, word: str) -> str:
-    assert bridge.keeping is not None
-    return await orders(bridge.controller, bridge.keeping)[word]()
+    assert bridge.store is not None
+    return await orders(bridge.controller, bridge.store)[word]()
 
 
 def _axes(bridge: Bridge) -> tuple[float, float]:

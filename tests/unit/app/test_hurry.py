@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.app.bindings import make_wire
+from gateway.app.bindings import make_transport
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
 from gateway.mount.link.line import MountLink
@@ -17,7 +17,7 @@ def test_speed_is_that_of_a_simulated_mount(at: str, hurry: float) -> None:
     async def program() -> None:
         gateway = Gateway(MountConfig(at=at, speed=10.0), [])
         gateway.prepare(
-            lambda rules, transcript: MountLink(make_wire(gateway.mount, gateway.config, None), rules, transcript)
+            lambda rules, transcript: MountLink(make_transport(gateway.mount, gateway.config, None), rules, transcript)
         )
         assert gateway.controller.driver.speed_factor == hurry
 

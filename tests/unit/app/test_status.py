@@ -90,7 +90,7 @@ def test_a_rate_is_that_of_the_last_looks() -> None:
 
 def gateway(bridge: Bridge, name: str | None = None) -> Any:
     """As much of a gateway as a look needs."""
-    return SimpleNamespace(controller=bridge.controller, programs=bridge.reception.present_hosts, mount="nexstar@sim",
+    return SimpleNamespace(controller=bridge.controller, programs=bridge.acceptor.present_hosts, mount="nexstar@sim",
                            config=SimpleNamespace(name=name))  # fmt: skip
 
 
@@ -128,9 +128,9 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
 def test_programs_are_counted_as_they_come_and_go() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            reception = bridge.reception
+            acceptor = bridge.acceptor
             one, other, passing, line, serial = (
-                reception.arrive(name, host, lambda data: None)
+                acceptor.arrive(name, host, lambda data: None)
                 for name, host in (
                     ("10.0.0.1:4", "10.0.0.1"),
                     ("10.0.0.1:5", "10.0.0.1"),
@@ -139,20 +139,20 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
                     ("/dev/ttyS0", "/dev/ttyS0"),
                 )
             )
-            assert len(reception.present_hosts()) == 3  # nobody has been heard on the two serial lines
+            assert len(acceptor.present_hosts()) == 3  # nobody has been heard on the two serial lines
             line.feed(b":GR#")
             serial.feed(b":")
-            assert len(reception.present_hosts()) == 5
+            assert len(acceptor.present_hosts()) == 5
             passing.close()
-            assert len(reception.present_hosts()) == 5  # it may open a connection for every command
+            assert len(acceptor.present_hosts()) == 5  # it may open a connection for every command
             one.close()
-            assert len(reception.present_hosts()) == 4  # its host is still here with another one
+            assert len(acceptor.present_hosts()) == 4  # its host is still here with another one
             await asyncio.sleep(11)
-            assert len(reception.present_hosts()) == 1
+            assert len(acceptor.present_hosts()) == 1
             other.close()
             line.close()
             await asyncio.sleep(11)
-            assert len(reception.present_hosts()) == 0
+            assert len(acceptor.present_hosts()) == 0
 
     run(program())
 

@@ -22,7 +22,7 @@ from gateway.mount.site.astrometry import SiteAstrometry
 from tests.support import sky_judge as judge
 from tests.support.sampling import as_a_rule
 
-COUNT = as_a_rule(100, whole=1000)
+COUNT = as_a_rule(80, whole=1000)
 FIRST = 94780800.0  # 1973-01-02, the table's first day
 CORNERS = [(90, 0), (-90, 0), (90, 180), (-90, -180), (0, 180), (0, -180), (-45, 180), (52, -180), (0, 0)]
 

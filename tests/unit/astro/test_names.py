@@ -96,7 +96,7 @@ def test_spelling_does_not_matter(typed: tuple[str, ...], same: tuple[str, ...])
     assert separation(first.ra, first.dec, second.ra, second.dec) < 1e-6
 
 
-@pytest.mark.parametrize(("typed", "told"), [
+@each(("typed", "told"), [
     ("Vegga", "there is no object 'Vegga'; did you mean Vega?"),
     ("Betelguese", "did you mean Betelgeuse or Betelgeux?"),
     ("Jupitr", "did you mean Jupiter?"),

@@ -15,6 +15,7 @@ import pytest
 from gateway.astro.ephemeris import closed_forms
 from gateway.astro.ephemeris import sky as sky_module
 from gateway.astro.ephemeris.sky import Sky
+from tests.support.each import each
 
 GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1987 April 10, 0h UT1
 UT1_UTC_1987 = -0.2910912  # the IERS, that day
@@ -145,8 +146,8 @@ def loaded() -> Sky:
     return sky
 
 
-@pytest.mark.parametrize("moment", [-1e300, -1e11, -2208988800.5, 0.0, 4102444800.0, 1e11, 1e300])
-@pytest.mark.parametrize(("lat", "lon"), [(90.0, 0.0), (-90.0, 180.0), (0.0, -540.0), (1e9, 1e9)])
+@each("moment", [-1e300, -1e11, -2208988800.5, 0.0, 4102444800.0, 1e11, 1e300])
+@each(("lat", "lon"), [(90.0, 0.0), (-90.0, 180.0), (0.0, -540.0), (1e9, 1e9)])
 def test_no_date_and_no_site_fails(loaded: Sky, moment: float, lat: float, lon: float) -> None:
     for sky in (loaded, Sky()):
         places = [
@@ -247,6 +248,7 @@ iers.LeapSeconds._today = staticmethod(lambda: Time("2045-01-01", scale="tai", f
 #: The first who asks astropy for something; what else its module loads is not counted.
 CONFIG = """
 from gateway.app.config.endpoints import parse_site
+from tests.support.each import each
 """
 SITE = """
 assert parse_site("48°30'N,11°30'E") == (48.5, 11.5)

@@ -120,7 +120,7 @@ def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:
     assert says in refused(*arguments)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "says"),
     [
         ('[mount]\nat = "nexstar@sim"\nlattitude = 3\n[[surface]]\nat = "lx200@tcp://:0"', "lattitude"),

@@ -14,6 +14,7 @@ from gateway.cli.command_line import COMMANDS, parser
 from gateway.cli.completion import SHELLS, script
 from gateway.cli.serve.settings import GROUPS
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 
 
 def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> str:
@@ -49,7 +50,7 @@ def test_run_has_every_key_in_its_group(capsys: pytest.CaptureFixture[str], monk
     assert "--sun" in safety and "--baud" not in safety
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@each("name", COMMANDS)
 def test_every_command_has_help_without_colours(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:

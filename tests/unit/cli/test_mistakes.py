@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import time
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,14 @@ from gateway.core.errors import UserError
 from gateway.system import processes
 from gateway.transport.device_link import DeviceLink
 from gateway.transport.wires import open_port
-from tests.support.process import GATEWAY, Running
+from tests.support.each import each
+from tests.support.process import PATIENCE, Running
 from tests.unit.cli.test_cli import refused
 
 PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "says"),
     [
         (["run", "lost.toml"], "lost.toml: there is no such file; mount-gateway detect --write lost.toml makes one"),
@@ -115,7 +117,7 @@ def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: py
 
 
 def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_path: Path) -> None:
-    gateway = Running("run", *PLAIN, "--state", str(tmp_path), by=GATEWAY)  # a child of this process
+    gateway = Running("run", *PLAIN, "--state", str(tmp_path))
     started.append(gateway)
     gateway.ready()
     number = gateway.process.pid
@@ -126,7 +128,9 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
     )
     os.kill(number, signal.SIGSTOP)
     try:
-        os.waitid(os.P_PID, number, os.WSTOPPED | os.WNOWAIT)
+        until = time.monotonic() + PATIENCE
+        while not processes.suspended(number):  # the signal takes a moment
+            assert time.monotonic() < until
         assert silent(number) == (
             f"the gateway (process {number}) does not answer: it is suspended (Ctrl-Z?), and kill -CONT {number} "
             f"resumes it; or end it with kill -9 {number}, then mount-gateway stop stops its mount without it"

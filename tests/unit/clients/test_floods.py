@@ -208,7 +208,7 @@ class _SecondFace:
         from gateway.mount.policy import Limits
 
         face = make_surface(Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
-        self.reception = ConnectionAcceptor(bridge.controller, face, Shared(), bridge.clock)
+        self.acceptor = ConnectionAcceptor(bridge.controller, face, Shared(), bridge.clock)
 
     async def __aenter__(self) -> Visitor:
         return Visitor(self, "10.0.0.2")

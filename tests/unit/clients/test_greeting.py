@@ -220,11 +220,11 @@ def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(
         answers: list[tuple[float, bytes]] = []
         async with Bridge(presented=protocol, surface=None) as bridge:
             loop = asyncio.get_running_loop()
-            caller = Caller(bridge.reception, transport, trusted=trusted)
+            caller = Caller(bridge.acceptor, transport, trusted=trusted)
             for line in lines:
                 if apart:
                     caller.close()
-                    caller = Caller(bridge.reception, transport, trusted=trusted)
+                    caller = Caller(bridge.acceptor, transport, trusted=trusted)
                 began, answer = loop.time(), await caller.ask(line.data, 2.0)
                 answers.append((round(loop.time() - began, 2), answer))
                 assert not caller.gone
@@ -256,7 +256,7 @@ def test_bytes_that_waited_are_framed_as_of_when_they_came() -> None:
 
     async def program() -> None:
         async with Bridge(presented="nexstar", surface="6-8se") as bridge:
-            caller = Caller(bridge.reception)
+            caller = Caller(bridge.acceptor)
             caller.tell(b"HE")
             await asyncio.sleep(3.0)
             assert await caller.ask(b"Kx") == b"x#"
@@ -268,7 +268,7 @@ def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line()
 
     async def program() -> None:
         async with Bridge() as bridge:
-            Caller(bridge.reception).tell(b"#:RS#:Q#:Me#")
+            Caller(bridge.acceptor).tell(b"#:RS#:Q#:Me#")
             await asyncio.sleep(1.0)
             assert bridge.controller.wanted.axes == {1}
 

@@ -45,7 +45,7 @@ def notes(bridge: Bridge) -> list[str]:
 async def own(mount: str, surface: str) -> set[bytes]:
     """What the gateway asks of a mount when its clients ask for the position alone."""
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
-        client = Caller(bridge.reception)
+        client = Caller(bridge.acceptor)
         for _ in range(8):
             await client.ask(QUESTION[surface])
             await asyncio.sleep(5.0)
@@ -65,7 +65,7 @@ def test_nothing_of_a_stranger_reaches_the_mount(mount: str, surface: str, trans
             strangers = GREETINGS if transport == "rfc2217" else {**GREETINGS, "Telnet": TELNET}
             for number, (name, data) in enumerate(strangers.items()):
                 before, said = len(bridge.sent()), len(notes(bridge))
-                caller = Caller(bridge.reception, transport, number=50000 + number)
+                caller = Caller(bridge.acceptor, transport, number=50000 + number)
                 if way == "whole":
                     caller.tell(data)
                 else:
@@ -79,7 +79,7 @@ def test_nothing_of_a_stranger_reaches_the_mount(mount: str, surface: str, trans
                 if way == "whole":
                     assert caller.heard.startswith(b"HTTP/1.1 400 ") if name in HTTP else True, name
                     assert caller.heard == b"" or name in HTTP or b"HTTP" in caller.heard, name
-            friend = Caller(bridge.reception, transport)
+            friend = Caller(bridge.acceptor, transport)
             assert await friend.ask(QUESTION[surface])
 
     run(program())
@@ -94,14 +94,14 @@ def test_strangers_of_the_same_host_are_no_sign_of_life(gone: bool, seconds: int
 
     async def program() -> None:
         async with Bridge() as bridge:
-            mover = Caller(bridge.reception)
+            mover = Caller(bridge.acceptor)
             mover.tell(b":RS#:Me#")
             await asyncio.sleep(1.0)
             assert bridge.controller.wanted.axes == {1}
             if gone:
                 mover.close()
             for number in range(seconds // 2):
-                Caller(bridge.reception, number=50001 + number).tell(GREETINGS["a visit"])
+                Caller(bridge.acceptor, number=50001 + number).tell(GREETINGS["a visit"])
                 await asyncio.sleep(2.0)
             assert bridge.controller.wanted.axes == set()
 
@@ -113,8 +113,8 @@ def test_what_a_stranger_has_sent_behind_its_greeting_is_not_heard_either() -> N
 
     async def program() -> None:
         async with Bridge() as bridge:
-            stranger = Caller(bridge.reception)
-            while bridge.controller.fair_scheduler.open():
+            stranger = Caller(bridge.acceptor)
+            while bridge.controller.fair_scheduler.try_acquire():
                 pass
             for piece in (b"POST / HTTP/1.1\r\n", b"Host: scope\r\n\r\n", b"#:RS#:Me#"):
                 stranger.tell(piece)
@@ -130,15 +130,15 @@ def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
 
     async def program() -> None:
         async with Bridge() as bridge:
-            first = Caller(bridge.reception)
+            first = Caller(bridge.acceptor)
             assert await first.ask(b":Sr05:34:32#") == b"1"
             first.close()
             await asyncio.sleep(40.0)
             for name in ("a visit", "TLS"):
-                Caller(bridge.reception).tell(GREETINGS[name])
-            assert len(bridge.reception.present_hosts()) == 0
+                Caller(bridge.acceptor).tell(GREETINGS[name])
+            assert len(bridge.acceptor.present_hosts()) == 0
             await asyncio.sleep(30.0)
-            assert await Caller(bridge.reception).ask(b":Gr#") != b"05:34:32#"
+            assert await Caller(bridge.acceptor).ask(b":Gr#") != b"05:34:32#"
 
     run(program())
 
@@ -155,22 +155,26 @@ def test_an_evening_with_strangers_replays(presented: str, tmp_path: Path) -> No
         transcript = WireLog(lambda: EVENING + loop.time())
         gateway = Gateway(config, surfaces, transcript, clock=transcript.clock)
         wire = SimulatedTransport("sim", make_simulator(gateway.mount, clock=transcript.clock).connection, 0.05)
-        head = {"began": transcript.clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
+        head = {
+            "began": transcript.clock(),
+            "config": {"mount": config, "surface": surfaces},
+            "past": gateway.previous_run,
+        }
         recorder = Recorder(path, loop.time, msgspec.to_builtins(head))
         transcript.sinks.append(recorder.put)
         gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
         gateway.begin()
         await asyncio.sleep(3.0)
         for number, name in enumerate(("a visit", "TLS", "SMTP", "a WebDAV merge")):
-            program = Caller(gateway.receptions[0], number=50000 + 2 * number)
-            stranger = Caller(gateway.receptions[0], number=50001 + 2 * number)
+            program = Caller(gateway.acceptors[0], number=50000 + 2 * number)
+            stranger = Caller(gateway.acceptors[0], number=50001 + 2 * number)
             await program.dribble(b"#" + question, (0.05,))
             await stranger.dribble(GREETINGS[name], (0.3,))
             assert stranger.gone
             await program.ask(sleep, 1.0)
             await program.ask(question)
             program.close()
-        short = Caller(gateway.receptions[0], number=51000)
+        short = Caller(gateway.acceptors[0], number=51000)
         await short.dribble(b"HEA", (0.1,))
         await short.ask(question)
         await gateway.close()

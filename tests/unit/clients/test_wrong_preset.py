@@ -27,8 +27,8 @@ LX200_ON_NEXSTAR = (
 def _listening(bridge: Bridge) -> list[str]:
     """What a person is told."""
     told: list[str] = []
-    bridge.reception.presets.warn = told.append
-    bridge.reception.presets.where = "tcp://127.0.0.1:4030"
+    bridge.acceptor.presets.warn = told.append
+    bridge.acceptor.presets.where = "tcp://127.0.0.1:4030"
     return told
 
 
@@ -50,7 +50,7 @@ def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> 
     async def play() -> None:
         async with Bridge() as bridge:
             told = _listening(bridge)
-            caller = Caller(bridge.reception, trusted=trusted)
+            caller = Caller(bridge.acceptor, trusted=trusted)
             caller.tell(said)
             await asyncio.sleep(2.9)
             assert told == []
@@ -76,7 +76,7 @@ def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
     async def play() -> None:
         async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
             told = _listening(bridge)
-            caller = Caller(bridge.reception)
+            caller = Caller(bridge.acceptor)
             caller.tell(said)
             await asyncio.sleep(3.1)
             assert told == [LX200_ON_NEXSTAR.format(shown)]
@@ -103,7 +103,7 @@ def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
     async def play() -> None:
         async with Bridge() as bridge:
             told = _listening(bridge)
-            Caller(bridge.reception).tell(said)
+            Caller(bridge.acceptor).tell(said)
             await asyncio.sleep(10.0)
             assert told == []
 
@@ -117,7 +117,7 @@ def test_a_program_that_asks_in_the_other_protocol_first_is_none() -> None:
         async with Bridge() as bridge:
             told = _listening(bridge)
             for number in range(3):
-                caller = Caller(bridge.reception, number=50000 + number)
+                caller = Caller(bridge.acceptor, number=50000 + number)
                 caller.tell(b"Ka")
                 await asyncio.sleep(2.0)
                 assert await caller.ask(b":GR#") != b""
@@ -132,11 +132,11 @@ def test_it_may_go_on_in_another_connection() -> None:
     async def play() -> None:
         async with Bridge() as bridge:
             told = _listening(bridge)
-            first = Caller(bridge.reception)
+            first = Caller(bridge.acceptor)
             first.tell(b"Ka")
             first.close()
             await asyncio.sleep(1.0)
-            assert await Caller(bridge.reception, number=50001).ask(b":GR#") != b""
+            assert await Caller(bridge.acceptor, number=50001).ask(b":GR#") != b""
             await asyncio.sleep(5.0)
             assert told == []
 
@@ -148,7 +148,7 @@ def test_a_program_that_gives_up_and_comes_again_is_told_of_once() -> None:
         async with Bridge() as bridge:
             told = _listening(bridge)
             for number in range(60):
-                caller = Caller(bridge.reception, number=50000 + number)
+                caller = Caller(bridge.acceptor, number=50000 + number)
                 caller.tell(b"V")
                 await asyncio.sleep(1.0)
                 caller.close()

@@ -15,7 +15,7 @@ from tests.support.each import each
 def test_programs_are_shown_with_what_they_speak() -> None:
     async def program() -> None:
         async with AnyBridge() as bridge:
-            gateway: Any = SimpleNamespace(names=lambda: ["any@tcp://127.0.0.1:4040"], receptions=[bridge.any])
+            gateway: Any = SimpleNamespace(names=lambda: ["any@tcp://127.0.0.1:4040"], acceptors=[bridge.any])
             shown = Programs(gateway)
             bridge.wire_log.sinks.append(shown.put)
             assert list(shown.told(0.0)) == []

@@ -91,11 +91,11 @@ def test_where_pages_only_look_programs_do_so_too(tmp_path: Path, rules: dict[st
 def test_no_page_asks_for_it_not_even_the_consoles_own(tmp_path: Path, headers: dict[str, str]) -> None:
     async def work() -> None:
         async with opened(tmp_path) as (gateways, ask):
-            before = len(gateways[0].wire_log.lately)
+            before = len(gateways[0].wire_log.recent)
             assert await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE, headers=headers) == 403
             assert await ask("GET", f"{API}0/name", headers=headers) == 403
             assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
-            assert len(gateways[0].wire_log.lately) == before
+            assert len(gateways[0].wire_log.recent) == before
 
     asyncio.run(work())
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from gateway.core.errors import NoAnswer
-from gateway.core.waiting import FEW, WAY, FairScheduler
+from gateway.core.waiting import HELD_AT_MOST, PER_ITERATION, FairScheduler
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.virtual import run
 
@@ -16,13 +16,13 @@ from tests.support.virtual import run
 async def _turns(stopping: Callable[[], bool], many: int) -> list[int]:
     """How many had gone on after each turn of the event loop, once the answer was there."""
     loop = asyncio.get_running_loop()
-    turnstile = FairScheduler(loop, stopping)
+    scheduler = FairScheduler(loop, stopping)
     answer = loop.create_future()
     task = loop.create_task(_wait(answer))
     through: list[int] = []
 
     async def one() -> None:
-        assert await turnstile.outcome(task) == "answer"
+        assert await scheduler.shared_result(task) == "answer"
         through.append(1)
 
     waiting = [loop.create_task(one()) for _ in range(many)]
@@ -44,33 +44,33 @@ def test_a_few_go_on_in_each_turn() -> None:
     counts = run(_turns(lambda: False, 200))
     steps = [after - before for before, after in zip([0, *counts], counts, strict=False)]
     assert counts[-1] == 200
-    assert max(steps) <= FEW
-    assert len(counts) <= 200 / FEW + 10
+    assert max(steps) <= PER_ITERATION
+    assert len(counts) <= 200 / PER_ITERATION + 10
 
 
 def test_no_crowd_goes_on_while_a_stop_makes_its_way_and_everybody_after_it() -> None:
     counts = run(_turns(lambda: True, 20))
-    assert counts[WAY - 1] <= FEW
+    assert counts[HELD_AT_MOST - 1] <= PER_ITERATION
     assert counts[-1] == 20
 
 
 def test_a_failure_reaches_everybody_and_who_gives_up_harms_nobody() -> None:
     async def program() -> None:
-        turnstile = FairScheduler(asyncio.get_running_loop(), lambda: False)
+        scheduler = FairScheduler(asyncio.get_running_loop(), lambda: False)
 
         async def fail() -> None:
             await asyncio.sleep(1)
             raise ValueError("no")
 
         task = asyncio.ensure_future(fail())
-        waiting = [asyncio.ensure_future(turnstile.outcome(task)) for _ in range(10)]
+        waiting = [asyncio.ensure_future(scheduler.shared_result(task)) for _ in range(10)]
         await asyncio.sleep(0.5)
         waiting[0].cancel()
         found = await asyncio.gather(*waiting, return_exceptions=True)
         assert isinstance(found[0], asyncio.CancelledError)
         assert all(isinstance(one, ValueError) for one in found[1:])
         with pytest.raises(ValueError, match="no"):
-            await turnstile.outcome(task)  # it is over: nothing to wait for
+            await scheduler.shared_result(task)  # it is over: nothing to wait for
 
     run(program())
 
@@ -106,7 +106,7 @@ def test_a_stop_that_comes_with_a_crowd_is_heard_before_it(stop: bytes) -> None:
             _ask(crowd)
             hand.tell(stop)
             assert bridge.controller.stops == before + 1
-            assert sum(bool(visitor.heard) for visitor in crowd) <= FEW
+            assert sum(bool(visitor.heard) for visitor in crowd) <= PER_ITERATION
             await asyncio.sleep(1.0)
             assert all(visitor.heard == b"Autostar#" for visitor in crowd)
             assert not bridge.controller.moving
@@ -191,18 +191,18 @@ def test_one_who_comes_to_grief_holds_up_nobody() -> None:
         loop = asyncio.get_running_loop()
         said: list[object] = []
         loop.set_exception_handler(lambda _, context: said.append(context["exception"]))
-        turnstile = FairScheduler(loop, lambda: False)
+        scheduler = FairScheduler(loop, lambda: False)
         through: list[int] = []
 
         def grief() -> None:
             raise ValueError
 
-        for number in range(3 * FEW):
-            turnstile.enter(grief if number == FEW else lambda number=number: through.append(number))
+        for number in range(3 * PER_ITERATION):
+            scheduler.run(grief if number == PER_ITERATION else lambda number=number: through.append(number))
         await asyncio.sleep(0.1)
-        assert through == [*range(FEW), *range(FEW + 1, 3 * FEW)]
+        assert through == [*range(PER_ITERATION), *range(PER_ITERATION + 1, 3 * PER_ITERATION)]
         assert len(said) == 1
-        assert turnstile.open()
+        assert scheduler.try_acquire()
 
     run(program())
 
@@ -210,9 +210,9 @@ def test_one_who_comes_to_grief_holds_up_nobody() -> None:
 def test_an_answer_that_was_cancelled_is_none_and_who_waited_for_it_goes_on() -> None:
     async def program() -> None:
         loop = asyncio.get_running_loop()
-        turnstile = FairScheduler(loop, lambda: False)
+        scheduler = FairScheduler(loop, lambda: False)
         task = loop.create_task(asyncio.sleep(100.0))
-        waiting = [loop.create_task(turnstile.outcome(task)) for _ in range(3)]
+        waiting = [loop.create_task(scheduler.shared_result(task)) for _ in range(3)]
         await asyncio.sleep(0.1)
         task.cancel()
         outcomes = await asyncio.gather(*waiting, return_exceptions=True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
+import io
 import sys
 from pathlib import Path
 from random import Random
@@ -111,17 +110,13 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
     assert ":GR#" in lines[-3]
 
 
-def test_a_terminal_without_a_degree_sign(tmp_path: Path) -> None:
-    path = tmp_path / "capture"
+def test_a_terminal_without_a_degree_sign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, shown = tmp_path / "capture", io.BytesIO()
     path.write_bytes(b":Sd+22*00:52#")
-    done = subprocess.run(
-        [sys.executable, "-m", "gateway", "decode", str(path)],
-        capture_output=True,
-        timeout=60.0,
-        env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
-    )
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert b"Dec +22?00'52\"" in done.stdout
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, "ascii"))
+    assert main(["decode", str(path)]) == 0
+    sys.stdout.flush()
+    assert b"Dec +22?00'52\"" in shown.getvalue()
 
 
 def words(path: Path, data: bytes, capsys: pytest.CaptureFixture[str], protocol: str) -> str:

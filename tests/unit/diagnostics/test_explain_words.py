@@ -30,7 +30,7 @@ def made(kind: type[op.Operation]) -> op.Operation:
     return kind(**values)
 
 
-@pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
+@each("kind", EVERY)
 def test_every_operation_has_words(kind: type[op.Operation]) -> None:
     words = meaning(made(kind))
     assert kind.__name__ not in words.split() and not re.search(r"[=<>]|None|\w\(", words), words

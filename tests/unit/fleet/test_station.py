@@ -156,7 +156,7 @@ def test_what_is_not_obeyed_is_refused_in_words(
             await until(lambda: there.happened("refused"))
             assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
             assert there.gateway.controller.stops == before and not there.happened("done")
-            assert why in there.gateway.wire_log.lately[-1].text
+            assert why in there.gateway.wire_log.recent[-1].text
 
     play(work())
 

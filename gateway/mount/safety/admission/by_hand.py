@@ -21,16 +21,16 @@ from gateway.core.errors import Fault, NearSun, PastMeridian
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.allow import can_be_told, leaving, past_meridian
-from gateway.mount.safety.stop_timing import SHORTEST
+from gateway.mount.safety.allow import leaving, meridian_known, past_meridian
+from gateway.mount.safety.stop_timing import MIN_INTERVAL
 from gateway.mount.safety.watch import LimitWatch
 
 #: Degrees of axis motion between two points of a stretch that are checked.
-STRIDE = 2.0
+STEP = 2.0
 #: Seconds; an older position does not say where a motion begins.
 OLD_POSITION = 6.0
 #: Seconds for which the effect of tracking is calculated.
-A_WHILE = 60.0
+TRACKING_AHEAD = 60.0
 
 
 class Start(NamedTuple):
@@ -46,10 +46,10 @@ class Start(NamedTuple):
     side: str | None = None
 
 
-def turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
+def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
     """How far an axis turns from the last position until a stop at the next one has ended the motion, degrees."""
     age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
-    return operation.sense * mount.speed(operation) * (mount.timing.reaction + SHORTEST + age)
+    return operation.sense * mount.speed(operation) * (mount.timing.reaction + MIN_INTERVAL + age)
 
 
 def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, float]:
@@ -68,10 +68,10 @@ def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[i
 
 def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
     """Check a stretch of so many degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
-    steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STRIDE))
+    steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STEP))
     here = start.seen
     for step in range(1, steps + 1):
-        soon = _soon(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
+        soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
         _check_step(mount, limits, start, here, soon)
         here = soon
 
@@ -83,14 +83,14 @@ def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatoria
     for now, then in zip(mount.suns.distances(seen), mount.suns.distances(soon), strict=True):
         if then < mount.suns.limit and then < now:
             raise NearSun
-    if limits.hour_angle is not None and start.status.equatorial and can_be_told(mount.driver.german, start.side):
+    if limits.hour_angle is not None and start.status.equatorial and meridian_known(mount.driver.german, start.side):
         sidereal = mount.astrometry.sidereal_time()
         now, then = (past_meridian(sidereal - place.ra, start.side) for place in (seen, soon))
         if then > limits.hour_angle + AT_LIMIT and then > now:
             raise PastMeridian
 
 
-def _soon(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
+def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
     """Return the position after the axes have turned by ``turns``, degrees."""
     first, second = turns.get(1, 0.0), turns.get(2, 0.0)
     if start.status.equatorial or mount.driver.moves_by_gotos:
@@ -115,7 +115,7 @@ class HandAdmission:
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.wanted.by_hand, operation.axis: operation}
-        turns = {axis: turn(mount, moving) for axis, moving in by_hand.items()}
+        turns = {axis: reaction_turn(mount, moving) for axis, moving in by_hand.items()}
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
@@ -132,7 +132,7 @@ class HandAdmission:
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
             return
         astrometry, seen = mount.astrometry, start.seen
-        soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * A_WHILE)  # where tracking will have carried it
+        soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * TRACKING_AHEAD)  # where tracking will have carried it
         before, after = astrometry.horizon(seen).alt + start.tilt, astrometry.horizon(soon).alt + start.tilt
         try:
             if leaving(limits, before, after):
@@ -140,7 +140,7 @@ class HandAdmission:
             if (
                 limits.hour_angle is not None
                 and start.status.equatorial
-                and can_be_told(mount.driver.german, start.side)
+                and meridian_known(mount.driver.german, start.side)
             ):
                 now = past_meridian(astrometry.sidereal_time() - seen.ra, start.side)
                 then = past_meridian(astrometry.sidereal_time() - soon.ra, start.side)
@@ -171,12 +171,12 @@ class HandAdmission:
         seen, age = readings.value(op.Position), readings.age(op.Position, mount.now())
         if seen is None or age > OLD_POSITION:
             seen = await self._ask.read(op.Position())
-        elif mount.now() - age < self._watch.rests_since and not mount.wanted.by_hand:  # it was still moving then
+        elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
             seen = await self._ask.read_now(op.Position())
         watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
         axis = self._watch.altitude_axis
-        return Start(seen, status, await axis.asked(self._ask) if axis.tells else 0.0, side)
+        return Start(seen, status, await axis.current_tilt(self._ask) if axis.available else 0.0, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""
@@ -189,10 +189,12 @@ class HandAdmission:
         told_directions = not mount.driver.implementation(op.AxisPosition)  # a Meade
         if status.equatorial and not by_motor and not told_directions:
             return 1  # the driver handles this
-        return (1 if told_directions else pole) * (-1 if await over(mount, self._ask, self._watch) else 1)
+        return (1 if told_directions else pole) * (
+            -1 if await beyond_pole_or_zenith(mount, self._ask, self._watch) else 1
+        )
 
 
-async def over(mount: Context, ask: Reader, watch: LimitWatch) -> bool:
+async def beyond_pole_or_zenith(mount: Context, ask: Reader, watch: LimitWatch) -> bool:
     """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
         return not watch.seen.upright

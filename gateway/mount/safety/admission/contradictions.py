@@ -70,12 +70,12 @@ def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradicti
         (place, who), others = sites[0], sites[1:]
         for other in others:
             if _apart(place, other.place) > SITE_MATTERS:
-                hint = mistaken(place, other.place)
+                hint = likely_mistake(place, other.place)
                 yield Contradiction(
                     other.place,
                     unix,
-                    f"{who} stands at {shown(place)}, {other.source} says "
-                    f"{shown(other.place)}{': ' * bool(hint)}{hint}",
+                    f"{who} stands at {site_text(place)}, {other.source} says "
+                    f"{site_text(other.place)}{': ' * bool(hint)}{hint}",
                 )
     for time in times[1:]:
         apart = abs(time.unix - unix)
@@ -91,13 +91,13 @@ def _apart(one: Place, other: Place) -> float:
     return separation(one.longitude, one.latitude, other.longitude, other.latitude)
 
 
-def shown(place: Place) -> str:
+def site_text(place: Place) -> str:
     """Return a site in the usual notation: ``45.0 N 10.0 E``."""
     north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
     return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
 
 
-def mistaken(one: Place, other: Place) -> str:
+def likely_mistake(one: Place, other: Place) -> str:
     """Return the likely mistake that turns one site into the other; empty if none fits."""
     written = {
         "the sign of a longitude looks wrong, east is positive": Place(one.latitude, -one.longitude),
@@ -123,18 +123,18 @@ def time_unknown(best: Time) -> bool:
     return best.source == COMPUTER and best.unix < EARLIEST
 
 
-def doubts(mount: Context) -> str:
+def contradiction_warning(mount: Context) -> str:
     """Return the contradictions as one warning line; empty if there are none."""
     found = [
         f"{words} (gotos that either of them would forbid are refused)"
         for place, _, words in contradictions(mount.sources.sites(), mount.sources.times())
         if place is not None
     ]
-    found += _park(mount)
+    found += _park_warning(mount)
     return f"WARNING: {'; '.join(found)}" if found else ""
 
 
-def _park(mount: Context) -> Iterator[str]:
+def _park_warning(mount: Context) -> Iterator[str]:
     """Yield a warning if the mount can be parked and its park position is beyond the limits."""
     limits, status = mount.policy.limits, mount.cache.value(GetStatus)
     if not mount.driver.implementation(Park) or status is None:

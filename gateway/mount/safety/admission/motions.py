@@ -19,7 +19,7 @@ from gateway.mount.context import Context
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
-from gateway.mount.safety.admission.by_hand import HandAdmission, over
+from gateway.mount.safety.admission.by_hand import HandAdmission, beyond_pole_or_zenith
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.allow import check_hour_angle, check_shaft
@@ -27,9 +27,9 @@ from gateway.mount.safety.sync_sum import check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, and between two checks.
-NEARLY, PAUSE = 2.5, 0.2
+GOTO_END, CHECK_EVERY = 2.5, 0.2
 #: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
-TELLS_ITS_SITE = 4.0
+SITE_TIMEOUT = 4.0
 
 
 class Admission:
@@ -43,13 +43,13 @@ class Admission:
         """Return the operation, if the limits allow it, in the form that this mount can carry out. Raises Fault."""
         if isinstance(operation, GOTOS):
             with contextlib.suppress(TimeoutError):  # a mount is asked for site and clock right after it was identified
-                async with asyncio.timeout(TELLS_ITS_SITE):
+                async with asyncio.timeout(SITE_TIMEOUT):
                     await self._mount.settled.wait()
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:
         self._mount.hold.admit(operation)
-        self._watch.dips = False
+        self._watch.path_leaves_limits = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._by_hand.check(operation)
@@ -59,7 +59,7 @@ class Admission:
             await self._by_hand.check_tracking()
         elif isinstance(operation, op.Park | op.Home):
             try:
-                await self._check_own_place(operation)
+                await self._check_park_or_home(operation)
             except Fault:
                 self._mount.driver.home_refused()
                 raise
@@ -100,7 +100,7 @@ class Admission:
 
     async def _admit_sync(self, operation: op.Sync) -> op.Operation:
         mount, limits = self._mount, self._mount.policy.limits
-        await self._goto_ends()
+        await self._wait_for_goto_end()
         if mount.movement.anything:
             raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
         status = await self._status()
@@ -111,28 +111,28 @@ class Admission:
             check_sum(limits.sync, mount.synced.value, here, wanted, status.equatorial)
         return mount.astrometry.to_mount(operation)
 
-    async def _goto_ends(self) -> None:
+    async def _wait_for_goto_end(self) -> None:
         """Wait briefly for the end of a goto: clients that compare positions assume its end a little too early."""
         mount = self._mount
-        until = mount.now() + NEARLY
+        until = mount.now() + GOTO_END
         while True:
             moving = mount.movement.now()
             if not moving.slewing or moving.by_hand or mount.now() >= until:
                 return
             if not await self._ask.read_now(op.Slewing()):
                 return
-            await asyncio.sleep(PAUSE)
+            await asyncio.sleep(CHECK_EVERY)
 
     # --- gotos ------------------------------------------------------------------------------------------------------
 
     async def _admit_goto(self, operation: op.Goto) -> op.Operation:
         mount, axis = self._mount, self._watch.altitude_axis
         limits = mount.policy.limits.narrowed(operation.lowest, operation.highest)
-        told = axis.tells
+        axis_known = axis.available
         goal = op.Equatorial(operation.ra, operation.dec)
-        await self._check_target(limits, goal, told)
-        await self._check_way(limits, goal)
-        check_contradictions(mount.sources, mount.astrometry.sky, limits, goal, not (told or axis.tells))
+        await self._check_target(limits, goal, axis_known)
+        await self._check_path(limits, goal)
+        check_contradictions(mount.sources, mount.astrometry.sky, limits, goal, not (axis_known or axis.available))
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
@@ -144,7 +144,7 @@ class Admission:
         goal = mount.astrometry.equatorial(operation)
         return await self._admit(op.Goto(goal.ra, goal.dec, fastest=operation.fastest))
 
-    async def _check_own_place(self, operation: op.Park | op.Home) -> None:
+    async def _check_park_or_home(self, operation: op.Park | op.Home) -> None:
         """Check where park or home leads. The owner's park position may have any altitude, but not be near the Sun."""
         mount, limits = self._mount, self._mount.policy.limits
         if isinstance(operation, op.Park):
@@ -160,14 +160,16 @@ class Admission:
         except (BelowHorizon, TooHigh) as fault:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
-    async def _check_target(self, limits: Limits, goal: op.Equatorial, told: bool) -> None:
-        """Raises BelowHorizon or TooHigh for a target. ``told``: the altitude axis can be read."""
+    async def _check_target(self, limits: Limits, goal: op.Equatorial, axis_known: bool) -> None:
+        """Raises BelowHorizon or TooHigh for a target. ``axis_known``: the altitude axis can be read."""
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
             mount.note_once("site unknown: gotos are not checked against the horizon")
             return
-        limits.check_altitude(altitude + (await self._watch.altitude_axis.asked(self._ask) if told else 0.0))
+        limits.check_altitude(
+            altitude + (await self._watch.altitude_axis.current_tilt(self._ask) if axis_known else 0.0)
+        )
         status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
@@ -178,7 +180,7 @@ class Admission:
         if not (await self._status()).equatorial:
             limits.check_altitude(wanted.alt)
             if mount.sources.site() is not None:
-                await self._check_way(limits, mount.astrometry.equatorial(wanted), (wanted.az, wanted.alt))
+                await self._check_path(limits, mount.astrometry.equatorial(wanted), (wanted.az, wanted.alt))
             return
         try:
             goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
@@ -190,9 +192,9 @@ class Admission:
             check_shaft(limits, wanted.az)
         else:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
-        await self._check_way(limits, goal, (wanted.az, wanted.alt))
+        await self._check_path(limits, goal, (wanted.az, wanted.alt))
 
-    async def _check_way(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
+    async def _check_path(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
         """Raises NearSun if a path comes too near to the Sun. ``axes`` are the target readings, if they are given.
 
         A path out of the circle around the Sun is clear if it never comes nearer than where it begins. Before the
@@ -210,19 +212,21 @@ class Admission:
         others = await self._pointing()
         here: op.Equatorial = await self._ask.read(op.Position())
         german = mount.driver.german is True
-        possible = slew_paths.possible(astrometry, german, status.equatorial, here, goal, axes, others)
+        possible = slew_paths.possible_paths(astrometry, german, status.equatorial, here, goal, axes, others)
         for sun in suns:
             allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
-            place = slew_paths.reading(astrometry, sun, status.equatorial)
+            place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
             if not all(clear(start, turned, place, allowed) for start, turned in possible):
                 raise NearSun("The way there passes too close to the Sun.")
-        forbidden = slew_paths.circles(astrometry, limits, status.equatorial, True in others)
+        forbidden = slew_paths.forbidden_circles(astrometry, limits, status.equatorial, True in others)
         stretch = mount.timing.reaction * mount.fastest
         for altitude, place, radius in forbidden:
             begins = ((start, _first(turned, stretch)) for start, turned in possible)
-            if not any(clear(*way, place, min(radius, separation(*way[0], *place) - 0.01)) for way in begins):
+            if not any(clear(*path, place, min(radius, separation(*path[0], *place) - 0.01)) for path in begins):
                 limits.check_altitude(altitude)
-        self._watch.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in possible)
+        self._watch.path_leaves_limits = not all(
+            clear(*path, place, radius) for _, place, radius in forbidden for path in possible
+        )
 
     async def _pointing(self) -> set[bool]:
         """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
@@ -233,7 +237,7 @@ class Admission:
         mount = self._mount
         site = mount.astrometry.site_clock.site()
         if not mount.driver.german or site is None:
-            return {False, not mount.driver.german and await over(self._mount, self._ask, self._watch)}
+            return {False, not mount.driver.german and await beyond_pole_or_zenith(self._mount, self._ask, self._watch)}
         # during a goto the mount reports the pier side of the target
         under_way = mount.movement.slewing and await self._ask.read_now(op.Slewing())
         side = None if under_way else await self._ask.tube_side()

@@ -20,7 +20,7 @@ from gateway.core import operations as op
 from gateway.mount.policy import Limits
 from gateway.mount.site.astrometry import SiteAstrometry
 
-Way = tuple[Pair, Pair]
+Path = tuple[Pair, Pair]
 #: By how much a sync may have shifted the axis readings of a fork from where it points.
 DISPLACED = 15.0
 #: Step along a path where it passes close to a circle, degrees; the greatest error is half of it.
@@ -35,7 +35,7 @@ class Circle(NamedTuple):
     radius: float
 
 
-def circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
+def forbidden_circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
     """Return the regions that the altitude limits forbid.
 
     A fork in alt-azimuth moves straight up or down. It passes higher than both ends of its path only when it returns
@@ -52,7 +52,7 @@ def circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: 
     return [circle for circle in (high, low) if circle.radius > 0.0]
 
 
-def reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) -> Pair:
+def sun_reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) -> Pair:
     """Return the axis readings at which this mount points at the Sun in the first way."""
     if equatorial:
         return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
@@ -60,7 +60,7 @@ def reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) ->
     return seen.az, seen.alt
 
 
-def possible(
+def possible_paths(
     astrometry: SiteAstrometry,
     german: bool,
     equatorial: bool,
@@ -68,20 +68,20 @@ def possible(
     goal: op.Equatorial,
     axes: Pair | None,
     others: set[bool],
-) -> list[Way]:
+) -> list[Path]:
     """Return the paths from ``here`` to ``goal``, or to the target readings ``axes`` if they are given.
 
     ``others`` says whether the axes may now point in the first of the two ways (False), the other (True), or both.
     """
     if not equatorial:
-        return [way for other in others for way in _either_way_round(_fork(astrometry, here, goal, axes, other))]
+        return [path for other in others for path in _both_directions(_fork(astrometry, here, goal, axes, other))]
     german = german and astrometry.site_clock.site() is not None
     geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE)
-    ways = [_polar(astrometry, geometry, here, goal, axes, other) for other in others]
-    return ways if german else [round_ for way in ways for round_ in _either_way_round(way)]
+    paths = [_polar(astrometry, geometry, here, goal, axes, other) for other in others]
+    return paths if german else [round_ for path in paths for round_ in _both_directions(path)]
 
 
-def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
+def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Path:
     """The path of an alt-azimuth fork; without a site, as if on a wedge. At the zenith ``axes`` give its azimuth."""
     if astrometry.site_clock.site() is None:
         start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
@@ -99,7 +99,7 @@ def _polar(
     goal: op.Equatorial,
     axes: Pair | None,
     other: bool,
-) -> Way:
+) -> Path:
     """The path of an equatorial mount; a German one goes to the pier side of its target."""
     begin, end = _hour_angle(astrometry, here), _hour_angle(astrometry, goal)
     if geometry.build is Build.GERMAN:
@@ -117,10 +117,10 @@ def _pointing(first: float, second: float, other: bool) -> Pair:
     return (first + 180.0, 180.0 - second) if other else (first, second)
 
 
-def _either_way_round(way: Way) -> Iterator[Way]:
+def _both_directions(path: Path) -> Iterator[Path]:
     """Yield the path, and for a turn of about 180 degrees also the one with the first axis turning the other way."""
-    start, (first, second) = way
-    yield way
+    start, (first, second) = path
+    yield path
     if abs(first) > 180.0 - DISPLACED:
         yield start, (first - copysign(360.0, first), second)
 

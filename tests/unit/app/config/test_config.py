@@ -38,7 +38,7 @@ def flags(*words: str) -> Config:
     return settings(parser.parse_args([*mount, "--surface", "lx200@tcp://:0", *words]))[0]
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "line", "says"),
     [
         (f"{MOUNT}equnox = 'jnow'\n{SURFACE}", 3, "[mount] equnox: there is no such key; did you mean 'equinox'?"),
@@ -106,7 +106,7 @@ def test_a_mistake_is_named_with_its_line(tmp_path: Path, text: str, line: int, 
     assert "\n" not in words
 
 
-@pytest.mark.parametrize(
+@each(
     ("one", "other", "clash"),
     [
         ("lx200@tcp://:4030", "nexstar@tcp://127.0.0.1:4030", True),

@@ -11,13 +11,14 @@ import pytest
 from gateway.app.config import make_config, read_tables
 from gateway.cli import main
 from gateway.core.errors import UserError
+from tests.support.each import each
 
 SURFACE = '[[surface]]\nat = "lx200@tcp://:0"\n'
 MOUNT = '[mount]\nat = "nexstar@sim"\n'
 NUL, ESCAPE = "\\u0000", "\\u001b"
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "line", "says"),
     [
         (f"{MOUNT}lowest = {'9' * 5000}\n{SURFACE}", 3, "this number has thousands of digits"),
@@ -47,7 +48,7 @@ def test_it_is_one_line_with_its_place(text: str, line: int, says: str, tmp_path
     assert says in str(told.value)
 
 
-@pytest.mark.parametrize(
+@each(
     "words",
     [
         ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--baud", "9" * 5000],

@@ -31,8 +31,8 @@ def house(**keys: str) -> tuple[House, list[Entry]]:
     surface = SurfaceConfig(at=TCP, **keys)  # type: ignore[arg-type]
     built = House(Mount())
     j2000 = EquinoxConverter(built.mount.sky, built.controller.clock)
-    face = replace(built.reception.binding, profiles=tuple(profiles("lx200", surface, j2000)))
-    built.reception.binding = face
+    face = replace(built.acceptor.binding, profiles=tuple(profiles("lx200", surface, j2000)))
+    built.acceptor.binding = face
     entries: list[Entry] = []
     built.controller.wire_log.sinks.append(entries.append)
     return built, entries
@@ -150,7 +150,7 @@ def test_an_explicit_key_beats_recognition() -> None:
     run(story())
 
 
-@pytest.mark.parametrize("path", files("lx200-*.txt"), ids=lambda path: path.stem)
+@each("path", files("lx200-*.txt"))
 def test_only_the_right_program_is_recognised(path: Path) -> None:
     """Every conversation that is known, from its first byte on."""
 

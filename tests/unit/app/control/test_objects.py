@@ -5,11 +5,12 @@ from __future__ import annotations
 import pytest
 
 from gateway.app.control.objects import beginning
+from tests.support.each import each
 
 MOST = 12
 
 
-@pytest.mark.parametrize(
+@each(
     ("typed", "first"),
     [
         ("ma", "Mars"),

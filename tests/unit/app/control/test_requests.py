@@ -26,7 +26,7 @@ class Owner:
 
     def __init__(self, bridge: Any, name: str = "") -> None:
         self.request_handler = RequestHandler(
-            bridge.controller, name, "nexstar@sim", lambda: bridge.reception.present_hosts()
+            bridge.controller, name, "nexstar@sim", lambda: bridge.acceptor.present_hosts()
         )
         self._controller = bridge.controller
 

@@ -74,7 +74,7 @@ def test_a_file_of_another_kind_is_left_alone(tmp_path: Path) -> None:
 
 def test_so_many_files_are_kept_and_it_is_said_once(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", []
-    recorder = _recorder(path, longest=1000, keep=3, say=said.append)
+    recorder = _recorder(path, longest=1000, keep=3, warn=said.append)
     _say(recorder, 1000)
     recorder.close()
     assert sorted(file.name for file in tmp_path.iterdir()) == ["night.rec", "night.rec.1", "night.rec.2"]
@@ -104,7 +104,7 @@ def test_parts_of_another_run_are_not_taken_for_its_beginning(tmp_path: Path) ->
     _recorder(path).close()
     Recorder(path, iter(range(10)).__next__, {**SETTINGS, "began": 1768600800.0}).close()
     assert read(path).parts == [path]
-    assert read(tmp_path / "night.rec.1").goes_on is None
+    assert read(tmp_path / "night.rec.1").continues_in is None
 
 
 def test_a_full_disk_is_told_at_once_and_what_was_written_stays_good(
@@ -115,7 +115,7 @@ def test_a_full_disk_is_told_at_once_and_what_was_written_stays_good(
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, hard))  # no file gets longer than this
     try:
-        recorder = _recorder(path, say=said.append)
+        recorder = _recorder(path, warn=said.append)
         for number in range(200):
             assert said or number < 140
             _say(recorder, 1)

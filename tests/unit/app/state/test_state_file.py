@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,13 @@ from hypothesis import strategies as st
 
 from gateway.app.state import file as state
 from gateway.app.state import store
-from gateway.app.state.file import FORMAT, SavedState, from_shared, read_kept, to_shared
+from gateway.app.state.file import FORMAT, SavedState, from_shared, read_state, to_shared
 from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
 from gateway.system.files import write_whole
+from tests.support.forked import POSSIBLE
 from tests.support.in_process_gateway import Bridge
+from tests.support.process import Running
 from tests.support.virtual import run
 
 PRINTABLE = "".join(chr(code) for code in range(32, 127) if chr(code) != "#")
@@ -62,7 +63,7 @@ def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
     path = tmp_path / "mount.json"
     for flush in (True, False):
         write_whole(path, state.encode(FULL), flush=flush)
-        assert read_kept(path) == FULL
+        assert read_state(path) == FULL
     assert os.listdir(tmp_path) == ["mount.json"]
     assert path.stat().st_mode & 0o777 == 0o600
 
@@ -109,8 +110,8 @@ def _begin(directory: Path) -> tuple[list[str], MountSettings]:
     async def program() -> tuple[list[str], MountSettings]:
         async with Bridge(state=directory) as bridge:
             assert await bridge.client().ask(b":GM#") != b""
-            assert bridge.keeping is not None
-            return bridge.warned, bridge.keeping.shared.settings
+            assert bridge.store is not None
+            return bridge.warned, bridge.store.shared.settings
 
     result: tuple[list[str], MountSettings] = run(program())
     return result
@@ -156,7 +157,7 @@ def test_a_file_cut_anywhere_is_read_or_refused_never_worse(tmp_path: Path) -> N
     for length in range(0, len(WHOLE.rstrip()), 7):
         path.write_bytes(WHOLE[:length])
         with pytest.raises(ValueError, match=r".+"):
-            read_kept(path)
+            read_state(path)
 
 
 def test_what_a_later_program_adds_is_no_reason_to_refuse(tmp_path: Path) -> None:
@@ -225,20 +226,14 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
             await client.ask(b":SNthree#")
 
     run(program())
-    assert to_shared(read_kept(tmp_path / "nexstar@bridge.json")).sites == {0: NamedSite("two"), 1: NamedSite("three")}
+    assert to_shared(read_state(tmp_path / "nexstar@bridge.json")).sites == {0: NamedSite("two"), 1: NamedSite("three")}
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the proof forks")
 def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
     """A taste of ``tests/soak/kill_saving.py``, which kills hundreds."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.soak.kill_saving", "--kills", "5", "--seed", "11"],
-        cwd=Path(__file__).parents[4],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    proof = str(Path(__file__).parents[3] / "soak" / "kill_saving.py")
+    done = Running(proof, "--kills", "5", "--seed", "11", by=None if POSSIBLE else [sys.executable]).told()
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -265,7 +260,7 @@ def test_a_burst_of_changes_is_few_writes_and_none_is_lost(tmp_path: Path, monke
             client.tell(b":SOlast#")
 
     run(program())
-    assert {index: site.name for index, site in read_kept(tmp_path / "nexstar@bridge.json").sites.items()} == {
+    assert {index: site.name for index, site in read_state(tmp_path / "nexstar@bridge.json").sites.items()} == {
         "0": "499",
         "1": "500",
         "2": "last",

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from gateway.app.state.file import read_mark
+from gateway.app.state.file import read_marker
 from gateway.astro.spherical import separation
 from gateway.core.operations import Tracking
 from tests.support.in_process_gateway import Bridge
@@ -211,7 +211,7 @@ def test_the_mark_tells_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
             await asyncio.sleep(2)
             path = _mark(tmp_path)
             assert path is not None
-            mark = read_mark(path)
+            mark = read_marker(path)
             assert mark is not None
             assert msgspec.to_builtins(mark) == {
                 "mount": "nexstar@bridge",

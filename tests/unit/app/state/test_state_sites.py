@@ -77,8 +77,8 @@ def test_a_program_that_selects_no_site_begins_with_the_one_selected_last(tmp_pa
             await asyncio.sleep(1)
         async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
             assert await bridge.client().ask(b":St+10*00#:Sg010*00#", until=b"11") == b"11"
-            assert bridge.keeping is not None
-            assert bridge.keeping.shared.settings.sites[2] == NamedSite(None, 10.0, -10.0)
+            assert bridge.store is not None
+            assert bridge.store.shared.settings.sites[2] == NamedSite(None, 10.0, -10.0)
 
     run(program())
 
@@ -89,13 +89,13 @@ def test_the_site_selected_last_stands_in_for_a_mount_that_knows_none(tmp_path: 
             client = bridge.client()
             client.tell(b":W1#:St+10*30#")
             await asyncio.sleep(1)
-            assert bridge.keeping is not None
-            assert selected_site(bridge.keeping.shared.settings) is None, "half a site is none"
+            assert bridge.store is not None
+            assert selected_site(bridge.store.shared.settings) is None, "half a site is none"
             client.tell(b":Sg010*00#")
             await asyncio.sleep(1)
         async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
-            assert bridge.keeping is not None
-            assert selected_site(bridge.keeping.shared.settings) == Place(10.5, -10.0)
+            assert bridge.store is not None
+            assert selected_site(bridge.store.shared.settings) == Place(10.5, -10.0)
 
     run(program())
 

@@ -289,7 +289,7 @@ def test_telnet_bytes_are_doubled_where_the_line_is_rfc_2217() -> None:
 
 def test_a_simulated_mount_of_the_gateway_itself_needs_none() -> None:
     gateway = Gateway(MountConfig(at="nexstar@sim"), [])
-    gateway._watch()
+    gateway._connect_watchdog()
     assert gateway.watched is None
 
 

@@ -115,7 +115,7 @@ def test_the_manuals_56700_is_57600() -> None:
     assert (finding.mount is not None, finding.baud) == (True, 57600)
 
 
-@pytest.mark.parametrize(("what", "equinox", "ways"), [
+@each(("what", "equinox", "ways"), [
     ("nexstar:nexstar-gps/1.2", "j2000", {"coordinates": "16 bits (E, R)", "sync": "the gateway's offset",
                                           "arrows": "small gotos", "tracking": "left to the mount"}),
     ("nexstar:cge/3.01", "j2000", {"coordinates": "precise (e, r)", "sync": "the gateway's offset", "tracking": "T"}),

@@ -80,7 +80,7 @@ def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: 
         assert side.reply(reply).words == answer
 
 
-@pytest.mark.parametrize(("protocol", "command", "words", "reply", "answer"), SAID)
+@each(("protocol", "command", "words", "reply", "answer"), SAID)
 def test_decode_and_the_log_have_the_same_words(
     protocol: str,
     command: bytes,

@@ -100,7 +100,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         transcript = WireLog(clock)
         gateway = Gateway(config, surfaces, transcript, clock=clock)
         wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).connection, 0.0731)
-        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
+        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.previous_run}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
         gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
@@ -112,7 +112,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
             await asyncio.sleep(0.31 * number)
             for turn in range(TURNS):
                 if turn % (TURNS // 3) == 0:
-                    guest = gateway.receptions[0].arrive(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
+                    guest = gateway.acceptors[0].arrive(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
                 guest.feed(words[turn * (number + 1) % len(words)])
                 await asyncio.sleep(random.uniform(0.1, 0.3))
 

@@ -99,9 +99,9 @@ def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longes
             loop.enter(recorded.gateway.wire_log.note, "mount", SKY_READY)
             await asyncio.sleep(seconds / 3)
             with contextlib.suppress(Exception):
-                await recorded.gateway.entrance.do("s", recorded.gateway.controller.stop)
-            recorded.gateway.entrance.tell("d", recorded.gateway.was_stopped)
-            await recorded.gateway.entrance.do("o", lambda: stopped(recorded.gateway.controller))
+                await recorded.gateway.entrance.carry_out("s", recorded.gateway.controller.stop)
+            recorded.gateway.entrance.apply_event("d", recorded.gateway.was_stopped)
+            await recorded.gateway.entrance.carry_out("o", lambda: stopped(recorded.gateway.controller))
             await asyncio.gather(*crowd)
 
     run_busy(night(), path.name)

@@ -51,7 +51,7 @@ def test_a_motion_that_is_not_seen_any_more_ends_before_the_limit(
             await ready(bridge, client, b"e")
             client.tell(motor)
             await extremes(bridge, 0.1 if from_the_first else 2.0)
-            bridge.controller.reader.position.disconnect(bridge.controller.watch.look)
+            bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
             low, high = await extremes(bridge, 10.0)
             assert 20.0 <= low <= high <= 80.0
             assert low < 28.0 or high > 72.0, "it is ended late, not at once"
@@ -66,7 +66,7 @@ def test_a_motion_that_was_ended_in_time_alarms_nobody() -> None:
             client = bridge.client()
             client.tell(UP)
             await asyncio.sleep(3.0)
-            bridge.controller.reader.position.disconnect(bridge.controller.watch.look)
+            bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
             client.tell(b"P\x02\x11\x24\0\0\0\0")
             await asyncio.sleep(60.0)
             assert altitude(bridge) < 75.0

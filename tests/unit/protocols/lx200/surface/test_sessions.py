@@ -1,4 +1,4 @@
-"""What one connection leaves to the next from the same host, through the product's own reception."""
+"""What one connection leaves to the next from the same host, through the product's own acceptor."""
 
 from __future__ import annotations
 
