@@ -70,7 +70,7 @@ MUTATIONS = [
     # --- answers that are believed
     Mutation(
         "whatever comes first is believed",
-        r'(def _wanted\(self, kind.*\n +""".*\n)',
+        r'(def _replies_needed\(self, kind.*\n +""".*\n)',
         r"\g<1>        return 1\n",
         ALTERED,
     ),

@@ -175,7 +175,7 @@ class Gateway:
             self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
         )
         self.bindings = factory.bindings
-        self.controller.identification.told.connect(lambda _: self._present_mount(factory.own))
+        self.controller.identification.identified.connect(lambda _: self._present_mount(factory.own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             self.acceptors.append(factory.make(number, endpoint, surface))
 

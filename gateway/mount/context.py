@@ -41,7 +41,7 @@ class Context:
         #: Astronomy with the best site and clock, for limits and horizon coordinates; and with those that clients see.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
-        self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
+        self.client_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
         self.hold, self.synced = Hold(), SyncTotal()
         self.suns = SunAvoidance(policy.limits.sun, sky, self.sources, self.settled, self.note_once)
 

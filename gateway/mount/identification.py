@@ -29,7 +29,7 @@ ASK_AGAIN = 1.0
 
 
 class Identification:
-    """Listens to the line. ``told`` is emitted whenever the mount was identified."""
+    """Listens to the line. ``identified`` is emitted whenever the mount was identified."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Identification:
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
         self._reader, self._own, self._sync, self._reconciler, self._ends = reader, own, sync, reconciler, ends
         self._asking: asyncio.Task[Any] | None = None
-        self.told: Signal[None] = Signal()
+        self.identified: Signal[None] = Signal()
         #: Something moved when the mount's port was lost.
         self._cut_short = False
         self._link.came_up.connect(self._on_up)
@@ -74,7 +74,7 @@ class Identification:
         if self._driver.goto_unconfirmed:  # poll the goto until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
         self._gate.try_next_read()
-        self._sync.doubt()
+        self._sync.pause()
         if self._asking is not None:
             self._asking.cancel()
         self._asking = self._context.tasks.spawn(self._identify())
@@ -97,7 +97,7 @@ class Identification:
                 await asyncio.sleep(ASK_AGAIN)
         if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
-        self.told.emit(None)
+        self.identified.emit(None)
         self._context.met.set()
         self._context.known.set()
         await self.learn(op.GetStatus())
@@ -119,7 +119,7 @@ class Identification:
                 self._context.note_once(str(fault))
             return False
         if place is not None:
-            self._reader.told(op.Position(), place)
+            self._reader.take(op.Position(), place)
             self._context.met.set()
         return True
 
@@ -139,6 +139,6 @@ class Identification:
             self._context.note(str(fault))
             return
         if isinstance(value, op.Place | op.Moment):
-            self._sync.heard(value)
+            self._sync.take_value(value)
         else:
             self._cache.put(type(operation), value, self._context.now())

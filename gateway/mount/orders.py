@@ -17,7 +17,7 @@ from gateway.core.waiting import Outcome, cancelled, failed, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import SETTING
-from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
+from gateway.mount.motion.apply import apply, equal_pending_halt, interrupted, too_late, without_superseded
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import HostActivity
@@ -74,13 +74,13 @@ class Orders:
         nothing_waits = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending)
         return driver.impossible(operation) if nothing_waits and not wanted.owed else None
 
-    def again(self, operation: op.Operation) -> bool:
+    def halt_is_pending(self, operation: op.Operation) -> bool:
         """Remove the pending orders that a halt ends; return whether an equal pending halt serves for this one."""
         reconciler = self._reconciler
         if self._movement.slewing or self._wanted.value.waiting_gotos:
             return False
-        wanted = take_back(self._wanted.value, operation)
-        same = does_for(wanted, operation)
+        wanted = without_superseded(self._wanted.value, operation)
+        same = equal_pending_halt(wanted, operation)
         reconciler.want(wanted if same is None else interrupted(wanted, same))
         return same is not None
 
@@ -88,10 +88,10 @@ class Orders:
         self,
         operation: op.Operation[_T],
         stops: int | None = None,
-        life: HostActivity | None = None,
+        activity: HostActivity | None = None,
         patience: float = inf,
     ) -> _T:
-        """Carry out an operation for the connection ``life``, and return its answer. Raises Fault.
+        """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
         ``stops`` is the count of stops when the client asked; the client stops waiting after ``patience`` seconds.
         """
@@ -102,34 +102,34 @@ class Orders:
         if isinstance(operation, op.Own):
             return cast(_T, await self._own.read(operation))
         try:
-            return cast(_T, await self._order(operation, stops, life, patience))
+            return cast(_T, await self._order(operation, stops, activity, patience))
         finally:
             if not isinstance(operation, op.Read):
                 self._own.forget()
 
     async def _order(
-        self, operation: op.Operation, stops: int | None, life: HostActivity | None, patience: float
+        self, operation: op.Operation, stops: int | None, activity: HostActivity | None, patience: float
     ) -> Any:
         """Carry out an operation whose answer is not shared between clients."""
         if isinstance(operation, op.AbortMotion):
             return await self._reconciler.stop()
         if isinstance(operation, MOTIONS):
-            value = await _ended(self._take(operation, stops, life, patience))
+            value = await _ended(self._take(operation, stops, activity, patience))
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self._context.astrometry.from_mount(value.place), value.text, value.reply)
             return value
         if type(operation) in PLACES:
-            return PLACES[type(operation)](self._context.told_astrometry, operation)
+            return PLACES[type(operation)](self._context.client_astrometry, operation)
         handler = self._handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
         return await self._runner.perform(operation, SETTING)
 
     def begin(
-        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
+        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], activity: HostActivity
     ) -> asyncio.Future[None]:
         """Carry out an operation without waiting for it; ``failed`` is called with the Fault if it fails."""
-        motion = self._take(operation, stops, life) if isinstance(operation, MOTIONS) else None
+        motion = self._take(operation, stops, activity) if isinstance(operation, MOTIONS) else None
 
         async def finish() -> None:
             try:
@@ -206,12 +206,12 @@ class Orders:
 
     async def _tube_side(self, _: op.TubeSide) -> str:
         driver = self._context.driver
-        told: str = await self._reader.read(op.PierSide())
+        reported: str = await self._reader.read(op.PierSide())
         if not driver.german:
             raise Unsupported("Only a German mount has two sides of the pier.")
-        if (side := driver.tube_side(told)) is not None:
+        if (side := driver.tube_side(reported)) is not None:
             return side
-        return told if self._context.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[told]
+        return reported if self._context.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[reported]
 
 
 async def _ended(outcome: Outcome) -> Any:

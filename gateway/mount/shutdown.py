@@ -28,7 +28,7 @@ LEFT = 1.0
 async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -> None:
     """Stop all motion and resume tracking; takes a few seconds at most, and raises nothing."""
     link = context.link
-    reconciler.no_more()  # orders that still wait in a connection are not begun any more
+    reconciler.refuse_earlier_orders()  # orders that still wait in a connection are not begun any more
     moved = reconciler.busy and link.state != "opening"
     if moved:
         await _stop(context, reconciler)

@@ -123,7 +123,7 @@ class Judge:
             ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._cache._readings), 40), ("deferred", len(client.runner._deferred), 4),
-            ("said", len(bridge.wire_log._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
+            ("said", len(bridge.wire_log._logged), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
             ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._left), 200),
         ):  # fmt: skip
             if size > most:

@@ -106,13 +106,13 @@ class DriverRunner:
             began = now()
             if driver.asleep:
                 self._gate.admit(ask, priority)
-            heard, times = await self._verifier.exchange(ask, priority)
+            reply, times = await self._verifier.exchange(ask, priority)
             late = late or now() - began > AT_ONCE
             if driver.asleep:
                 self._gate.answered(ask)
             exchanges += times
-            asked.append(heard.asked)
-            return heard.values
+            asked.append(reply.asked)
+            return reply.values
 
         try:
             value = await run_driver(steps, exchange, self.scheduled.emit, self._context.note_once)

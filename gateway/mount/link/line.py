@@ -30,7 +30,7 @@ OVERDUE = 2.0
 #: Seconds before each further attempt to open the port; the last one repeats.
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: How often the line is checked before it counts as down, and the factor by which the quiet before each check grows.
-PROOFS, QUIETER = 3, 3.0
+CHECKS, QUIETER = 3, 3.0
 
 
 class MountLink:
@@ -52,8 +52,8 @@ class MountLink:
         self.reopened: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time
-        self._spoken_on = False
-        self._proofs = 0
+        self._used_by_others = False
+        self._checks = 0
         #: Loop time of the first request since the last reply; None if every request was answered.
         self._silent_since: float | None = None
         self._task: asyncio.Task[None] | None = None
@@ -120,7 +120,7 @@ class MountLink:
 
     def distrust(self) -> None:
         """Check that the line is in step before it is used again: another process has written to the wire."""
-        self._spoken_on = True
+        self._used_by_others = True
         self.queue.wake()
 
     async def exchange(self, ask: Send, priority: int = READ) -> dict[str, Any]:
@@ -187,8 +187,8 @@ class MountLink:
     async def _serve(self) -> None:
         answered = False
         while not self.transaction.lost:
-            if self._spoken_on:
-                self._spoken_on = False
+            if self._used_by_others:
+                self._used_by_others = False
                 await self._recover()
             request = await self.queue.next(self.typical_rtt, self.transaction.quiet_needed, answered)
             answered = False
@@ -221,7 +221,7 @@ class MountLink:
         """Bring the line into step again, however long that takes; return early if the wire is lost."""
         began = self._now()
         while not self.transaction.lost:
-            if await self._prove():
+            if await self._resync():
                 self._up()
                 return
             self._down("the mount does not answer")
@@ -230,9 +230,9 @@ class MountLink:
             else:
                 await asyncio.sleep(1.0)
 
-    async def _prove(self) -> bool:
+    async def _resync(self) -> bool:
         """Drain the wire, then check that the line is in step, several times if need be; return whether it is."""
-        for attempt in range(PROOFS):
+        for attempt in range(CHECKS):
             await self.transaction.drain(QUIET * QUIETER**attempt)
             if not self.transaction.lost and await self.in_step():
                 return True
@@ -244,8 +244,8 @@ class MountLink:
 
     async def in_step(self) -> bool:
         """Whether every check command is answered as it should be, and nothing follows the last reply."""
-        self._proofs += 1
-        for ask in self.reply_rules.resync_commands(self._proofs):
+        self._checks += 1
+        for ask in self.reply_rules.resync_commands(self._checks):
             await asyncio.sleep(self.transaction.quiet_needed(ask))
             outcome = await self.transaction.exchange(ask, resync=True)
             if isinstance(outcome, Busy):

@@ -23,7 +23,7 @@ PULSES = 8
 
 def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Return what is wanted after an order. ``slewing``: the mount reports a goto under way. Raises Refused."""
-    return _ROWS.get(type(order.operation), _asked)(wanted, order, now, slewing)
+    return _ROWS.get(type(order.operation), _append)(wanted, order, now, slewing)
 
 
 def stopped(wanted: Wanted) -> Wanted:
@@ -36,7 +36,7 @@ def stopped(wanted: Wanted) -> Wanted:
     return replace(wanted, pending=pending, pulses=(), pressed=(), owed=True, stops=wanted.stops + 1)
 
 
-def does_for(wanted: Wanted, operation: op.Operation) -> Order | None:
+def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Order | None:
     """Return the pending equal halt that serves for this one as well; None if there is none.
 
     A halt that waits behind a goto serves only if no other order came between the two.
@@ -60,7 +60,7 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
         at=now + later.seconds,
         follow_up=True,
         urgent=later.urgent,
-        heard=later.heard,
+        heard=later.not_while_busy,
     )
     others = tuple(
         one
@@ -77,7 +77,7 @@ def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
 
 
-def take_back(wanted: Wanted, operation: op.Operation) -> Wanted:
+def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
     """Remove the pending orders that a halt, the end of gotos or a newer rate ends before they have begun."""
     pending = tuple(order for order in wanted.pending if not _ends(operation, order, order.number == wanted.active))
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
@@ -86,7 +86,7 @@ def take_back(wanted: Wanted, operation: op.Operation) -> Wanted:
 def interrupted(wanted: Wanted, halt: Order) -> Wanted:
     """Let a halt interrupt the active order, if that can be begun again after it."""
     active = next((order for order in wanted.pending if order.number == wanted.active), None)
-    if halt.rank != FIRST or active is None or not (isinstance(active.operation, BEGUN_ANEW) or active.hammered):
+    if halt.rank != FIRST or active is None or not (isinstance(active.operation, BEGUN_ANEW) or active.keeps_repeating):
         return wanted
     pending = tuple(replace(order, rank=RESUMED) if order is active else order for order in wanted.pending)
     return replace(wanted, pending=pending, active=0)
@@ -96,7 +96,7 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
     other = order.operation
     match operation:
         case op.StopAxis(axis=axis):
-            return axis_moved(other) == axis or pulses(order) == axis
+            return axis_moved(other) == axis or pulse_axis(order) == axis
         case op.AbortSlew():
             return isinstance(other, GOTOS)
         case op.Move() | op.MoveAxis() | op.TrackRate():
@@ -104,7 +104,7 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
     return False
 
 
-def pulses(order: Order) -> int | None:
+def pulse_axis(order: Order) -> int | None:
     """Return the axis of a guide pulse, its remainder or its end; None for all other orders."""
     match order.operation:
         case op.Pulse(direction=direction):
@@ -138,16 +138,16 @@ def due_at(wanted: Wanted, order: Order) -> float:
     """Return the loop time from which an order may be carried out."""
     if order.follow_up or not wanted.pulses:
         return order.at
-    axis = pulses(order)
+    axis = pulse_axis(order)
     return max((order.at, *(one.until for one in wanted.pulses if one.axis == axis)))
 
 
 # --- the rows -------------------------------------------------------------------------------------------------------
 
 
-def _asked(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _append(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the order, after removing what it supersedes."""
-    wanted = take_back(wanted, order.operation)
+    wanted = without_superseded(wanted, order.operation)
     return replace(wanted, pending=(*wanted.pending, order), asked=wanted.asked + 1)
 
 
@@ -156,26 +156,26 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     if order.by is not None and axis is not None:
         others = tuple(press for press in wanted.pressed if (press.who, press.axis) != (order.by.who, axis))
         wanted = replace(wanted, pressed=(*others, Press(order.by.who, axis, wanted.gotos)))
-    return _asked(wanted, order, now, slewing)
+    return _append(wanted, order, now, slewing)
 
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the goto in place of postponed gotos and waiting pulses, and count it: later arrows are newer."""
-    pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _gives_way(one))
-    return _asked(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
+    pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _replaced_by_goto(one))
+    return _append(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
 
 
-def _gives_way(order: Order) -> bool:
+def _replaced_by_goto(order: Order) -> bool:
     """Whether a newer goto replaces the order: a guide pulse, or a goto postponed until the mount accepts commands."""
     if isinstance(order.operation, GOTOS):
         return order.at > 0.0
-    return pulses(order) is not None and not order.follow_up
+    return pulse_axis(order) is not None and not order.follow_up
 
 
 def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     if sum(isinstance(other.operation, op.Pulse | op.PulseAxis) for other in wanted.pending) >= PULSES:
         raise Refused(f"{PULSES} guide pulses wait already: this one is dropped.")
-    return _asked(wanted, order, now, slewing)
+    return _append(wanted, order, now, slewing)
 
 
 def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -201,8 +201,10 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     clients keep repeating it.
     """
     axis = axis_ended(order.operation)
-    wanted = take_back(replace(wanted, pulses=tuple(one for one in wanted.pulses if one.axis != axis)), order.operation)
-    same = does_for(wanted, order.operation)
+    wanted = without_superseded(
+        replace(wanted, pulses=tuple(one for one in wanted.pulses if one.axis != axis)), order.operation
+    )
+    same = equal_pending_halt(wanted, order.operation)
     if same is not None:
         return interrupted(wanted, same)
     before = next((one for one in wanted.halted if one.operation == order.operation), None)
@@ -213,7 +215,7 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
         asked=wanted.asked,
         repeats=before.repeats + 1 if before is not None and again else 0,
     )
-    order = replace(order, rank=FIRST if order.overtakes and not order.hammered else IN_ORDER)
+    order = replace(order, rank=FIRST if order.overtakes and not order.keeps_repeating else IN_ORDER)
     return interrupted(replace(wanted, pending=(*wanted.pending, order)), order)
 
 
@@ -228,12 +230,12 @@ def _focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
         for other in wanted.pending
         if not (other.follow_up and ends_focus(other.operation) and other.number != wanted.active)
     )
-    return _asked(replace(wanted, pending=pending), order, now, slewing)
+    return _append(replace(wanted, pending=pending), order, now, slewing)
 
 
 def _sleep(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Forget the pressed arrows: a hibernating mount does not move."""
-    return _asked(replace(wanted, pressed=()), order, now, slewing)
+    return _append(replace(wanted, pressed=()), order, now, slewing)
 
 
 _ROWS: dict[type[op.Operation], Callable[[Wanted, Order, float, bool], Wanted]] = {

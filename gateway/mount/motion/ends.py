@@ -120,7 +120,7 @@ class EndWatch:
             rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
             self.ending = Ending(both | rest[0], max(speed, rest[1]), (self._now(),))
 
-    def moves(self, axes: Iterable[int]) -> None:
+    def superseded(self, axes: Iterable[int]) -> None:
         """Forget the end of axes that were set moving again."""
         if self.ending is not None:
             left = self.ending.axes - frozenset(axes)

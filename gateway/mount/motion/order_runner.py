@@ -26,7 +26,7 @@ from gateway.mount.safety.watch import LimitWatch
 from gateway.protocols.base.driver import FollowUps
 
 
-async def _nobody() -> None:
+async def _no_announcement() -> None:
     """The default of ``announce``: do nothing."""
 
 
@@ -40,7 +40,7 @@ class OrderRunner:
     def __init__(self, context: Context, follow_ups: FollowUps, runner: DriverRunner, admission: Admission) -> None:
         self._context, self._driver, self._movement = context, context.driver, context.movement
         self._follow_ups, self._runner, self._admission = follow_ups, runner, admission
-        self.announce: Callable[[], Awaitable[None]] = _nobody
+        self.announce: Callable[[], Awaitable[None]] = _no_announcement
         self.admitted = 0
 
     async def carry_out(self, order: Order, stop: Callable[[], Awaitable[None]]) -> tuple[op.Operation, Any]:
@@ -60,10 +60,10 @@ class OrderRunner:
             await self.announce()
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
-        priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
+        priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.keeps_repeating else STOP
         return operation, await self._runner.drive(self._driver.perform(operation), priority, since)
 
-    async def go_on_alone(self, stop: Callable[[], object]) -> None:
+    async def check_other_axis(self, stop: Callable[[], object]) -> None:
         """After the end of one axis, check that the other may move on alone; if not, call ``stop``."""
         try:
             await self._admission.still_allowed()
@@ -84,22 +84,27 @@ class Consequences:
     """Updates the cache and the watches once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
-        self, context: Context, gate: HibernationGate, told: ClientReadings, watch: LimitWatch, ends: EndWatch
+        self,
+        context: Context,
+        gate: HibernationGate,
+        client_readings: ClientReadings,
+        watch: LimitWatch,
+        ends: EndWatch,
     ) -> None:
         self._context, self._now, self._cache = context, context.now, context.cache
-        self._gate, self._told, self._watch, self._ends = gate, told, watch, ends
+        self._gate, self._client_readings, self._watch, self._ends = gate, client_readings, watch, ends
 
     def stop_sent(self, _: None) -> None:
         self._ends.sent((1, 2), self._watch.fastest)
 
     def at_rest(self, _: None) -> None:
-        self._told.ordered(op.AbortMotion(), self._watch.moved_by_others)
+        self._client_readings.ordered(op.AbortMotion(), self._watch.moved_by_others)
         self._watch.motion_ended()
         self._cache.put(op.Slewing, False, self._now())
 
     def begins(self, operation: op.Operation) -> None:
         """Handle an operation that the mount has acknowledged, before ``Wanted`` shows it."""
-        self._told.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
+        self._client_readings.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.began(operation)
 
@@ -107,11 +112,11 @@ class Consequences:
         """Handle an operation that the mount has acknowledged, after ``Wanted`` shows it."""
         operation, cache = done.operation, self._cache
         if isinstance(operation, GOTOS):
-            self._ends.moves((1, 2))
+            self._ends.superseded((1, 2))
             cache.put(op.Slewing, True, self._now())
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
-            self._ends.moves((operation.axis,))
+            self._ends.superseded((operation.axis,))
             cache.changed.emit(op.Position)  # no new position, but it must be polled more often from now on
         elif isinstance(operation, op.StopAxis):
             self._halted(operation.axis, done.before.by_hand.get(operation.axis))

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
 from gateway.core.motion_kinds import BY_HAND, ENDS, GOTOS, MOVING
-from gateway.mount.motion.apply import pulses
+from gateway.mount.motion.apply import pulse_axis
 from gateway.mount.motion.wanted import (
     FIRST,
     RESUMED,
@@ -23,9 +23,9 @@ from gateway.mount.motion.wanted import (
     FocusMotion,
     GuidePulse,
     Halted,
+    NotOrdered,
     Order,
     Slew,
-    Theirs,
     Wanted,
 )
 
@@ -40,24 +40,24 @@ class Done(NamedTuple):
     before: Wanted
 
 
-def over(wanted: Wanted, order: Order) -> Wanted:
+def removed(wanted: Wanted, order: Order) -> Wanted:
     """Remove an order that has ended in any way."""
     pending = tuple(other for other in wanted.pending if other.number != order.number)
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
 
 
-def done(wanted: Wanted, order: Order, now: float) -> Wanted:
+def carried_out(wanted: Wanted, order: Order, now: float) -> Wanted:
     """Remove an order that the mount has carried out; note the time if it was a halt."""
-    wanted = over(wanted, order)
+    wanted = removed(wanted, order)
     if not isinstance(order.operation, ENDS) or order.follow_up:
         return wanted
     others = tuple(one for one in wanted.halted if one.operation != order.operation)
     return replace(wanted, halted=(*others, Halted(order.operation, now, order.asked, order.repeats)))
 
 
-def refused(wanted: Wanted, order: Order) -> Wanted:
+def failed(wanted: Wanted, order: Order) -> Wanted:
     """Remove an order that failed. If it was a goto, releases of arrows that waited for it take effect after all."""
-    wanted = over(wanted, order)
+    wanted = removed(wanted, order)
     if isinstance(order.operation, ENDS):
         wanted = replace(wanted, halted=tuple(one for one in wanted.halted if one.operation != order.operation))
     released = [other for other in wanted.pending if other.unless == order.number]
@@ -77,14 +77,14 @@ def may_have_begun(order: Order, error: BaseException) -> bool:
     return unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
 
 
-def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float) -> Wanted:
+def acknowledged(wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float) -> Wanted:
     """Return what is wanted once the mount has acknowledged an operation, in the form in which it was admitted.
 
     ``speed`` is that of a motion by hand, degrees a second.
     """
     match operation:
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
-            void = {other.number for other in wanted.pending if other.unless == order.number or pulses(other)}
+            void = {other.number for other in wanted.pending if other.unless == order.number or pulse_axis(other)}
             pending = tuple(other for other in wanted.pending if other.number not in void)
             motion, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
             return replace(wanted, motion=motion, homed=homed, slews=wanted.slews + 1, pulses=(), pending=pending)
@@ -96,26 +96,26 @@ def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, spe
         case op.StopAxis():
             return _with(wanted, operation.axis, None)
         case op.AbortSlew():
-            return replace(wanted, motion=Theirs()) if isinstance(wanted.motion, Slew) else wanted
+            return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
         case op.Hibernate():
-            return replace(wanted, motion=Theirs())
+            return replace(wanted, motion=NotOrdered())
         case op.Focus(direction=direction):
             return replace(wanted, focus=FocusMotion(order.by, now) if direction else None)
     return wanted
 
 
 def at_rest(wanted: Wanted) -> Wanted:
-    return replace(wanted, motion=Theirs(), owed=False)
+    return replace(wanted, motion=NotOrdered(), owed=False)
 
 
 def arrived(wanted: Wanted) -> Wanted:
     """Note that the goto under way has ended, wherever it did."""
-    return replace(wanted, motion=Theirs()) if isinstance(wanted.motion, Slew) else wanted
+    return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
 
 
 def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
     """Note a guide pulse that began, and add the order for its end or its remainder, with this ``number``."""
-    axis, until = pulses(order), now + pulse.seconds
+    axis, until = pulse_axis(order), now + pulse.seconds
     assert axis is not None
     others = tuple(one for one in wanted.pulses if one.axis != axis)
     wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until)))
@@ -135,19 +135,19 @@ def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
     by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
     if isinstance(wanted.motion, Slew) and motion is None:
         return wanted
-    return replace(wanted, motion=by_hand if by_hand.first or by_hand.second else Theirs())
+    return replace(wanted, motion=by_hand if by_hand.first or by_hand.second else NotOrdered())
 
 
 def _without_pulses(wanted: Wanted, axis: int) -> Wanted:
     """Remove the guide pulses of an axis, and their ends, which would end the motion by hand that replaces them."""
-    pending = tuple(order for order in wanted.pending if pulses(order) != axis or order.number == wanted.active)
+    pending = tuple(order for order in wanted.pending if pulse_axis(order) != axis or order.number == wanted.active)
     return replace(wanted, pending=pending, pulses=tuple(one for one in wanted.pulses if one.axis != axis))
 
 
 # --- orders that wait for a mount that accepts no commands ------------------------------------------------------------
 
 
-def patient(order: Order) -> bool:
+def can_be_postponed(order: Order) -> bool:
     """Whether the order waits while the mount accepts no commands: a goto (the newest only), a tracking mode or rate.
 
     A retried end waits too, for as long as it takes. Motions by hand and pulses never wait, because they are no longer
@@ -161,7 +161,7 @@ def may_wait(order: Order, now: float) -> bool:
     return order.heard or now < min(order.since + LONGEST, order.until)
 
 
-def forsaken(order: Order) -> bool:
+def client_disconnected(order: Order) -> bool:
     """Whether the order is a goto whose client has disconnected: it is not begun any more."""
     return isinstance(order.operation, GOTOS) and order.by is not None and order.by.closed is not None
 

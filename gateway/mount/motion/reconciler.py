@@ -23,11 +23,18 @@ from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
+from gateway.mount.motion.apply import equal_pending_halt, next_moment, next_operation, planned, stopped
 from gateway.mount.motion.order_runner import OrderRunner
-from gateway.mount.motion.outcomes import Done, forsaken, may_have_begun, may_wait, patient, postponed
+from gateway.mount.motion.outcomes import (
+    Done,
+    can_be_postponed,
+    client_disconnected,
+    may_have_begun,
+    may_wait,
+    postponed,
+)
 from gateway.mount.motion.stopping import Stopping
-from gateway.mount.motion.wanted import RESUMED, Order, Theirs, Wanted
+from gateway.mount.motion.wanted import RESUMED, NotOrdered, Order, Wanted
 from gateway.protocols.base.driver import Schedule
 
 #: Seconds between two attempts to halt a focuser whose mount does not reply.
@@ -59,7 +66,7 @@ class Reconciler:
         self._stopping = Stopping(context, runner)
         self.stop_sent, self.at_rest = self._stopping.sent, self._stopping.at_rest
         self.at_rest.connect(lambda _: self._want(outcomes.at_rest(self.wanted)))
-        self._stopping.over.connect(lambda _: self._go_on())
+        self._stopping.ended.connect(lambda _: self._start_next())
         runner.scheduled.connect(self.plan)
         runner.broken.connect(self._is_broken)
         self._timer: asyncio.TimerHandle | None = None
@@ -85,9 +92,9 @@ class Reconciler:
         if asked:
             self._outcomes[order.number] = waiting.new_outcome()
         self._want(after)
-        same = order if asked else does_for(after, order.operation)
+        same = order if asked else equal_pending_halt(after, order.operation)
         outcome = self._outcomes.get(same.number) if same is not None else None
-        self._go_on()
+        self._start_next()
         return outcome if outcome is not None else waiting.finished()
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
@@ -96,7 +103,7 @@ class Reconciler:
 
     def want(self, wanted: Wanted) -> None:
         self._want(wanted)
-        self._go_on()
+        self._start_next()
 
     def plan(self, later: Schedule) -> None:
         """Carry out a follow-up after some seconds; it replaces an equal one that still waits."""
@@ -108,7 +115,7 @@ class Reconciler:
 
     # --- stops ------------------------------------------------------------------------------------------------------
 
-    def no_more(self) -> None:
+    def refuse_earlier_orders(self) -> None:
         """Refuse operations that clients asked for before now and that were not ordered yet."""
         self._put(replace(self.wanted, stops=self.wanted.stops + 1))
 
@@ -160,12 +167,12 @@ class Reconciler:
             if self._work is not None and (wanted.active != self._active or self._active not in left):
                 self._work.cancel()
 
-    def _go_on(self) -> None:
+    def _start_next(self) -> None:
         """Begin the order that is due, unless another is being carried out; if none is due, set a timer."""
         if self.closed or self._work is not None or self._stopping.task is not None:
             return
         order = next_operation(self.wanted, self._loop.time()) if self.wanted.pending else None
-        while order is not None and self._link.occupied and patient(order):
+        while order is not None and self._link.occupied and can_be_postponed(order):
             self._postpone(order)
             order = next_operation(self.wanted, self._loop.time())
         if self._timer is not None:
@@ -177,17 +184,17 @@ class Reconciler:
             self._work = self._loop.create_task(self._orders.carry_out(order, self.stop))
             self._work.add_done_callback(partial(self._has_ended, order))
         elif self.wanted.pending and (moment := next_moment(self.wanted)) is not None:
-            self._timer = self._loop.call_at(moment, self._go_on)
+            self._timer = self._loop.call_at(moment, self._start_next)
 
     def _postpone(self, order: Order) -> None:
         """Postpone an order, because the mount accepts no commands now; refuse it if it has waited too long."""
         now = self._loop.time()
-        if may_wait(order, now) and not forsaken(order):
+        if may_wait(order, now) and not client_disconnected(order):
             self._want(postponed(self.wanted, order, now))
             return
-        if not forsaken(order) and (outcome := self._outcomes.pop(order.number, None)) is not None:
+        if not client_disconnected(order) and (outcome := self._outcomes.pop(order.number, None)) is not None:
             outcome.set_exception(Busy())
-        self._want(outcomes.refused(self.wanted, order))
+        self._want(outcomes.failed(self.wanted, order))
 
     def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
         self._work, self._active = None, 0
@@ -198,24 +205,24 @@ class Reconciler:
                 self._was_interrupted(order, outcome)
             elif outcome is not None:
                 outcome.cancel()
-                self._want(outcomes.over(self.wanted, order))
+                self._want(outcomes.removed(self.wanted, order))
         elif (error := work.exception()) is not None:
             self._has_failed(order, error, outcome)
         elif order.rank >= 0:
             operation, value = work.result()
             if outcome is not None:
                 outcome.set_result(value)
-            self._has_been_taken(order, operation, value)
-        self._go_on()
+            self._has_succeeded(order, operation, value)
+        self._start_next()
 
-    def _keep(self, order: Order, outcome: Outcome | None) -> None:
+    def _keep_outcome(self, order: Order, outcome: Outcome | None) -> None:
         """Keep the outcome: the order is not decided yet."""
         if outcome is not None:
             self._outcomes[order.number] = outcome
 
     def _was_interrupted(self, order: Order, outcome: Outcome | None) -> None:
         """Leave the order pending: it is begun again after the end. A motion by hand may have begun already."""
-        self._keep(order, outcome)
+        self._keep_outcome(order, outcome)
         if isinstance(order.operation, op.Move | op.MoveAxis):
             self._moves(order, order.operation)
 
@@ -224,19 +231,19 @@ class Reconciler:
         if (
             isinstance(error, Busy)
             and order.rank >= 0
-            and patient(order)
+            and can_be_postponed(order)
             and may_wait(order, now)
             and self._link.worked_after(order.since)
         ):  # the mount began a long operation while this order was prepared
-            self._keep(order, outcome)
+            self._keep_outcome(order, outcome)
             self._want(postponed(self.wanted, order, now))
             return
         if outcome is not None:
             outcome.set_exception(error)
         if order.rank < 0:  # no longer wanted
             return
-        self._want(outcomes.refused(self.wanted, order))
-        half_begun = may_have_begun(order, error) or self._has_cut_in(order)
+        self._want(outcomes.failed(self.wanted, order))
+        half_begun = may_have_begun(order, error) or self._may_have_interrupted(order)
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
             self._end_focus_again(order)
@@ -245,7 +252,7 @@ class Reconciler:
         if (not_ended or half_begun) and isinstance(error, Fault):  # something may move that should not
             self.begin_stop()
 
-    def _has_cut_in(self, order: Order) -> bool:
+    def _may_have_interrupted(self, order: Order) -> bool:
         """Whether a failed goto may have ended the motion before it, or left tracking suspended."""
         sent = isinstance(order.operation, GOTOS) and self._orders.admitted == order.number
         return sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
@@ -255,9 +262,9 @@ class Reconciler:
         if not any(isinstance(one.operation, op.Focus) for one in self.wanted.pending):
             self.plan(Schedule(FOCUS_AGAIN, order.operation))
 
-    def _has_been_taken(self, order: Order, operation: op.Operation, value: Any) -> None:
+    def _has_succeeded(self, order: Order, operation: op.Operation, value: Any) -> None:
         now = self._loop.time()
-        self._want(outcomes.done(self.wanted, order, now))
+        self._want(outcomes.carried_out(self.wanted, order, now))
         if isinstance(value, op.Pulsed):
             self._want(outcomes.pulsed(self.wanted, order, value, next(self.numbers), now))
             if not value.ends:
@@ -271,10 +278,10 @@ class Reconciler:
         before = self.wanted
         self.begins.emit(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
-        self._want(outcomes.taken(before, order, operation, self._loop.time(), speed))
+        self._want(outcomes.acknowledged(before, order, operation, self._loop.time(), speed))
         self.done.emit(Done(operation, before))
         if isinstance(operation, op.StopAxis) and self.wanted.by_hand:
-            self._context.tasks.spawn(self._orders.go_on_alone(self.begin_stop))
+            self._context.tasks.spawn(self._orders.check_other_axis(self.begin_stop))
         self.lasting.emit(None)
 
     def close(self) -> None:
@@ -283,4 +290,4 @@ class Reconciler:
         self._stopping.close()
         if self._timer is not None:
             self._timer.cancel()
-        self._want(replace(self.wanted, pending=(), active=0, motion=Theirs()))
+        self._want(replace(self.wanted, pending=(), active=0, motion=NotOrdered()))

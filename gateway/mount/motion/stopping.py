@@ -28,14 +28,14 @@ AGAIN = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 class Stopping:
     """Sends stops. ``sent`` is emitted when the commands of a stop were sent, ``at_rest`` when the mount has
-    acknowledged them, and ``over`` when an attempt has ended, with or without success.
+    acknowledged them, and ``ended`` when an attempt has ended, with or without success.
     """
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._driver, self._link, self._runner = context, context.driver, context.link, runner
         self.sent: Signal[None] = Signal()
         self.at_rest: Signal[None] = Signal()
-        self.over: Signal[None] = Signal()
+        self.ended: Signal[None] = Signal()
         self._closed = False
         self._loop = asyncio.get_running_loop()
         #: The stop that is being sent; no order is begun during it.
@@ -50,7 +50,7 @@ class Stopping:
         """
         if self.task is None or self.task.done():
             self.task = self._loop.create_task(self._send(given_up))
-            self.task.add_done_callback(self._ended)
+            self.task.add_done_callback(self._attempt_ended)
         return self.task
 
     async def _send(self, given_up: asyncio.Task[Any] | None) -> None:
@@ -74,16 +74,16 @@ class Stopping:
         with contextlib.suppress(Fault):  # it is retried if the next position shows that the axis still moves
             await self._runner.perform(StopAxis(axis), STOP)
 
-    def _ended(self, task: asyncio.Task[None]) -> None:
+    def _attempt_ended(self, task: asyncio.Task[None]) -> None:
         mark_retrieved(task)
         if self.task is task:
             self.task = None
-        self.over.emit(None)
+        self.ended.emit(None)
         if task.cancelled() or not isinstance(task.exception(), NoAnswer | Busy):
             self._times = 0
         elif self._times < len(AGAIN):
             self._cancel()
-            self._timer = self._loop.call_later(AGAIN[self._times], self._once_more, self._to_be_ended())
+            self._timer = self._loop.call_later(AGAIN[self._times], self._retry, self._owed_for())
         else:
             self._times = 0
             self._context.note(
@@ -91,15 +91,15 @@ class Stopping:
                 "still be moving; stop it at its hand control, or switch it off"
             )
 
-    def _to_be_ended(self) -> object:
+    def _owed_for(self) -> object:
         """Return the motion for which a stop is owed; None if none is owed, or another motion is pending."""
         wanted = self._context.wanted.value
         coming = any(isinstance(order.operation, MOVING) for order in wanted.pending)
         return None if self._closed or coming or not wanted.owed else wanted.motion
 
-    def _once_more(self, motion: object) -> None:
+    def _retry(self, motion: object) -> None:
         """Send the stop again if it is still owed for the same motion. If the line is lost, it is sent at reopening."""
-        if self._to_be_ended() is motion is not None and self.task is None and self._link.usable:
+        if self._owed_for() is motion is not None and self.task is None and self._link.usable:
             self._times += 1
             self.send(None)
         elif self.task is None:

@@ -2,7 +2,7 @@
 
 ``pending`` holds the orders that are not carried out yet, ``motion`` what the mount has acknowledged. Orders change the
 first, outcomes move them to the second. Any other motion belongs to the person beside the mount, and the gateway wants
-nothing of it (``Theirs``). ``Movement`` reports what moves by the gateway's orders at a moment.
+nothing of it (``NotOrdered``). ``Movement`` reports what moves by the gateway's orders at a moment.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Order(Struct, frozen=True):
     asked: int = 0
 
     @property
-    def hammered(self) -> bool:
+    def keeps_repeating(self) -> bool:
         """Whether this is a halt that a client keeps repeating, and that can wait for its turn."""
         return self.repeats > AT_ONCE
 
@@ -82,7 +82,7 @@ class Slew(Struct, frozen=True):
     since: float
 
 
-class Theirs(Struct, frozen=True):
+class NotOrdered(Struct, frozen=True):
     """No motion by the gateway's orders: the mount tracks, rests, or is moved at its hand control."""
 
 
@@ -125,7 +125,7 @@ class Wanted(Struct, frozen=True):
     was sent home, and no order has moved it since.
     """
 
-    motion: Theirs | Slew | ByHand = Theirs()
+    motion: NotOrdered | Slew | ByHand = NotOrdered()
     focus: FocusMotion | None = None
     pending: tuple[Order, ...] = ()
     pulses: tuple[GuidePulse, ...] = ()

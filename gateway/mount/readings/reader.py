@@ -41,11 +41,13 @@ class Reader:
     ``goto_over`` when the mount reports that a goto has ended.
     """
 
-    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, told: ClientReadings) -> None:
+    def __init__(
+        self, context: Context, runner: DriverRunner, fair: FairScheduler, client_readings: ClientReadings
+    ) -> None:
         self._context, self._driver, self._now, self._link, self._cache = (
             context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
-        self._runner, self._fair, self._told = runner, fair, told
+        self._runner, self._fair, self._client_readings = runner, fair, client_readings
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
         self._exchanges: dict[Kind, int] = {}
         self.position: Signal[op.Equatorial] = Signal()
@@ -81,9 +83,9 @@ class Reader:
         except TimeoutError:
             fault = NoAnswer()
         else:
-            self._told.answered(type(operation))
+            self._client_readings.answered(type(operation))
             return answer
-        last = self._told.last(type(operation))
+        last = self._client_readings.last(type(operation))
         if last is NOT_CACHED:
             raise fault
         return last
@@ -93,19 +95,19 @@ class Reader:
 
         A position that was requested before the last motion order is outdated: the mount is asked again.
         """
-        kind, told = type(operation), self._told
-        value = told.peek(operation)
+        kind, client_readings = type(operation), self._client_readings
+        value = client_readings.peek(operation)
         answer: Any = NOT_CACHED
         for _ in range(TRIES):
-            if value is NOT_CACHED and (source := told.source(kind)) is not None:
+            if value is NOT_CACHED and (source := client_readings.source(kind)) is not None:
                 await self.answer(source())
-                value = told.peek(operation)
+                value = client_readings.peek(operation)
             if value is not NOT_CACHED:
                 return value
             answer = await self.asked(operation)
             if kind not in POSITIONS:
                 return answer
-            value = told.peek(operation)
+            value = client_readings.peek(operation)
         return answer if value is NOT_CACHED else value
 
     async def read(self, operation: op.Operation[_T]) -> _T:
@@ -166,7 +168,7 @@ class Reader:
         if isinstance(operation, op.HorizontalPosition) and value is None:
             source, value = op.Position, self._astrometry.horizon(await self.read(op.Position()))
         if source is not None:
-            self._told.calculated_from(kind, source)
+            self._client_readings.calculated_from(kind, source)
         self._fold(kind, value)
         return value
 
@@ -188,7 +190,7 @@ class Reader:
         elif kind is op.AxisPosition:
             self.axes.emit(value)
 
-    def told(self, operation: op.Operation, value: Any) -> None:
+    def take(self, operation: op.Operation, value: Any) -> None:
         """Take a reading that the mount reported in an exchange of another part."""
         self._fold(type(operation), self._taken(operation, value))
 
@@ -211,7 +213,7 @@ class Reader:
         if isinstance(value, op.Equatorial | op.Horizontal):
             half = self._link.typical_rtt / 2.0
             first, second = self._driver.read_at or (self._now(), self._now())
-            self._told.take(type(operation), value, self._runner.asked_at, (first - half, second - half))
+            self._client_readings.take(type(operation), value, self._runner.asked_at, (first - half, second - half))
         return value
 
     async def _while_it_rests(self, operation: op.Operation) -> Any:
@@ -232,7 +234,7 @@ class Reader:
         slew = self._wanted.value.motion
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
-        self._told.outdate()
+        self._client_readings.outdate()
         here = await self.answer(op.Position())
         if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self._wanted.axes:
             goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))

@@ -46,7 +46,7 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = SIGHT)
     A mount that hibernates is at rest and is not asked.
     """
     looks: deque[Look] = deque()
-    rate, trouble = None, Fault("it has not told where it is")
+    rate, trouble = None, Fault("the mount has not reported its position")
     apart = max(APART, context.driver.resolution / CREEP)
     try:
         async with asyncio.timeout(seconds):

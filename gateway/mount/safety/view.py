@@ -69,7 +69,7 @@ class View(Struct, frozen=True):
         seen = self.seen
         assert seen.before is not None
         assert seen.last is not None
-        return ahead(rate, earlier, seen.told, seen.before.at - seen.began, seen.last.at - seen.began)
+        return ahead(rate, earlier, seen.ordered_speed, seen.before.at - seen.began, seen.last.at - seen.began)
 
     def margin(self, rate: float) -> float:
         """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto."""

@@ -21,7 +21,7 @@ from gateway.mount.site.site_clock import COMPUTER, BestSources, SiteClock
 DAY = 86400.0
 #: Seconds; the Sun moves a twenty-thousandth of a degree a second against the stars, so a position is good for a
 #: minute.
-KEPT = 60.0
+CACHE_FOR = 60.0
 #: Degrees; a Sun this low may still shine into a tube: refraction, its disk, and a horizon below eye level.
 SUN_IS_UP = -1.0
 
@@ -109,7 +109,7 @@ class SunAvoidance:
         best, host, site = self._sources.best_time(), self._sources.host(), self._sources.site()
         if best.source == COMPUTER and self._settled.is_set():  # before that the mount may still report one
             self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
-        key = best.unix // KEPT, host // KEPT, site
+        key = best.unix // CACHE_FOR, host // CACHE_FOR, site
         if key != self._key:
             self._key = key
             moments = [best.unix]

@@ -29,7 +29,7 @@ class SiteAndClock:
 
     def __init__(self, context: Context, runner: DriverRunner, sync: SyncSettings) -> None:
         self._context, self._runner, self.sync = context, runner, sync
-        self._site_clock, self._told = context.site_clock, context.told_astrometry
+        self._site_clock, self._astrometry = context.site_clock, context.client_astrometry
         self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
@@ -42,7 +42,7 @@ class SiteAndClock:
             op.Backlash: self.sync.now_or_later,
             op.PeriodicError: self._periodic_error,
         }
-        self._looking = asyncio.Lock()
+        self._reading_gps = asyncio.Lock()
 
     async def _first_answers(self) -> None:
         try:
@@ -54,7 +54,7 @@ class SiteAndClock:
     async def _get_site(self, _: op.GetSite) -> op.Place:
         if self._site_clock.site() is None:
             await self._first_answers()
-        return self._told.place()
+        return self._astrometry.place()
 
     async def _get_clock(self, _: op.GetClock) -> op.Moment:
         if self._site_clock.clock() is None:
@@ -68,15 +68,15 @@ class SiteAndClock:
     async def _sidereal_time(self, _: op.SiderealTime) -> float:
         await self._get_site(op.GetSite())
         await self._get_clock(op.GetClock())
-        return self._told.sidereal_time()
+        return self._astrometry.sidereal_time()
 
     async def _get_gps(self, operation: op.GetGps) -> op.Gps:
         await self._first_answers()
-        async with self._looking:
+        async with self._reading_gps:
             seen = self._site_clock.gps()
             if seen is None:
                 told: op.Gps = await self._runner.perform(operation, READ)
-                self._site_clock.gps_says(told)
+                self._site_clock.take_gps(told)
                 return told
         return seen
 
@@ -84,30 +84,30 @@ class SiteAndClock:
 
     async def _set_site(self, operation: op.SetSite) -> None:
         """Take one half of a site or both. It is sent when both halves are there, or after a moment."""
-        if operation.others is not None and await self._has_its_own(operation, operation.others):
+        if operation.others is not None and await self._has_own_site(operation, operation.others):
             self._site_clock.forget_sites()
             return
         whole = self._site_clock.set_site_half(operation)
         if whole is not None:
-            self._owe_site()
+            self._queue_site()
         else:
-            asyncio.get_running_loop().call_later(HALF_SITE, self._owe_site)
+            asyncio.get_running_loop().call_later(HALF_SITE, self._queue_site)
 
-    async def _has_its_own(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
+    async def _has_own_site(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
         """Whether the mount still has its ``own`` site, from before clients selected ``others``, or it is unknown."""
         if own.latitude is None or own.longitude is None:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
             await self.renew(op.GetSite)
-        if self._site_clock.mount_site is None or self.sync.owes(own):
+        if self._site_clock.mount_site is None or self.sync.has_pending(own):
             return False
         return self._site_clock.same_site(own) or not self._site_clock.has_one_of(others)
 
-    def _owe_site(self) -> None:
+    def _queue_site(self) -> None:
         whole = self._site_clock.take_site()
         if whole is not None and not self._context.closed:
             self._site_clock.keep_site(whole)
-            self.sync.owe(whole)
+            self.sync.queue(whole)
 
     async def _set_clock(self, operation: op.SetClock) -> None:
         """Use the client's clock at once. Raises Invalid for a year that the mount's clock does not support."""
@@ -116,12 +116,12 @@ class SiteAndClock:
         if year not in years:
             raise Invalid(f"The clock of this mount takes the years {years[0]} to {years[-1]}, not {year}.")
         self._site_clock.keep_clock(operation)
-        self.sync.owe(operation)
+        self.sync.queue(operation)
 
     async def _clock_from_gps(self, operation: op.ClockFromGps) -> None:
         """Set the mount's clock from its GPS; if that is not allowed, the gateway's clock. Raises NoDevice."""
         try:
-            mount_too = await self.sync.may_be_told()
+            mount_too = await self.sync.may_set()
         except Fault:
             mount_too = False
         if mount_too:
@@ -148,4 +148,4 @@ class SiteAndClock:
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
         """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value."""
         with contextlib.suppress(Fault):
-            self.sync.heard(await self._runner.perform(kind(), READ))
+            self.sync.take_value(await self._runner.perform(kind(), READ))

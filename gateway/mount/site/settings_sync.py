@@ -1,4 +1,4 @@
-"""Sends pending settings (``mount/site/owed.py``) to the mount as soon as it is reachable.
+"""Sends pending settings (``mount/site/pending_settings.py``) to the mount as soon as it is reachable.
 
 Site and clock are sent one after the other, never interleaved, and only if the policy and the alignment allow it. A
 setting is never sent to another mount than the one it was meant for, nor over a value that was changed at the mount
@@ -16,8 +16,8 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.readings.reader import Reader
-from gateway.mount.site import owed as debts
-from gateway.mount.site.owed import BUSY, LOOK, TRIES, Kind, Owed, Setting, kind_of
+from gateway.mount.site import pending_settings
+from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, TRIES, Kind, Pending, Setting, kind_of
 
 #: Names for the log.
 _NAMES: dict[type[op.Operation], str] = {
@@ -28,57 +28,57 @@ _NAMES: dict[type[op.Operation], str] = {
     op.PeriodicError: "periodic error correction",
 }
 #: Seconds by which a clock may differ from the setting, for its transmission, and still count as set.
-CLOCK_SAME = 2.0
+CLOCK_TOLERANCE = 2.0
 #: The mount may still report parts of this many earlier settings.
-REMEMBERED = 8
+MAX_SENT = 8
 
 
 class SyncSettings:
-    """``owe`` queues a setting. Call ``doubt`` when the link comes up, and ``resume`` when the mount was identified."""
+    """``queue`` adds a setting. Call ``pause`` when the link comes up, and ``resume`` when the mount was identified."""
 
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
         self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
         self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
         #: The settings that the mount has not received yet.
-        self.owed: Owed = {}
+        self.pending: Pending = {}
         #: By kind: the settings sent since the mount last reported its value. Then the kind that is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
-        self._telling: Kind | None = None
+        self._sending: Kind | None = None
         self._ready = False
         self._mount: tuple[str, str] | None = None
-        self._news = asyncio.Event()
+        self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
 
-    def owes(self, operation: op.Operation) -> bool:
+    def has_pending(self, operation: op.Operation) -> bool:
         """Whether a setting of this kind is pending or being sent."""
-        return kind_of(operation) in self.owed
+        return kind_of(operation) in self.pending
 
     @property
-    def sets_sky(self) -> bool:
+    def sky_pending(self) -> bool:
         """Whether a site or a clock is pending."""
-        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self.owed)
+        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self.pending)
 
     # --- what is owed -----------------------------------------------------------------------------------------------
 
-    def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
+    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
         """Queue a setting for the mount; it replaces an older one of its kind."""
-        self.owed = debts.owing(self.owed, Setting(operation, self._now(), left, due))
+        self.pending = pending_settings.added(self.pending, Setting(operation, self._now(), left, due))
         if self._link.state in ("down", "opening"):
             self._note(operation, "the mount is not connected now; it is sent later")
-        self._begin()
+        self._start()
 
     async def now_or_later(self, operation: op.Operation) -> None:
         """Send a setting at once. If the mount is not reachable, also send it later. Raises Fault."""
-        self.owed = {kind: one for kind, one in self.owed.items() if kind != kind_of(operation)}
-        sent = self._hears()
+        self.pending = {kind: one for kind, one in self.pending.items() if kind != kind_of(operation)}
+        sent = self._reachable()
         try:
             await self._runner.perform(operation, SETTING)
         except (Busy, NoAnswer) as fault:
             tried = sent and isinstance(fault, NoAnswer)
-            self.owe(operation, TRIES - 1 if tried else TRIES, self._now() + BUSY)
+            self.queue(operation, TRIES - 1 if tried else TRIES, self._now() + BUSY_FOR)
             raise
 
-    def doubt(self) -> None:
+    def pause(self) -> None:
         """The link has come up: wait until the mount is identified and has reported site and clock."""
         self._ready = False
 
@@ -87,95 +87,96 @@ class SyncSettings:
         identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount is not None and now is not None and now != self._mount:
-            for setting in self.owed.values():
+            for setting in self.pending.values():
                 self._give_up(setting, "another mount is on the line")
         self._mount = now or self._mount
         self._ready = True
-        self._begin()
+        self._start()
 
-    def heard(self, value: op.Place | op.Moment) -> bool:
+    def take_value(self, value: op.Place | op.Moment) -> bool:
         """Take the mount's site or clock. Return whether it was changed at the mount; it replaces the client's."""
         told, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
-        owed, sent = self.owed.get(kind), self._sent.get(kind, ())
+        unsent, sent = self.pending.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
-            ours = debts.clock_is_ours(sent, told.running(told.mount_clock), value, self._now())
-            changed = told.mount_says_clock(value, ours)
+            ours = pending_settings.clock_is_ours(sent, told.running(told.mount_clock), value, self._now())
+            changed = told.take_mount_clock(value, ours)
         else:
-            changed = told.mount_says_site(value, debts.site_is_ours(sent, told.mount_site, value))
-        if kind != self._telling:
+            changed = told.take_mount_site(value, pending_settings.site_is_ours(sent, told.mount_site, value))
+        if kind != self._sending:
             self._sent.pop(kind, None)
         if changed:
             self._context.note(f"the {'clock' if clock else 'site'} was changed at the mount; the gateway uses it, too")
-            if owed is not None:
-                self.owed = debts.without(self.owed, owed)
+            if unsent is not None:
+                self.pending = pending_settings.without(self.pending, unsent)
         return changed
 
-    # --- telling ----------------------------------------------------------------------------------------------------
+    # --- sending ----------------------------------------------------------------------------------------------------
 
-    def _begin(self) -> None:
-        self._news.set()
-        if self.owed and (self._task is None or self._task.done()):
+    def _start(self) -> None:
+        self._wake.set()
+        if self.pending and (self._task is None or self._task.done()):
             self._task = self._context.tasks.spawn(self._run())
 
-    def _hears(self) -> bool:
+    def _reachable(self) -> bool:
         return self._ready and self._link.state == "up" and not self._driver.asleep
 
     def _disturbs(self, setting: Setting, now: float) -> bool:
         """Whether sending an old date would disturb a motion: a classic telescope is unresponsive afterwards."""
-        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._context.movement.anything
+        old = isinstance(setting.value, op.SetClock) and now - setting.since > CHECK_AFTER
+        return old and self._context.movement.anything
 
     async def _run(self) -> None:
         """Send pending settings until there are none or the link is down; ``resume`` starts again."""
         while self._ready and self._link.state not in ("down", "opening"):
-            self._news.clear()
+            self._wake.clear()
             now = self._now()
-            step = debts.next_setting(self.owed, now)
+            step = pending_settings.next_setting(self.pending, now)
             if step is None:
                 return
-            if isinstance(step, Setting) and self._hears() and not self._disturbs(step, now):
-                await self._tell(step)
+            if isinstance(step, Setting) and self._reachable() and not self._disturbs(step, now):
+                await self._send(step)
                 continue
-            pause = LOOK if isinstance(step, Setting) else step - now
+            pause = CHECK_AFTER if isinstance(step, Setting) else step - now
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(pause):
-                    await self._news.wait()
+                    await self._wake.wait()
 
-    async def _tell(self, setting: Setting) -> None:
+    async def _send(self, setting: Setting) -> None:
         value = setting.value
         place = isinstance(value, op.SetSite | op.SetClock)
         tried = False
         try:
-            if place and not await self._to_be_told(setting):
-                self.owed = debts.without(self.owed, setting)
+            if place and not await self._should_send(setting):
+                self.pending = pending_settings.without(self.pending, setting)
                 return
-            if place and setting.late and await self._is_there(setting):
+            if place and setting.late and await self._settled_by_reading(setting):
                 return
-            if self.owed.get(kind_of(value)) is not setting or not self._hears():
+            if self.pending.get(kind_of(value)) is not setting or not self._reachable():
                 return  # replaced by a newer one, or the link is down
             tried = True
-            self._telling = kind_of(value)
-            self._sent[self._telling] = (*self._sent.get(self._telling, ())[-REMEMBERED:], setting)
+            self._sending = kind_of(value)
+            self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_SENT:], setting)
             await self._runner.perform(setting.running(self._now()), SETTING)
         except Busy:
-            self.owed = debts.later(self.owed, setting, self._now() + BUSY)
+            self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_FOR)
         except NoAnswer as fault:
             if not tried:
-                self.owed = debts.later(self.owed, setting, self._now() + BUSY)
+                self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_FOR)
             elif setting.left > 1:
-                self.owed = debts.in_vain(self.owed, setting, self._now())
+                self.pending = pending_settings.tried(self.pending, setting, self._now())
             else:
                 self._give_up(setting, str(fault))
         except Unsupported as fault:
-            self._keep(setting, fault)
+            self._keep_in_gateway(setting, fault)
         except Fault as fault:
             self._give_up(setting, str(fault))
         else:
-            await self._done(setting)
+            await self._acknowledged(setting)
         finally:
-            self._telling = None
+            self._sending = None
 
-    async def may_be_told(self) -> bool:
+    async def may_set(self) -> bool:
         """Whether policy and alignment allow setting the mount's site and clock. Raises Fault."""
         if self._context.policy.site_time == "never":
             return False
@@ -186,7 +187,7 @@ class SyncSettings:
             or (self._context.policy.site_time == "always" and not self._driver.loses_alignment)
         )
 
-    async def _to_be_told(self, setting: Setting) -> bool:
+    async def _should_send(self, setting: Setting) -> bool:
         """Whether to send it. If policy or alignment forbid it, it is kept in the gateway and logged. Raises Fault."""
         what = _NAMES[type(setting.value)]
         if self._context.policy.site_time == "never":
@@ -195,53 +196,53 @@ class SyncSettings:
         status = await self._reader.read(op.GetStatus())
         if not status.aligned or self._driver.takes_site_aligned:
             return True
-        if self._shows(setting.running(self._now())):
+        if self._is_set(setting.running(self._now())):
             return False
-        if await self.may_be_told():
+        if await self.may_set():
             return True
         self._context.note_once(f"the mount is aligned: the {what} that was set is kept in the gateway")
         return False
 
-    def _shows(self, running: op.Operation) -> bool:
+    def _is_set(self, running: op.Operation) -> bool:
         """Whether this is the site or clock that the mount has reported."""
         if isinstance(running, op.SetClock):
-            return self._site_clock.same_clock(running, CLOCK_SAME)
+            return self._site_clock.same_clock(running, CLOCK_TOLERANCE)
         return isinstance(running, op.SetSite) and self._site_clock.same_site(running)
 
-    async def _is_there(self, setting: Setting) -> bool:
+    async def _settled_by_reading(self, setting: Setting) -> bool:
         """Read the mount's value. Return whether it equals the setting or was changed at the mount. Raises Fault."""
         running = setting.running(self._now())
         kind: op.Operation = op.GetClock() if isinstance(running, op.SetClock) else op.GetSite()
-        changed = self.heard(await self._runner.perform(kind, READ))
-        same = self._shows(running)
+        changed = self.take_value(await self._runner.perform(kind, READ))
+        same = self._is_set(running)
         if same and not changed:
-            self._over(setting)
+            self._finish(setting)
         return same or changed
 
-    async def _done(self, setting: Setting) -> None:
+    async def _acknowledged(self, setting: Setting) -> None:
         """The mount has received it, so it is the mount's own value now. Read its clock, which counts whole seconds."""
         running = setting.running(self._now())
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
-            self._site_clock.mount_says_site(op.Place(running.latitude, running.longitude), ours=True)
+            self._site_clock.take_mount_site(op.Place(running.latitude, running.longitude), ours=True)
         elif isinstance(running, op.SetClock):
-            self._site_clock.mount_says_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
+            self._site_clock.take_mount_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
             with contextlib.suppress(Fault):  # it is read again when needed
                 told: op.Moment = await self._runner.perform(op.GetClock(), READ)
-                self._site_clock.mount_says_clock(told, ours=True)
-        self._over(setting)
+                self._site_clock.take_mount_clock(told, ours=True)
+        self._finish(setting)
 
-    def _over(self, setting: Setting) -> None:
+    def _finish(self, setting: Setting) -> None:
         """The mount has it: drop the copy kept for clients, unless that is newer."""
-        newest = self.owed.get(kind_of(setting.value)) is setting
-        self.owed = debts.without(self.owed, setting)
+        newest = self.pending.get(kind_of(setting.value)) is setting
+        self.pending = pending_settings.without(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)
         if newest:
             self._site_clock.forget(setting.value)
 
-    def _keep(self, setting: Setting, fault: Fault) -> None:
+    def _keep_in_gateway(self, setting: Setting, fault: Fault) -> None:
         """The mount cannot store it, so the gateway does."""
-        self.owed = debts.without(self.owed, setting)
+        self.pending = pending_settings.without(self.pending, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
             self._context.note(f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
         else:
@@ -249,8 +250,8 @@ class SyncSettings:
 
     def _give_up(self, setting: Setting, why: str) -> None:
         """Stop sending it: from now on reads return the mount's own value."""
-        newest = self.owed.get(kind_of(setting.value)) is setting
-        self.owed = debts.without(self.owed, setting)
+        newest = self.pending.get(kind_of(setting.value)) is setting
+        self.pending = pending_settings.without(self.pending, setting)
         if newest and self._site_clock.has_own(setting.value):
             self._site_clock.forget(setting.value)
             self._note(setting.value, f"it is not in force: {why} Clients get the mount's own again")

@@ -51,10 +51,10 @@ class SiteClock:
         self._now, self.host = now, host
         self.configured = site
         self.mount_site: Place | None = None
-        self.kept_site: Place | None = None
+        self.client_site: Place | None = None
         self.half: SetSite | None = None
         self.mount_clock: tuple[Moment, float] | None = None
-        self.kept_clock: tuple[Moment, float] | None = None
+        self.client_clock: tuple[Moment, float] | None = None
         self.gps_site: Place | None = None
         self.gps_clock: tuple[Moment, float] | None = None
         self._gps: tuple[Gps, float] | None = None
@@ -64,20 +64,20 @@ class SiteClock:
 
     def site(self) -> Place | None:
         """Return the site in force: the one a client set, else the mount's, else the configured one."""
-        place = self.kept_site or self.mount_site or self.configured
+        place = self.client_site or self.mount_site or self.configured
         if self.half is None:
             return place
         latitude = self.half.latitude if self.half.latitude is not None else (place.latitude if place else None)
         longitude = self.half.longitude if self.half.longitude is not None else (place.longitude if place else None)
         return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
 
-    def set_site(self) -> Place | None:
+    def site_set_by_clients(self) -> Place | None:
         """Return the site that clients set, if the mount has not taken it."""
-        return None if self.kept_site is None and self.half is None else self.site()
+        return None if self.client_site is None and self.half is None else self.site()
 
     def clock(self) -> Moment | None:
         """Return the clock in force, running; None if neither a client nor the mount has set one."""
-        return self.running(self.kept_clock or self.mount_clock)
+        return self.running(self.client_clock or self.mount_clock)
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return what a clock that was read some time ago shows now."""
@@ -93,7 +93,7 @@ class SiteClock:
 
     # --- new values -------------------------------------------------------------------------------------------------
 
-    def mount_says_site(self, place: Place, ours: bool = False) -> bool:
+    def take_mount_site(self, place: Place, ours: bool = False) -> bool:
         """Take the mount's site. Return whether it was changed at the mount; then it also replaces what clients set.
 
         A change that results from the gateway's own setting (``ours``) does not count.
@@ -101,21 +101,21 @@ class SiteClock:
         before, self.mount_site = self.mount_site, place
         changed = not ours and before is not None and not _same_place(before, place)
         if changed:
-            self.kept_site = None
+            self.client_site = None
         self.changed.emit(None)
         return changed
 
-    def mount_says_clock(self, moment: Moment, ours: bool = False) -> bool:
-        """Like ``mount_says_site``, for the clock; a change is more than 30 s."""
+    def take_mount_clock(self, moment: Moment, ours: bool = False) -> bool:
+        """Like ``take_mount_site``, for the clock; a change is more than 30 s."""
         before = self.running(self.mount_clock)
         self.mount_clock = (moment, self._now())
         changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
         if changed:
-            self.kept_clock = None
+            self.client_clock = None
         self.changed.emit(None)
         return changed
 
-    def gps_says(self, seen: Gps) -> None:
+    def take_gps(self, seen: Gps) -> None:
         """Take what the mount's GPS reports; without a fix only the state of the receiver is kept."""
         self._gps = seen, self._now()
         if seen.linked:
@@ -167,11 +167,11 @@ class SiteClock:
     def keep_site(self, operation: SetSite) -> None:
         """Return this site to clients from now on, whatever the mount reports."""
         assert operation.latitude is not None and operation.longitude is not None
-        self.kept_site = Place(operation.latitude, wrap180(operation.longitude))
+        self.client_site = Place(operation.latitude, wrap180(operation.longitude))
         self.changed.emit(None)
 
     def keep_clock(self, operation: SetClock) -> None:
-        self.kept_clock = (Moment(operation.unix, operation.offset, operation.dst), self._now())
+        self.client_clock = (Moment(operation.unix, operation.offset, operation.dst), self._now())
         self.changed.emit(None)
 
     def known(self, kind: type[Operation]) -> Place | Moment | Gps | None:
@@ -199,15 +199,15 @@ class SiteClock:
 
     def forget_sites(self) -> None:
         """Forget the site that clients set."""
-        self.kept_site = self.half = None
+        self.client_site = self.half = None
         self.changed.emit(None)
 
     def forget(self, operation: Operation) -> None:
         """Forget the site or clock that clients set: the mount's own is in force."""
         if isinstance(operation, SetClock):
-            self.kept_clock = None
+            self.client_clock = None
         elif isinstance(operation, SetSite):
-            self.kept_site = None
+            self.client_site = None
         self.changed.emit(None)
 
 
@@ -220,43 +220,43 @@ class BestSources:
     """
 
     def __init__(self, site_clock: SiteClock) -> None:
-        self._told = site_clock
+        self._site_clock = site_clock
         #: UTC by this computer's clock.
         self.host = site_clock.host
 
     def sites(self) -> list[Site]:
         """Return every known site, best first."""
-        told = self._told
-        known = (
-            (told.mount_site, MOUNT),
-            (told.gps_site, GPS),
-            (told.configured, CONFIGURED),
-            (told.set_site(), PROGRAM),
+        known = self._site_clock
+        sources = (
+            (known.mount_site, MOUNT),
+            (known.gps_site, GPS),
+            (known.configured, CONFIGURED),
+            (known.site_set_by_clients(), PROGRAM),
         )
-        return [Site(place, source) for place, source in known if place is not None]
+        return [Site(place, source) for place, source in sources if place is not None]
 
     def times(self) -> list[Time]:
         """Return every known time, best first. A computer that has lost its clock comes last."""
-        told = self._told
-        host = Time(told.host(), COMPUTER)
+        known = self._site_clock
+        host = Time(known.host(), COMPUTER)
         found = [
             Time(moment.unix, source)
-            for moment, source in ((told.running(told.mount_clock), MOUNT), (told.running(told.gps_clock), GPS))
+            for moment, source in ((known.running(known.mount_clock), MOUNT), (known.running(known.gps_clock), GPS))
             if moment is not None
         ]
-        program = told.running(told.kept_clock)
+        program = known.running(known.client_clock)
         rest = [host] + ([Time(program.unix, PROGRAM)] if program is not None else [])
         return found + (rest if host.unix >= EARLIEST else rest[::-1])
 
     def site(self) -> Place | None:
         """Return the site in force for the limits; None if it is unknown."""
-        told = self._told
-        return told.mount_site or told.gps_site or told.configured or told.set_site()
+        known = self._site_clock
+        return known.mount_site or known.gps_site or known.configured or known.site_set_by_clients()
 
     def best_time(self) -> Time:
         """Return the first of ``times``. If the mount has reported one, the others need not be computed."""
-        told = self._told
-        moment = told.running(told.mount_clock)
+        known = self._site_clock
+        moment = known.running(known.mount_clock)
         return self.times()[0] if moment is None else Time(moment.unix, MOUNT)
 
     def unix(self) -> float:

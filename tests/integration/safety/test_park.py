@@ -9,7 +9,7 @@ import pytest
 
 from gateway.core.errors import UserError
 from gateway.protocols.mechanics.truth import truth_of
-from tests.integration.safety.test_altitude import notes
+from tests.integration.safety.test_altitude import at_rest, notes
 from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -56,7 +56,7 @@ def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
         async with Bridge(mount, version) as bridge:
             client = bridge.client()
             client.tell(b":hP#")
-            await asyncio.sleep(90.0)
+            await at_rest(bridge, most=90.0)
             assert not truth_of(bridge.sim).tracking
             client.tell(b":hW#")
             for _ in range(20):

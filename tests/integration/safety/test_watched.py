@@ -271,7 +271,7 @@ def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position
             client = bridge.client()
             await bridge.controller.perform(op.GotoHorizontal(16.0, height))
             await ready(bridge, client, b"e")
-            bridge.controller.watch._restless_until = bridge.controller.now() + 3.0
+            bridge.controller.watch._moved_by_others_until = bridge.controller.now() + 3.0
             client.tell(UP)
             high = 0.0
             for _ in range(20):

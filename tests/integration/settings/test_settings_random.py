@@ -13,16 +13,16 @@ from typing import Any
 import pytest
 
 from gateway.core.operations import Backlash, Moment, Place, SetClock, SetSite
-from gateway.mount.site.owed import (
+from gateway.mount.site.pending_settings import (
     TRIES,
-    Owed,
+    Pending,
     Setting,
+    added,
     clock_is_ours,
-    in_vain,
-    later,
     next_setting,
-    owing,
+    postponed,
     site_is_ours,
+    tried,
     without,
 )
 from tests.support.cable import Cable, deafen, mute
@@ -79,7 +79,7 @@ class Night:
     def judge(self) -> None:
         sim, said = self.bridge.sim, [entry.note for entry in self.bridge.entries if "not in force" in entry.note]
         assert not said
-        assert not self.bridge.controller.settings.sync.owed
+        assert not self.bridge.controller.settings.sync.pending
         sim.truth()
         here = sim.site if self.driven == "lx200" else sim.mechanics.sky[:2]
         if self.site is not None:
@@ -115,23 +115,23 @@ HERE, THERE = SetSite(1.0, 2.0), SetSite(3.0, 4.0)
 
 
 def test_the_newest_of_a_kind_is_told_and_the_clock_last() -> None:
-    owed: Owed = {}
+    pending: Pending = {}
     for value in (SetClock(0.0, 0.0), HERE, Backlash(1, 5), Backlash(2, 6), THERE):
-        owed = owing(owed, Setting(value, since=float(len(owed))))
+        pending = added(pending, Setting(value, since=float(len(pending))))
     told = []
-    while isinstance(step := next_setting(owed, 10.0), Setting):
+    while isinstance(step := next_setting(pending, 10.0), Setting):
         told.append(step.value)
-        owed = without(owed, step)
+        pending = without(pending, step)
     assert told == [Backlash(1, 5), Backlash(2, 6), THERE, SetClock(0.0, 0.0)]
     assert step is None
 
 
 def test_it_is_told_three_times_at_growing_intervals() -> None:
-    owed, now, times = owing({}, Setting(HERE, since=0.0)), 0.0, []
-    while (step := next_setting(owed, now)) is not None:
+    pending, now, times = added({}, Setting(HERE, since=0.0)), 0.0, []
+    while (step := next_setting(pending, now)) is not None:
         if isinstance(step, Setting):
             times.append(now)
-            owed = in_vain(owed, step, now)
+            pending = tried(pending, step, now)
         else:
             now = step
     assert len(times) == TRIES
@@ -139,18 +139,18 @@ def test_it_is_told_three_times_at_growing_intervals() -> None:
 
 
 def test_a_mount_that_cannot_hear_costs_no_time() -> None:
-    owed = owing({}, Setting(HERE, since=0.0))
+    pending = added({}, Setting(HERE, since=0.0))
     for now in range(100):
-        step = next_setting(owed, float(now))
+        step = next_setting(pending, float(now))
         if isinstance(step, Setting):
             assert step.left == TRIES
-            owed = later(owed, step, now + 2.0)
+            pending = postponed(pending, step, now + 2.0)
 
 
 def test_what_comes_of_the_end_of_an_older_one_leaves_the_newer_one_alone() -> None:
     older, newer = Setting(HERE, since=0.0, left=1), Setting(THERE, since=1.0)
-    owed = owing(owing({}, older), newer)
-    assert without(owed, older) == in_vain(owed, older, 5.0) == later(owed, older, 5.0) == owed
+    pending = added(added({}, older), newer)
+    assert without(pending, older) == tried(pending, older, 5.0) == postponed(pending, older, 5.0) == pending
 
 
 def test_a_half_of_a_site_that_was_heard_is_no_change_at_the_keys() -> None:

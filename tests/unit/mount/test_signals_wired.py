@@ -13,7 +13,7 @@ from tests.support.virtual import run
 CHANGES: dict[str, Callable[[MountController], object]] = {
     "a reading came": lambda mount: mount.cache.put(op.Slewing, False, mount.now()),
     "a reading was forgotten": lambda mount: mount.cache.forget(op.PierSide),
-    "something else is wanted": lambda mount: mount.reconciler.no_more(),
+    "something else is wanted": lambda mount: mount.reconciler.refuse_earlier_orders(),
     "a clock was set": lambda mount: mount.site_clock.keep_clock(op.SetClock(0.0, 0.0)),
     "a site was set": lambda mount: mount.site_clock.set_site_half(op.SetSite(latitude=10.0)),
     "an order was acknowledged": lambda mount: mount.client_readings.outdate(),

@@ -11,8 +11,15 @@ from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import apply, does_for, next_moment, next_operation, stopped, take_back
-from gateway.mount.motion.wanted import ByHand, Order, Slew, Theirs, Wanted
+from gateway.mount.motion.apply import (
+    apply,
+    equal_pending_halt,
+    next_moment,
+    next_operation,
+    stopped,
+    without_superseded,
+)
+from gateway.mount.motion.wanted import ByHand, NotOrdered, Order, Slew, Wanted
 from gateway.mount.presence import HostActivity
 from tests.support.each import each
 from tests.support.examples import some
@@ -64,14 +71,14 @@ class Desk:
     def finish(self, order: Order, answer: op.Pulsed | None = None, *, failed: bool = False) -> None:
         """The mount has acknowledged it, or refused."""
         if failed:
-            self.wanted = outcomes.refused(self.wanted, order)
+            self.wanted = outcomes.failed(self.wanted, order)
             return
         self.done.append(order.operation)
-        self.wanted = outcomes.done(self.wanted, order, self.now)
+        self.wanted = outcomes.carried_out(self.wanted, order, self.now)
         if answer is not None:
             self.numbers += 1
             self.wanted = outcomes.pulsed(self.wanted, order, answer, self.numbers, self.now)
-        self.wanted = outcomes.taken(self.wanted, order, order.operation, self.now, 4.0)
+        self.wanted = outcomes.acknowledged(self.wanted, order, order.operation, self.now, 4.0)
         self.slewing = isinstance(self.wanted.motion, Slew)
 
     def do(self, answer: op.Pulsed | None = None) -> op.Operation:
@@ -112,7 +119,7 @@ def test_a_stop_ends_all_but_what_is_no_motion() -> None:
     desk.wanted = stopped(desk.wanted)
     assert waiting(desk) == [op.TrackRate(name="solar")]
     assert desk.wanted.owed and desk.wanted.stops == 1
-    assert outcomes.at_rest(desk.wanted).motion == Theirs()
+    assert outcomes.at_rest(desk.wanted).motion == NotOrdered()
     assert not outcomes.at_rest(desk.wanted).owed
 
 
@@ -148,7 +155,7 @@ def test_an_arrow_is_released_after_all_when_the_goto_was_refused() -> None:
     assert goto is not None and not desk.wanted.owed
     desk.finish(goto, failed=True)
     assert desk.do() == op.StopAxis(2)
-    assert desk.wanted.motion == Theirs()
+    assert desk.wanted.motion == NotOrdered()
 
 
 def test_equal_halts_are_one_and_one_that_is_hammered_waits_for_its_turn() -> None:
@@ -158,12 +165,12 @@ def test_equal_halts_are_one_and_one_that_is_hammered_waits_for_its_turn() -> No
     for _ in range(4):
         order = desk.ask(op.StopAxis(1)).begin()
         assert order is not None
-        ranks.append(order.hammered)
+        ranks.append(order.keeps_repeating)
         desk.finish(order)
     assert ranks == [False, False, True, True]
     desk.ask(NORTH, op.StopAxis(1))
-    assert does_for(desk.wanted, op.StopAxis(1)) is not None
-    assert not desk.wanted.pending[-1].hammered
+    assert equal_pending_halt(desk.wanted, op.StopAxis(1)) is not None
+    assert not desk.wanted.pending[-1].keeps_repeating
 
 
 def test_an_arrow_that_is_being_prepared_is_begun_anew_behind_the_halt_of_the_other_axis() -> None:
@@ -249,7 +256,7 @@ def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Op
 @given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.StopAxis(1), op.StopAxis(2), op.AbortSlew()]))
 def test_what_is_taken_back_is_what_the_halt_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
     wanted = Wanted(pending=tuple(Order(number, one) for number, one in enumerate(asked, 1)))
-    left = [order.operation for order in take_back(wanted, halt).pending]
+    left = [order.operation for order in without_superseded(wanted, halt).pending]
     if isinstance(halt, op.StopAxis):
         assert not [
             one

@@ -210,9 +210,9 @@ def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_com
     assert [site.source for site in best.sites()] == [PROGRAM]
     assert [time.source for time in best.times()] == [COMPUTER, PROGRAM]
     site_clock.configured = op.Place(2.0, 2.0)
-    site_clock.gps_says(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
-    site_clock.mount_says_site(op.Place(4.0, 4.0))
-    site_clock.mount_says_clock(op.Moment(EVENING + 3e4, 0.0))
+    site_clock.take_gps(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
+    site_clock.take_mount_site(op.Place(4.0, 4.0))
+    site_clock.take_mount_clock(op.Moment(EVENING + 3e4, 0.0))
     assert [(site.source, site.place.latitude) for site in best.sites()] == [
         (MOUNT, 4.0),
         (GPS, 3.0),
@@ -239,9 +239,9 @@ def test_a_computer_that_has_lost_its_clock_counts_less_than_a_program() -> None
 def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
     best = BestSources(site_clock)
-    site_clock.gps_says(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
-    site_clock.mount_says_site(op.Place(45.0, 10.0))
-    site_clock.mount_says_clock(op.Moment(EVENING, 0.0))
+    site_clock.take_gps(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
+    site_clock.take_mount_site(op.Place(45.0, 10.0))
+    site_clock.take_mount_clock(op.Moment(EVENING, 0.0))
     assert [site.source for site in best.sites()] == [MOUNT, CONFIGURED]
     assert not list(contradictions(best.sites(), best.times()))
 
@@ -250,8 +250,8 @@ def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
 def test_a_computer_that_is_off_by_days_contradicts_nobody(ahead: float, contradicts: bool) -> None:
     """A Raspberry Pi without a clock of its own begins where it was switched off."""
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None)
-    site_clock.mount_says_site(op.Place(45.0, 10.0))
-    site_clock.mount_says_clock(op.Moment(EVENING, 0.0))
+    site_clock.take_mount_site(op.Place(45.0, 10.0))
+    site_clock.take_mount_clock(op.Moment(EVENING, 0.0))
     best = BestSources(site_clock)
     assert bool(list(contradictions(best.sites(), best.times()))) is contradicts
 

@@ -18,9 +18,9 @@ from gateway.mount.site.site_clock import CLOCK_EQUAL, SITE_EQUAL
 
 #: How often a setting is sent, and the seconds after the first attempt, the second …
 TRIES = 3
-AGAIN = (2.0, 5.0)
+RETRY_AFTER = (2.0, 5.0)
 #: Seconds until the next check of a mount that is not reachable, and of one that has replied that it is busy.
-LOOK, BUSY = 0.5, 2.0
+CHECK_AFTER, BUSY_FOR = 0.5, 2.0
 #: Seconds; a clock that has taken only the new zone, time or date is off by this or by a multiple of it.
 ZONES = 1800.0
 
@@ -47,7 +47,7 @@ class Setting(Struct, frozen=True):
         return self.value
 
 
-Owed = Mapping[Kind, Setting]
+Pending = Mapping[Kind, Setting]
 
 
 def kind_of(operation: Operation) -> Kind:
@@ -55,38 +55,39 @@ def kind_of(operation: Operation) -> Kind:
     return type(operation), getattr(operation, "axis", None)
 
 
-def owing(owed: Owed, setting: Setting) -> Owed:
+def added(pending: Pending, setting: Setting) -> Pending:
     """Add a setting. It replaces an older one of its kind."""
-    return {**owed, kind_of(setting.value): setting}
+    return {**pending, kind_of(setting.value): setting}
 
 
-def without(owed: Owed, setting: Setting) -> Owed:
+def without(pending: Pending, setting: Setting) -> Pending:
     """Remove a setting, unless a newer one has replaced it."""
-    return {kind: one for kind, one in owed.items() if one is not setting}
+    return {kind: one for kind, one in pending.items() if one is not setting}
 
 
-def later(owed: Owed, setting: Setting, due: float) -> Owed:
+def postponed(pending: Pending, setting: Setting, due: float) -> Pending:
     """Postpone a setting that was not sent because the mount was busy or not reachable."""
-    return {kind: replace(one, due=due) if one is setting else one for kind, one in owed.items()}
+    return {kind: replace(one, due=due) if one is setting else one for kind, one in pending.items()}
 
 
-def in_vain(owed: Owed, setting: Setting, now: float) -> Owed:
+def tried(pending: Pending, setting: Setting, now: float) -> Pending:
     """Count an attempt after which it is unknown whether the mount received the setting; drop it after the last one."""
     if setting.left <= 1:
-        return without(owed, setting)
-    again = replace(setting, left=setting.left - 1, due=now + AGAIN[min(TRIES - setting.left, len(AGAIN) - 1)])
-    return {kind: again if one is setting else one for kind, one in owed.items()}
+        return without(pending, setting)
+    wait = RETRY_AFTER[min(TRIES - setting.left, len(RETRY_AFTER) - 1)]
+    again = replace(setting, left=setting.left - 1, due=now + wait)
+    return {kind: again if one is setting else one for kind, one in pending.items()}
 
 
-def next_setting(owed: Owed, now: float) -> Setting | float | None:
+def next_setting(pending: Pending, now: float) -> Setting | float | None:
     """Return the setting to be sent now, else the time at which one is due; None if there are none.
 
     The clock is sent last, because a classic telescope does not respond for seconds afterwards.
     """
-    due = [one for one in owed.values() if one.due <= now]
+    due = [one for one in pending.values() if one.due <= now]
     if due:
         return min(due, key=lambda one: (isinstance(one.value, SetClock), one.since))
-    return min((one.due for one in owed.values()), default=None)
+    return min((one.due for one in pending.values()), default=None)
 
 
 def site_is_ours(sent: Sequence[Setting], before: Place | None, told: Place) -> bool:
