@@ -175,7 +175,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
 
 
 def _file(arguments: argparse.Namespace) -> Path | None:
-    """Return the file to read: the named one, else ``DEFAULT_FILE`` if it exists and no mount is named. Raises UserError."""
+    """Return the file to read: the named one, or ``DEFAULT_FILE`` if no mount is named. Raises UserError."""
     given: Path | None = arguments.config
     alone: Path | None = arguments.file
     if alone is not None:
