@@ -31,9 +31,7 @@ _T = TypeVar("_T")
 
 
 class Orders:
-    """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns a refusal
-    that needs no request to the mount.
-    """
+    """``perform`` carries out an operation, ``begin`` does not wait, ``impossible`` refuses without a request."""
 
     def __init__(
         self,
@@ -215,9 +213,7 @@ class Orders:
 
 
 async def _ended(outcome: Outcome) -> Any:
-    """Wait for an outcome. Cancelling the caller does not cancel the order. Raises Fault; Stopped if the order was
-    superseded.
-    """
+    """Wait for an outcome without cancelling the order. Raises Fault; Stopped if the order was superseded."""
     try:
         return await result_of(outcome)
     except asyncio.CancelledError:

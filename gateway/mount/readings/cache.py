@@ -70,9 +70,7 @@ class ReadingsCache:
         return None if cached is None else cached.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
-        """Return the reading if it is fresh, else NOT_CACHED. It is fresh for longer if the line is slow (``patience``,
-        seconds) or ``down``.
-        """
+        """Return the reading if fresh, else NOT_CACHED; ``patience`` (seconds) or a line ``down`` extend its life."""
         cached = self._values.get(kind)
         if cached is None or now - cached.at > (LAST_POSITION if down else max(MAX_AGE[kind], patience)):
             return NOT_CACHED

@@ -77,9 +77,7 @@ class ClientReadings:
     # --- input ------------------------------------------------------------------------------------------------------
 
     def take(self, kind: Kind, value: Any, asked: float, at: Pair) -> None:
-        """Take a position that the mount reported; ``asked`` is the loop time of the request, ``at`` the loop times at
-        which its two angles were true.
-        """
+        """Take a reported position; ``asked`` is the loop time of the request, ``at`` the times of its two angles."""
         self._sources.pop(kind, None)
         _, last = self._taken.get(kind, (None, None))
         taken = Reported(value, Reading(_pair(value), at), asked)

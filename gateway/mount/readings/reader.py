@@ -130,9 +130,7 @@ class Reader:
             return True
 
     async def read_now(self, operation: op.Operation[_T]) -> _T:
-        """Read from the mount, however fresh the last reading is. Cancelling one caller does not cancel the exchange.
-        Raises Fault.
-        """
+        """Read from the mount, even if the last reading is fresh. A cancelled caller does not end it. Raises Fault."""
         return cast(_T, await result_of(self.shared(operation)))
 
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
@@ -217,9 +215,7 @@ class Reader:
         return value
 
     async def _while_it_rests(self, operation: op.Operation) -> Any:
-        """Return the answer, or None if the mount begins to move: the line is then too slow for two positions of two
-        requests each.
-        """
+        """Return the answer, or None once the mount moves: then two positions of two requests each take too long."""
         reading = self._context.tasks.spawn(self._hear(operation))
         try:
             while not self._movement.anything:
