@@ -154,7 +154,7 @@ class Orders:
         before, now = self._wanted.value, self._context.now()
         if reconciler.closed or too_late(before, operation, stops):
             return cancelled()
-        if isinstance(operation, op.StopAxis) and self._only_a_stop_is_heard(operation.axis):
+        if isinstance(operation, op.StopAxis) and self._accepts_only_a_stop(operation.axis):
             self._context.note(
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
             )
@@ -174,7 +174,7 @@ class Orders:
             return failed(fault)
         return reconciler.begin_stop() if after.stops != before.stops else reconciler.take(order, after)
 
-    def _only_a_stop_is_heard(self, axis: int) -> bool:
+    def _accepts_only_a_stop(self, axis: int) -> bool:
         """Whether the mount would ignore the release of an arrow for seconds, in a long operation."""
         wanted = self._wanted.value
         return axis in wanted.by_hand and self._link.occupied and not wanted.waiting_gotos

@@ -196,7 +196,7 @@ class Transaction:
             if not firm and self._queue.stop_waits:
                 self._cut_short = True
                 return False
-            await self._queue.woken(left)
+            await self._queue.wait_within(left)
         return True
 
     async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, resync: bool) -> Taken | None:
@@ -211,7 +211,7 @@ class Transaction:
             self._arrived.clear()
             if ask.long:
                 self.busy = self.busy or now >= busy_at
-                self._stops += self._queue.while_it_works(self.busy, self._send_unanswered)
+                self._stops += self._queue.during_long_operation(self.busy, self._send_unanswered)
             taken = self._take(ask) if self._buffer or expected.silent else None
             if taken is not None and self._stops and isinstance(taken[0], Busy):
                 self._stops -= 1  # the busy reply to a stop; nothing moves during a long operation

@@ -126,7 +126,7 @@ class Consequences:
             cache.forget(op.GetStatus)
             if isinstance(operation, op.Hibernate):
                 self.at_rest(None)
-                self._gate.begun()
+                self._gate.hibernation_began()
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:

@@ -76,7 +76,7 @@ class ReadingsCache:
             return NOT_CACHED
         return cached.value
 
-    def asked(self, kind: Kind, now: float) -> Any:
+    def poll(self, kind: Kind, now: float) -> Any:
         """Note that a client asks, and return the reading if it is fresh whatever the line, else NOT_CACHED."""
         self._asked[kind] = now
         cached = self._values.get(kind)

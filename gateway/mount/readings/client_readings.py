@@ -48,7 +48,7 @@ def cached_reading(context: Context, kind: Kind) -> Any:
     if kind is op.Slewing and context.wanted.goto_waits:
         return True
     now, link = context.now(), context.link
-    value = context.cache.asked(kind, now)
+    value = context.cache.poll(kind, now)
     if value is not NOT_CACHED:
         return value
     return context.cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
