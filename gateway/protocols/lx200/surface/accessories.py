@@ -125,4 +125,4 @@ def _text() -> Handling:
             f"Mount: {identity.product} {identity.model}, version {identity.version}",
             f"It is {'aligned' if status.aligned else 'NOT aligned'}, {build}, tracking {status.tracking.value}",
         )
-    return (f"mount-gateway {VERSION}: this is no Meade", *mount, *_USAGE)
+    return (f"mount-gateway {VERSION}: this is not a Meade", *mount, *_USAGE)
