@@ -1,8 +1,7 @@
-"""No test writes where the person who runs it keeps real state, and none finds what another one has kept.
+"""Isolates the tests: no test touches the real state, locks or running gateways of the person who runs them.
 
-Nor does one find the gateways that person runs: locks and door files go to folders of the tests' own.
-
-Where the tests are spread over processes, each is as strict about bytes and text as the one that was started.
+Every test gets a state folder of its own; locks and control endpoints go to temporary folders. Worker processes of
+pytest-xdist are as strict about bytes and text (``-bb``) as the process that started them.
 """
 
 from __future__ import annotations
@@ -23,23 +22,23 @@ from tests.support.forked import Forked
 from tests.support.process import ALIVE, Running
 
 _COUNT = itertools.count()
-#: New objects between two looks of the garbage collector, in its three generations.
+#: Allocations between two runs of the garbage collector, for its three generations.
 SELDOM = (20_000, 20, 20)
 
-# No example is measured: a small or a shared machine may take its time.
+# Hypothesis measures no example: a small or a shared machine may take its time.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Workers of pytest-xdist get ``-bb`` as well; by itself it starts them without.
+    """Give the workers of pytest-xdist ``-bb`` too, which it does not pass on, and turn bytecode files on.
 
-    What is compiled is kept, by workers and by product processes, also where an image says otherwise: compiling the
-    tests takes each worker four seconds, compiling the product takes each process as long as all else of its start.
+    Bytecode is cached even if the environment says otherwise: compiling the tests costs each worker four seconds, and
+    compiling the package costs each product process as much as the rest of its start.
     """
     sampling.WHOLE = config.getoption("whole") or any("::" in argument for argument in config.args)
     sys.dont_write_bytecode = False
-    gc.disable()  # until everything is collected
+    gc.disable()  # until all tests are collected
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if sys.flags.bytes_warning and getattr(config.option, "tx", None):
         strict = f"popen//python={shlex.quote(sys.executable)} -{'b' * sys.flags.bytes_warning}"
@@ -51,7 +50,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Grids of whole gateways are sampled, unless all of it is wanted or single tests are named."""
+    """Deselect what the sample of a grid leaves out, unless everything is wanted or single tests are named."""
     if sampling.WHOLE:
         return
     if out := sampling.left_out(items):
@@ -61,9 +60,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_finish() -> None:
-    """Thousands of tests live as long as their process: the garbage collector need not look through them each time.
+    """Freeze what collection has created: thousands of tests live as long as their process.
 
-    A play makes and drops hundreds of thousands of values, of which next to nothing needs the collector.
+    A run on virtual time creates and drops hundreds of thousands of values; the collector is needed for few of them.
     """
     gc.freeze()
     gc.set_threshold(*SELDOM)
@@ -76,8 +75,8 @@ def pytest_sessionfinish() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Iterator[None]:
-    """What a test itself has started ends with it, also when it fails: left open it makes others fail after it."""
-    gc.set_threshold(*SELDOM)  # a command of the product that ran in this process has set its own
+    """End the processes that a test has started, also if it fails: left running, they would make other tests fail."""
+    gc.set_threshold(*SELDOM)  # a command of the product that ran in this process has set its own thresholds
     before = len(ALIVE)
     try:
         return (yield)
@@ -88,7 +87,7 @@ def pytest_runtest_call() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Also for what runs longer than one test."""
+    """Set temporary folders for the whole run, also for fixtures that live longer than one test."""
     base = tmp_path_factory.mktemp("states")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STATE_DIRECTORY", str(base))
@@ -99,13 +98,13 @@ def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(autouse=True)
 def _state(_states: Path) -> None:
-    """Set by hand: ``monkeypatch`` takes longer than most tests. What there was before comes back at the end."""
+    """Give each test its own folder. Set directly: ``monkeypatch`` takes longer than most tests."""
     os.environ["STATE_DIRECTORY"] = f"{_states}/{next(_COUNT)}"
 
 
 @pytest.fixture
 def started() -> Iterator[list[Running]]:
-    """Product processes that a test adds; they end with it."""
+    """A list for the product processes that a test starts; the fixture ends them."""
     running: list[Running] = []
     yield running
     for one in running:

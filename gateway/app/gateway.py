@@ -22,7 +22,7 @@ from gateway.app.bindings import (
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
-from gateway.app.config.programs import settled
+from gateway.app.config.programs import with_needs
 from gateway.app.control.orders import orders
 from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
@@ -70,7 +70,7 @@ class Gateway:
         warn: Callable[[str], None] | None = None,
         watchdog: Watchdog | None = None,
     ) -> None:
-        self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
+        self.config, self.surfaces, self.clock = config, [with_needs(surface) for surface in surfaces], clock
         self.watchdog = watchdog
         self.watched: WatchedMount | None = None
         self.wire_log = wire_log or WireLog(clock)

@@ -53,8 +53,8 @@ def _fleet(arguments: argparse.Namespace) -> int:
         raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")
     if re.match(PARTS, arguments.prefix) is None:
         raise UserError(f"--prefix {arguments.prefix!r}: write words of letters, digits and _ . -, with / between")
-    let_in = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
-    return asyncio.run(_serve(let_in, arguments.prefix, arguments.port))
+    broker_access = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
+    return asyncio.run(_serve(broker_access, arguments.prefix, arguments.port))
 
 
 async def _serve(access: Access, prefix: str, port: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Collection
 
-from gateway.app.config.checks import EVERY
+from gateway.app.config.checks import ALL
 from gateway.app.control import request_types
 from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
@@ -59,7 +59,7 @@ class Orders:
             self._stop()
         elif len(text) > LONGEST:
             self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters")
-        elif to == EVERY:
+        elif to == ALL:
             self._refuse(text, "the only order for all mounts together is stop")
         elif word not in (*PLAIN, GOTO) or (bool(rest) is not (word == GOTO)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")

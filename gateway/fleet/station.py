@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.config.checks import EVERY
+from gateway.app.config.checks import ALL
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet.client import Access, Connect
@@ -113,9 +113,9 @@ class Station:
         if self.presence.hear(heard):
             return
         to = [*self.topics.parts(heard.topic), ""]
-        if to[0] == EVERY:
+        if to[0] == ALL:
             for shown in self._shown.values():
-                shown.orders.take(heard.payload, heard.retained, EVERY)
+                shown.orders.take(heard.payload, heard.retained, ALL)
         elif (one := self._shown.get(to[1])) is not None:
             one.orders.take(heard.payload, heard.retained, one.name)
 

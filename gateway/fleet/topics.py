@@ -13,7 +13,7 @@ from collections import deque
 
 from msgspec import Struct
 
-from gateway.app.config.checks import EVERY
+from gateway.app.config.checks import ALL
 from gateway.app.config.keys import WORD
 
 #: The name of a mount without a name.
@@ -58,7 +58,7 @@ class Topics(Struct, frozen=True):
     @property
     def everyone(self) -> str:
         """The topic of orders for all mounts on the broker."""
-        return f"{self.prefix}/{EVERY}/command"
+        return f"{self.prefix}/{ALL}/command"
 
     def of(self, mount: str, what: str) -> str:
         """Return a topic of a mount: ``state``, ``event`` or ``command``."""
@@ -72,7 +72,7 @@ class Topics(Struct, frozen=True):
 def own_id() -> str:
     """Return the name of this computer, reduced to characters that are allowed in a topic."""
     name = "-".join(re.findall(WORD, socket.gethostname())) or "gateway"
-    return f"{name}-computer" if name == EVERY else name
+    return f"{name}-computer" if name == ALL else name
 
 
 class Outbox:

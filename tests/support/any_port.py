@@ -1,4 +1,4 @@
-"""A gateway on virtual time whose one surface is for every protocol."""
+"""A gateway on virtual time whose one surface accepts every protocol."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PLACE = "tcp://127.0.0.1:0"
 
 
 class AnyBridge(Bridge):
-    """``call`` is a new connection; the keys of the surface are ``keys``."""
+    """``call`` opens a new connection; ``keys`` are the configuration keys of the surface."""
 
     def __init__(self, *arguments: Any, web: Web | None = None, keys: dict[str, Any] | None = None, **others: Any):
         super().__init__(*arguments, **others)
@@ -38,5 +38,5 @@ class AnyBridge(Bridge):
         return Caller(self.any, host=host, number=self._number)
 
     def spoken(self) -> list[str]:
-        """What connections have turned out to speak."""
+        """Return the notes on which protocol each connection was recognised to speak."""
         return [entry.note for entry in self.entries if entry.arrow == "~"]

@@ -1,4 +1,4 @@
-"""A busy computer on virtual time: every turn of the event loop takes a while, and whoever sleeps wakes late."""
+"""A busy computer on virtual time: every event loop iteration takes a while, and every timer fires late."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EVENING = 1768514400.0
 
 
 class BusyLoop(TurnLoop):
-    """Takes its whims from ``random``."""
+    """An event loop whose delays are drawn from ``random``."""
 
     def __init__(self, random: Random) -> None:
         self.passed, self._random = 0.0, random
@@ -46,7 +46,7 @@ def run_busy(program: Coroutine[Any, Any, Any], seed: object) -> Any:
 
 
 class Pluggable(SimulatedTransport):
-    """A simulated mount whose cable comes off."""
+    """A simulated mount whose cable can be pulled out (``lose``)."""
 
     async def open(self, on_data: Any, on_lost: Any) -> None:
         self.lose = lambda: on_lost("pulled out")
@@ -54,7 +54,7 @@ class Pluggable(SimulatedTransport):
 
 
 class Recorded:
-    """A gateway with one surface in this process, recorded in ``path``; ``ahead`` is how far its host's clock is."""
+    """A gateway with one surface, recorded in ``path``; ``ahead`` is by how many seconds its host's clock is fast."""
 
     def __init__(self, path: Path, mount: str, presented: str, longest: int = 10_000_000, **surface: Any) -> None:
         loop = asyncio.get_running_loop()
@@ -70,7 +70,7 @@ class Recorded:
         self._arrive = entrance.arrive(self.gateway.acceptors[0])
 
     def arrive(self, name: str, write: Any) -> ConnectionHandler:
-        """A new connection. Raises TurnedAway."""
+        """Open a new connection. Raises TurnedAway."""
         guest = self._arrive(name, name.partition(":")[0], write)
         guest.network(lambda last: None)
         return guest

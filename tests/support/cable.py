@@ -1,4 +1,4 @@
-"""The cable between a gateway and its simulated mount: pulled out, plugged in again, or bad for single commands."""
+"""The cable between a gateway and its simulated mount: it can be pulled out, plugged in, or lose single commands."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 
 class Cable:
-    """The port is gone between ``pull`` and ``plug``; bytes that are on their way are lost."""
+    """The port is missing between ``pull`` and ``plug``; bytes that are on their way then are lost."""
 
     def __init__(self, bridge: Any) -> None:
         self._line = bridge.controller.line
@@ -29,7 +29,7 @@ class Cable:
 
 
 def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[bytes]:
-    """Let the mount miss the next commands that begin so, on a line that is otherwise good -> those it has missed."""
+    """Make the mount miss the next commands with these beginnings; return the list of those it has missed."""
     wire = bridge.controller.line.wire
     missed: list[bytes] = []
     feed = wire._feed
@@ -45,7 +45,7 @@ def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[b
 
 
 def mute(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
-    """Let the answers to the next commands that begin so be lost: the mount has heard them."""
+    """Lose the replies to the next commands with these beginnings, which the mount executes; return the commands."""
     wire = bridge.controller.line.wire
     heard: list[bytes] = []
     feed = wire._feed

@@ -1,4 +1,4 @@
-"""Connections that come over a network, in process: what the port would do is done here, by hand."""
+"""Network connections within the process: the test does by hand what the listening port would do."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gateway.transport.rfc2217 import over_telnet
 
 
 class Caller:
-    """One connection over ``tcp`` or ``rfc2217``; ``heard`` is all it was told, ``gone`` whether it was ended.
+    """One connection over ``tcp`` or ``rfc2217``; ``heard`` is all it received, ``gone`` whether the gateway closed it.
 
-    ``trusted``: over neither, as if nobody could be a stranger there.
+    With ``trusted`` it counts as local: the gateway does not treat it as a connection from the network.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Caller:
             self._guest.feed(data)
 
     async def dribble(self, data: bytes, pauses: Iterable[float]) -> None:
-        """One byte after the other, until the connection is ended."""
+        """Send one byte after the other, until the connection is closed."""
         for byte, pause in zip(data, cycle(pauses), strict=False):
             if self.gone:
                 return
@@ -52,7 +52,7 @@ class Caller:
             await asyncio.sleep(pause)
 
     async def ask(self, data: bytes, seconds: float = 10.0) -> bytes:
-        """Bytes in -> what is told for them first; nothing after so many seconds."""
+        """Send bytes and return the first that come back, or nothing after this many seconds."""
         before = len(self.heard)
         self._told.clear()
         self.tell(data)

@@ -1,6 +1,6 @@
-"""Plays the conversations of ``conformance/transcripts``: against a surface, and through the product's own clients.
+"""Replays the conversations of ``conformance/transcripts``: on a surface alone, and through the whole client code.
 
-How a ``!`` line sets the mount up is the business of each protocol's test.
+Each protocol's test supplies ``set_up``, which carries out the ``!`` lines.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from tests.support.visits import House, Visit
 
 
 def degrees(text: str) -> float:
-    """``-12:30:00`` as a number."""
+    """Convert ``-12:30:00`` to a number."""
     whole, minutes, seconds = (float(part) for part in text.lstrip("+-").split(":"))
     return (whole + minutes / 60 + seconds / 3600) * (-1 if text.startswith("-") else 1)
 
@@ -23,7 +23,7 @@ def degrees(text: str) -> float:
 def play(
     conversation: Conversation, talk: Talk, cut: Callable[[bytes], list[bytes]], set_up: Callable[[str], None]
 ) -> None:
-    """Against a surface; ``cut`` is how a wire delivers what is sent."""
+    """Replay a conversation on a surface; ``cut`` splits what is sent into the chunks that arrive."""
     heard = b""
     for line in conversation.lines:
         if line.mark == ">":
@@ -46,7 +46,7 @@ async def receive(
     ask: Callable[[Visit, bytes], Awaitable[bytes]],
     set_up: Callable[[str], None],
 ) -> None:
-    """With the product's own clients, and connections that come and go where the program does that."""
+    """Replay a conversation through ClientConnections, reconnecting where the original program did."""
     visit, heard = house.visit(), b""
     for line in conversation.lines:
         if line.mark == ">":
@@ -66,7 +66,7 @@ async def receive(
 
 
 def check_whole(path: Path) -> None:
-    """A conversation is more than a greeting, and ends with a reply."""
+    """Check that a conversation is more than a greeting, and that it ends with a reply."""
     marks = [line.mark for line in read(path).lines]
     assert marks.count("<") > 4
     assert marks[-1] == "<", f"{path.name} ends before its last reply"

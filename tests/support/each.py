@@ -1,7 +1,7 @@
-"""Many rows in one test, where each takes next to no time: an item of its own costs pytest several times as much.
+"""Tests many cheap rows in one pytest item: an item for each would cost pytest several times as much as the test.
 
-It stands where ``pytest.mark.parametrize`` would stand, also more than once. Every row is tried, and every row that
-fails is named with its failure.
+`each` is used like ``pytest.mark.parametrize`` and can be stacked. Every row is tried, and every row that fails is
+named with its failure.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pytest
 
 
 def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """The test with every row in turn; ``names`` are those of its parameters, in one text with commas between them."""
+    """Run the test with every row in turn; ``names`` are its parameters, separated by commas if they are one string."""
     given = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     kept = list(rows)
     assert kept

@@ -1,6 +1,6 @@
-"""How many random examples a property is tried with: a third of hypothesis's hundred, and all of them in a whole run.
+"""How many random examples hypothesis tries: a third of its default of 100, or all 100 with ``pytest --whole``.
 
-They are others in every run, so that what one run does not meet another one does.
+The examples are different in every run, so that the runs together cover more.
 """
 
 from __future__ import annotations
@@ -9,5 +9,5 @@ from hypothesis import settings
 
 from tests.support.sampling import as_a_rule
 
-#: Stands above or below ``given``.
+#: A decorator, to be used with ``given``.
 some = settings(max_examples=as_a_rule(33, whole=100))

@@ -1,4 +1,4 @@
-"""A broker that is not there: what is sent to it is kept, and a test says what comes from it and what goes wrong."""
+"""A fake MQTT broker: it records what is published, and a test decides what arrives from it and what goes wrong."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ PATIENCE = 10.0
 
 
 class FakeBroker:
-    """``down``: no connection is had; ``mute``: nothing is acknowledged; ``passes_on``: what is
-    published comes back."""
+    """``down``: an error for every connection attempt; ``mute``: publishing is not acknowledged; ``passes_on``: what is
+    published is delivered back."""
 
     def __init__(self) -> None:
         self.published: list[Message] = []
@@ -40,11 +40,11 @@ class FakeBroker:
             self.client = None
 
     def say(self, topic: str, payload: bytes, retain: bool = False, times: int = 1) -> None:
-        """A message arrives."""
+        """Deliver a message to the client."""
         self._put(*[SimpleNamespace(topic=topic, payload=payload, retain=retain)] * times)
 
     def lose(self) -> None:
-        """The connection is lost."""
+        """Break the connection."""
         self._put(OSError("the connection is lost"))
 
     def _put(self, *what: object) -> None:
@@ -54,7 +54,7 @@ class FakeBroker:
             client.loop.call_soon_threadsafe(client.queue.put_nowait, one)
 
     def told(self, topic: str) -> list[bytes]:
-        """What was published there, in order."""
+        """Return the payloads that were published on this topic, in order."""
         return [message.payload for message in list(self.published) if message.topic == topic]
 
 
@@ -87,7 +87,7 @@ class _Client:
 
 
 async def until(holds: Any) -> None:
-    """Wait, no longer than is bearable."""
+    """Wait until ``holds()`` is true. Raises TimeoutError after ``PATIENCE`` seconds."""
     async with asyncio.timeout(PATIENCE):
         while not holds():
             await asyncio.sleep(0.005)

@@ -1,6 +1,7 @@
-"""A mount that stands still and answers what it is told to: for testing a surface by its bytes alone.
+"""A fake mount that answers operations at once, for testing a surface by its bytes alone, without I/O.
 
-It has no protocol and no time of its own. Gotos and syncs are judged by the product's limits, everything else succeeds.
+It has no protocol and no time of its own. Gotos and syncs are checked against the product's limits; everything else
+succeeds.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLa
 
 @cache
 def unix(text: str) -> float:
-    """``2026-03-21 04:15:30`` (UTC) -> Unix seconds."""
+    """Convert ``2026-03-21 04:15:30`` (UTC) to Unix seconds."""
     return float(calendar.timegm(datetime.strptime(text, "%Y-%m-%d %H:%M:%S").timetuple()))
 
 
 class Mount:
-    """What the surface is told, and what it asked for, in order."""
+    """The answers to give, and the operations that were performed, in order."""
 
     def __init__(self) -> None:
         self.position = op.Equatorial(188.0 + 44 / 60, 45 + 12 / 60 + 34 / 3600)
@@ -44,20 +45,20 @@ class Mount:
         self.clock = op.Moment(unix("2026-03-21 04:15:30"), -8.0)
         self.status = op.Status(op.Tracking.EQ_NORTH, aligned=True, equatorial=True)
         self.identity = op.Identity("Test mount", "4.21", "cpc")
-        #: What its GPS receiver tells, where it has one.
+        #: The answer of its GPS receiver; None if it has no receiver.
         self.gps: op.Gps | None = None
-        #: What it tracks at, a multiple of sidereal.
+        #: The tracking rate as a multiple of sidereal.
         self.drive_rate = 1.0
         self.slewing = False
         self.limits = Limits()
         self.sky = Sky()
         self.asked: list[op.Operation] = []
-        #: What everything, or one kind of operation, ends in.
+        #: The fault that every operation, or one kind of operation, ends in.
         self.fault: Fault | None = None
         self.faults: dict[type[op.Operation], Fault] = {}
 
     def perform(self, operation: op.Operation) -> Any:
-        """The answer of an operation; raises the Fault that was set, or what the limits say."""
+        """Return the answer of an operation. Raises the Fault that was set, or the one that the limits demand."""
         self.asked.append(operation)
         if self.fault is not None:
             raise self.fault
@@ -117,7 +118,7 @@ class Mount:
         return answers.get(type(operation))
 
     def of(self, kind: type[op.Operation]) -> list[Any]:
-        """The operations of a kind that were asked for."""
+        """Return the operations of this kind that were performed."""
         return [operation for operation in self.asked if isinstance(operation, kind)]
 
 
@@ -142,7 +143,7 @@ class Talk:
         self._told: dict[type[Any], tuple[float, Any]] = {}
 
     def send(self, data: bytes) -> bytes:
-        """Everything the surface answers to these bytes."""
+        """Send bytes and return everything that the surface replies to them."""
         reply = b""
         for frame in self.framer.feed(data, self.now):
             reply += self._handle(frame)
@@ -181,14 +182,14 @@ class Talk:
             return reply
 
     def reconnect(self) -> None:
-        """Close the connection and open the next one, which begins with what this one has kept."""
+        """Close the connection and open the next one, which inherits what the session keeps across connections."""
         before = self.session
         self.session = type(before)(before.model, before.settings, before.clock, before.common)
         self.session.kept = copy(before.kept)
         self.framer = self.face.framing()
 
     def wait(self, seconds: float) -> None:
-        """Let time pass, on the host and on the mount: what was deferred until then is done, each at its time."""
+        """Let time pass on the host and on the mount, and run each deferred handler at its time."""
         until = self.now + seconds
         while due := sorted((item for item in self.deferred if item[0] <= until), key=lambda item: item[0]):
             at, session, handler = due[0]

@@ -1,8 +1,8 @@
-"""Product processes that are forked from one that has loaded the product already, instead of loading it again.
+"""Product processes that are forked from one that has loaded the package already, instead of loading it again.
 
 Loading takes most of the processor time of a start. `Forked` is the test's side and looks like a ``subprocess.Popen``;
-run as a program this file is the side that loads and forks. Its children have the streams, the environment, the folder
-and the command line of a process that was started as usual; astropy they do not load. A test of the start itself takes
+run as a program, this file is the server that loads and forks. Its children have the streams, the environment, the
+folder and the command line of a normally started process; they do not load astropy. A test of the start itself uses
 ``tests.support.process.GATEWAY``.
 """
 
@@ -28,20 +28,20 @@ import warnings
 from pathlib import Path
 from typing import Any, TextIO
 
-#: Whether the system has what this needs.
+#: Whether the system supports this.
 POSSIBLE = sys.platform == "linux"
-#: Not loaded beforehand: what takes longer than all the rest, and what is a program of its own.
+#: Modules that are not preloaded: one takes longer than all the rest, the others are programs of their own.
 LEFT_OUT = ("gateway.astro.ephemeris.by_astropy", "gateway.app.watchdog.process", "gateway.__main__")
-#: How long a command line can be that a child shows, and of how many bytes a request.
+#: The longest command line that a child can show, and the longest request, in bytes.
 ROOM, REQUEST = 8000, 100_000
 PRODUCT = Path(__file__).with_name("mount-gateway")
 PATIENCE = 20.0
 
 
 class Forked:
-    """A process of the product with these arguments, or of a script; stdout and stderr are pipes of text.
+    """A product process with these arguments, or a script; stdout and stderr are text pipes.
 
-    Where it ``hangs`` SIGUSR1 blocks it for so many seconds.
+    SIGUSR1 blocks it for ``hangs`` seconds.
     """
 
     _server: tuple[subprocess.Popen[bytes], socket.socket] | None = None
@@ -62,7 +62,7 @@ class Forked:
 
     @classmethod
     def _control(cls) -> socket.socket:
-        """The way to the process that forks: from the first time on there is one."""
+        """Return the socket to the fork server, which the first call starts."""
         if cls._server is None:
             here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             words = [sys.executable, "-bb", "-P", __file__, str(there.fileno()), " " * ROOM]
@@ -72,7 +72,7 @@ class Forked:
 
     @classmethod
     def end(cls) -> None:
-        """No more are wanted; those that still live are killed."""
+        """End the fork server; it kills the children that are still running."""
         if cls._server is not None:
             process, control = cls._server
             control.close()
@@ -80,7 +80,7 @@ class Forked:
             cls._server = None
 
     def _word(self, patience: float | None) -> int:
-        """What is told next: its number, and later its exit code. Raises TimeoutError."""
+        """Receive the next number: first the pid, later the exit code. Raises TimeoutError."""
         self._life.settimeout(patience)
         try:
             said = self._life.recv(100)
@@ -91,7 +91,7 @@ class Forked:
         return int(said)
 
     def wait(self, patience: float | None = None) -> int:
-        """Its exit code, the number of the signal below zero. Raises TimeoutExpired."""
+        """Return the exit code, or the negative signal number. Raises TimeoutExpired."""
         if self.returncode is None:
             try:
                 self.returncode = self._word(patience)
@@ -101,7 +101,7 @@ class Forked:
         return self.returncode
 
     def poll(self) -> int | None:
-        """Its exit code; None while it lives."""
+        """Return the exit code; None while the process runs."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             return self.wait(0.0)
         return None
@@ -115,11 +115,11 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
 
-# --- the program: load, and fork as often as it is asked for ------------------------------------------------------
+# --- the server program: loads the package and forks on request ---------------------------------------------------
 
 
 def load() -> None:
-    """Everything that a process of the product may need."""
+    """Import everything that a product process may need."""
     import gateway
     from gateway.astro.ephemeris.sky import TableLoader
     from gateway.protocols.registry import pairs
@@ -137,7 +137,7 @@ def load() -> None:
 
 
 def serve(control: socket.socket) -> None:
-    """Fork until nobody is there to ask for it; returns in every child."""
+    """Fork on every request until the test process closes its end; returns in every child."""
     living: dict[int, tuple[int, socket.socket]] = {}
     with selectors.DefaultSelector() as selector:
         selector.register(control, selectors.EVENT_READ)
@@ -166,7 +166,7 @@ def serve(control: socket.socket) -> None:
                     os.close(key.fd)
                     pid, told = living.pop(key.fd)
                     code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-                    with contextlib.suppress(OSError):  # nobody wants to know
+                    with contextlib.suppress(OSError):  # the test process has closed its end
                         told.send(str(code).encode())
                     told.close()
             else:
@@ -179,28 +179,28 @@ def serve(control: socket.socket) -> None:
 
 
 def become(request: dict[str, Any], out: int, err: int) -> None:
-    """A child takes what is its own."""
+    """Make a forked child look like a process that was started normally."""
     for number, place in ((out, 1), (err, 2)):
         os.dup2(number, place)
         os.close(number)
-    sys.stdout = os.fdopen(1, "w", closefd=False)  # those from before may remember what kind of file it was
+    sys.stdout = os.fdopen(1, "w", closefd=False)  # the old objects may have cached the type of the old file
     sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["folder"])
-    signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell in the background has it ignored
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell ignores it for background jobs
     if request["hangs"]:
         signal.signal(signal.SIGUSR1, lambda number, frame: time.sleep(request["hangs"]))
     sys.argv = [str(PRODUCT), *request["words"]]
     shown = "\0".join([sys.executable, "-bb", "-P", *sys.argv]).encode() + b"\0"
     first, end = (int(number) for number in Path("/proc/self/stat").read_text().rpartition(")")[2].split()[45:47])
-    with contextlib.suppress(OSError), open("/proc/self/mem", "r+b", buffering=0) as memory:  # else ps shows the other
+    with contextlib.suppress(OSError), open("/proc/self/mem", "r+b", buffering=0) as memory:  # else ps shows the parent
         memory.seek(first)
         memory.write(shown.ljust(end - first, b"\0"))
 
 
 def live() -> int:
-    """Run the command, or a script, to its end, but leave what was loaded as it is: taking that apart costs as much."""
+    """Run the command or the script, then skip the interpreter's teardown, which costs as much as loading."""
     from gateway.cli import main
 
     code = 1

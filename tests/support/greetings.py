@@ -1,11 +1,11 @@
-"""What comes to a port that is meant for somebody else, typed from the protocols' own papers and from nmap's list."""
+"""First bytes that are not meant for a telescope port, typed from the specifications of protocols and nmap's probes."""
 
 from __future__ import annotations
 
 _FORM = b"#:Sr04:00:00#:Sd+40*00:00#:MS#"
 _BROWSER = b"Host: 127.0.0.1:4030\r\nConnection: keep-alive\r\nUser-Agent: Mozilla/5.0 (X11; Linux x86_64)\r\n"
 
-#: What it is -> all of its bytes.
+#: Name -> all of the bytes that arrive.
 GREETINGS: dict[str, bytes] = {
     "a visit": b"GET /x HTTP/1.1\r\n" + _BROWSER + b"Accept: text/html,*/*;q=0.8\r\n\r\n",
     "Prometheus": b"GET /metrics HTTP/1.1\r\nHost: scope:4030\r\nUser-Agent: Prometheus/2.45.0\r\n\r\n",
@@ -58,5 +58,5 @@ GREETINGS: dict[str, bytes] = {
     "a remote desktop": b"\3\0\0\x0b\6\xe0\0\0\0\0\0",
     "XML": b'<?xml version="1.0"?><methodCall><methodName>exyu</methodName></methodCall>',
 }
-#: Only where no port speaks Telnet.
+#: Only for ports that do not speak Telnet themselves.
 TELNET = b"\xff\xfd\3\xff\xfb\x18\xff\xfb\x1f\xff\xfb\x20xyu\r\n"

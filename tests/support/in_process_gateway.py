@@ -1,4 +1,4 @@
-"""A whole gateway on virtual time, as the product rehearses it, with what only tests need: files, ends, a judge."""
+"""A whole gateway on virtual time: the product's rehearsal stage with state files, a kill and a check of all frames."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ EVENING = 1768514400.0
 
 
 async def here(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Files are written at once: a thread knows nothing of virtual time."""
+    """Call the function at once instead of in a thread: threads do not run on virtual time."""
     return function(*arguments)
 
 
 class Bridge(Stage):
-    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection."""
+    """``sim`` is the simulated mount, ``controller`` the gateway's mount controller, ``client()`` a new connection."""
 
     store: StateStore | None = None
 
@@ -42,7 +42,7 @@ class Bridge(Stage):
         in_thread: InThread | None = None,
         **settings: Any,
     ) -> None:
-        """With ``state`` a directory for what is kept; the other settings are those of a stage."""
+        """``state`` is the folder of the state files; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
         self.warned: list[str] = []
@@ -59,11 +59,11 @@ class Bridge(Stage):
         await super().__aexit__()
         if self.store is not None:
             await self.store.close()
-        if failed is None and not self._hands_on:  # what passes through is the program's own
+        if failed is None and not self._hands_on:  # these commands are the program's own
             assert not (wrong := malformed(self._driven, self.sent())), f"no paper writes it so: {wrong}"
 
     async def kill(self) -> None:
-        """End as a killed process does: nothing more is sent or written, only the lock is let go."""
+        """End like a killed process: send and write nothing more, and only release the lock."""
         assert self.store is not None
         tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in tasks:

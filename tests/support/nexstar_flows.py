@@ -1,4 +1,4 @@
-"""What tests of whole gateways with a NexStar surface have in common: a bridge, and what a program says and reads."""
+"""Helpers for tests of whole gateways with a NexStar surface: a bridge, and what a program sends and reads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HALT = {axis: bytes((80, 2, 15 + axis, 36, 0, 0, 0, 0)) for axis in (1, 2)}
 
 
 def on_a_bridge(**settings: Any) -> Callable[[Callable[[Bridge], Awaitable[None]]], Callable[[], None]]:
-    """A test that gets a gateway with a NexStar surface, and a hand control behind it."""
+    """Decorate a test so that it gets a gateway with a NexStar surface that drives a simulated hand control."""
 
     def wrap(test: Callable[[Bridge], Awaitable[None]]) -> Callable[[], None]:
         def wrapped() -> None:
@@ -34,7 +34,7 @@ def on_a_bridge(**settings: Any) -> Callable[[Callable[[Bridge], Awaitable[None]
 
 
 def precise(letter: bytes, first: float, second: float) -> bytes:
-    """32 bits of each, as programs send them."""
+    """Return a command with two angles of 32 bits each, as programs send them."""
     return b"%s%08X,%08X" % (letter, int(first / 360 * 2**32) % 2**32, int(second / 360 * 2**32) % 2**32)
 
 
@@ -45,18 +45,18 @@ def place(reply: bytes) -> tuple[float, float]:
 
 
 def up(bridge: Bridge, east: float = 20.0, dec: float = 40.0) -> tuple[float, float]:
-    """A place well above the horizon."""
+    """Return (right ascension, declination) well above the horizon, degrees."""
     latitude, longitude = bridge.sim.site
     return wrap360(sidereal_time(bridge.clock(), longitude) + east), dec if latitude > 0 else -dec
 
 
 def off(bridge: Bridge, ra: float, dec: float) -> float:
-    """How far the tube really points from there, degrees."""
+    """Return how far the tube really points from these coordinates, degrees."""
     return separation(*bridge.sim.truth(), ra, dec)
 
 
 async def settled(client: Visitor, seconds: float = 120.0) -> None:
-    """Poll as INDIGO does until ``L`` is 0."""
+    """Poll ``L`` as INDIGO does until it is 0."""
     end = asyncio.get_running_loop().time() + seconds
     while asyncio.get_running_loop().time() < end:
         if await client.ask(b"L") == b"0#":
@@ -66,7 +66,7 @@ async def settled(client: Visitor, seconds: float = 120.0) -> None:
 
 
 async def polled(client: Visitor) -> None:
-    """A program that has been connected for a while."""
+    """Poll like a program that has been connected for a while."""
     for _ in range(3):
         await client.ask(b"L")
         await client.ask(b"e")

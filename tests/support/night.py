@@ -1,9 +1,9 @@
-"""A night at a mount on virtual time: a program polls, guides and sends it about; every answer is judged by the truth.
+"""A night at a mount on virtual time: a program polls, guides and slews, and every answer is compared with the truth.
 
-The truth here is where the simulated mount takes itself to point when it is asked: its clock is set to whole seconds,
-so that is not quite where it really points. What the program is told at rest must be one of those of the last second,
-to a unit of the wire formats in between: nothing may drift, however long the night. In motion it must be near to where
-the mount takes itself to point now.
+The truth is here what the simulated mount itself takes for its position when it is asked. Its clock is set to whole
+seconds, so this differs a little from where it really points. At rest, the program must receive one of the positions of
+the last 1.2 seconds, to within the rounding of the two wire formats: nothing may drift, however long the night. In
+motion the received position must be near the mount's own position now.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from gateway.astro.spherical import (
 from tests.support.in_process_gateway import Bridge, Visitor
 
 LATENCY = 0.05
-#: Seconds that an answer may be old: it is fresh for half a second and was under way before.
+#: Seconds that a position may be old: it counts as fresh for half a second and was on its way before.
 OLDEST = 1.2
 ARCSECOND = 1.0 / 3600.0
-#: In motion a place is reckoned, which may be wrong by so many degrees where the motion has just begun or turns: a
-#: quarter of a second at the 8 degrees a second of a Meade.
+#: In motion the gateway extrapolates, which may be wrong by this many degrees if the motion has just begun or turns:
+#: a quarter of a second at the 8 degrees a second of a Meade.
 RECKONED = 2.0
 #: Half a unit, degrees: of HH:MM:SS, of sDD*MM:SS, of 24 bits of a turn.
 SECOND, ARC, BINARY = 7.5 * ARCSECOND, 0.5 * ARCSECOND, 180.0 / 2**24
-#: The same by protocol, for right ascension and declination.
+#: Protocol -> half units of right ascension and declination.
 UNITS = {"lx200": (SECOND, ARC), "nexstar": (BINARY, BINARY)}
-#: Mount and gateway both tell whole seconds, and the mount is asked three times before its clock is known.
+#: Both mount and gateway report whole seconds, and the gateway asks the mount three times before it knows its clock.
 CLOCK = 2.0 + 1.0
 
 
 class Plan(NamedTuple):
-    """A program's protocol, and the mount it is on; whether that can be guided."""
+    """The protocol of a program, the mount it is connected to, and whether that mount can be guided."""
 
     presented: str
     driven: str
@@ -60,7 +60,7 @@ PLANS = (
 
 @dataclass
 class Record:
-    """What a night was: counts, and what was wrong in words. ``worst`` is the largest error in units of the wire."""
+    """The result of a night: counts, and errors in words. ``worst`` is the largest error in units of the wire."""
 
     polls: int = 0
     gotos: int = 0
@@ -71,7 +71,7 @@ class Record:
 
 
 class Truth:
-    """Right ascension and declination at the moments the mount was asked for either."""
+    """The right ascensions and declinations that the mount reported lately."""
 
     def __init__(self, bridge: Bridge, plan: Plan) -> None:
         self._bridge = bridge
@@ -89,7 +89,7 @@ class Truth:
         return answer
 
     def units(self, ra: float, dec: float) -> float:
-        """How far from the nearest that the mount said lately, in units of the wire; 1 is as good as it gets."""
+        """Return the distance to the nearest value reported lately, in units of the wire formats; 1 is the ideal."""
         now = self._bridge.clock()
         return max(
             min((abs(wrap180(told - value)) for at, value in self._asked[name] if now - at <= OLDEST), default=360.0)
@@ -98,13 +98,13 @@ class Truth:
         )
 
     def off(self, ra: float, dec: float) -> float:
-        """How far from where the mount takes itself to point now, in units of what may be wrong of what is reckoned."""
+        """Return the distance from the mount's own position now, as a fraction of the permitted extrapolation error."""
         here = fold_declination(*self._bridge.sim.mechanics.believed(self._bridge.sim.now))
         return separation(ra, dec, *here) / RECKONED
 
 
 class Lx200:
-    """What a program says and understands."""
+    """A program that speaks LX200."""
 
     def __init__(self, client: Visitor) -> None:
         self._client = client
@@ -135,7 +135,7 @@ class Lx200:
         assert said.startswith(b"11111"), said
 
     async def clock(self) -> float:
-        """The seconds of the day, UTC."""
+        """Return the seconds of the day, UTC."""
         hours, minutes, seconds = (await self._client.ask(b":GL#", until=b"#")).rstrip(b"#").split(b":")
         return int(hours) * 3600.0 + int(minutes) * 60 + int(seconds)
 
@@ -147,7 +147,7 @@ class Lx200:
 
 
 class NexStar:
-    """The same of a program that speaks to hand controls."""
+    """A program that speaks NexStar."""
 
     def __init__(self, client: Visitor) -> None:
         self._client = client
@@ -170,7 +170,7 @@ class NexStar:
         assert await self._client.ask(b"H" + bytes((*fields, 0, 0)), until=b"#") == b"#"
 
     async def clock(self) -> float:
-        """The seconds of the day, UTC."""
+        """Return the seconds of the day, UTC."""
         said = await self._client.ask(b"h", 2)
         assert len(said) == 9, said
         return said[0] * 3600.0 + said[1] * 60 + said[2]
@@ -196,15 +196,15 @@ def _date(unix: float, form: str) -> str:
 async def night(
     plan: Plan, seconds: float, goto_every: float, seed: int, hourly: Callable[[], None] = lambda: None
 ) -> Record:
-    """Spend a night of so many seconds; ``hourly`` is called at every full hour."""
+    """Simulate a night of this many seconds; ``hourly`` is called at every full hour."""
     chance, record = random.Random(seed), Record()
     bridge = Bridge(plan.mount, driven=plan.driven, presented=plan.presented, surface=None, latency=LATENCY)
-    bridge.wire_log.sinks.clear()  # nothing may be kept that grows
+    bridge.wire_log.sinks.clear()  # keep nothing that grows
     async with bridge:
         truth, client = Truth(bridge, plan), bridge.client()
         program = Lx200(client) if plan.presented == "lx200" else NexStar(client)
         await program.begin(bridge.clock())
-        await asyncio.sleep(20.0)  # a classic works out its planets
+        await asyncio.sleep(20.0)  # a classic LX200 computes its planets
         began = bridge.clock()
         due_goto, due_pulse, due_hour = began + 20.0, began, began + 3600.0
         slewing, target = False, (0.0, 0.0)
@@ -246,7 +246,7 @@ async def night(
 
 
 def _target(bridge: Bridge, chance: random.Random) -> tuple[float, float]:
-    """Somewhere well up, and so is the way there: a goto that dips below the horizon is stopped, as it should be."""
+    """Return a target well above the horizon, with a path above it too: a goto that dips below is rightly stopped."""
     sidereal = sidereal_time(bridge.clock(), 10.0)
     ra, dec = bridge.sim.truth()
     here = wrap180(sidereal - ra), dec
@@ -257,7 +257,7 @@ def _target(bridge: Bridge, chance: random.Random) -> tuple[float, float]:
 
 
 def _stays_up(here: tuple[float, float], there: tuple[float, float]) -> bool:
-    """Whether both equatorial axes at equal speed keep the tube above 5 degrees."""
+    """Whether the tube stays above 5 degrees if both equatorial axes turn at equal speed."""
     turns = [end - start for start, end in zip(here, there, strict=True)]
     longest = max(map(abs, turns))
     for step in range(round(longest) + 1):

@@ -1,7 +1,7 @@
-"""One operation on one driven mount: through hub, driver and line into the simulator, and what is seen there.
+"""Performs every operation on one driven mount, through controller, driver and link, and checks the effect.
 
-Every check performs its operation and says whether its effect was seen. A fault is an answer, too: it names what the
-mount cannot do. Only ``nothing`` is none.
+Each check performs its operation and returns whether the simulator shows its effect. A fault is a valid outcome too: it
+names what the mount cannot do. Only ``nothing`` is a failure: no fault and no effect.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def _near(one: tuple[float, float], other: tuple[float, float], within: float = 
 
 
 def _high(b: Bridge, east: float = 20.0) -> tuple[float, float]:
-    """A place well up, some degrees east of the meridian."""
+    """Return a target well above the horizon, ``east`` degrees east of the meridian."""
     return (b.sim.mechanics.sky.sidereal(b.clock()) + east) % 360.0, 0.5 * b.sim.site[0]
 
 
@@ -50,7 +50,7 @@ async def _settle(b: Bridge, seconds: float = 240.0) -> None:
 
 
 async def _rate(b: Bridge, seconds: float) -> tuple[float, float]:
-    """Degrees an hour that the place moves at."""
+    """Return the speed of right ascension and declination, degrees an hour."""
     before = _place(b)
     await asyncio.sleep(seconds)
     after = _place(b)
@@ -83,7 +83,7 @@ async def status(b: Bridge) -> bool:
 
 
 async def identity(b: Bridge) -> bool:
-    """As the papers name it: a classic tells neither product nor firmware, a hand control before 2.2 no model."""
+    """As in the manuals: a classic LX200 reports neither product nor firmware, a hand control before 2.2 no model."""
     seen = await b.controller.perform(op.GetIdentity())
     if hasattr(b.sim, "shown_version"):
         name = next(model for model, row in load("nexstar").models.items() if row is b.sim.row)
@@ -122,7 +122,7 @@ async def sidereal(b: Bridge) -> bool:
 
 
 async def pier_side(b: Bridge) -> bool:
-    """On the W side of a northern pier the declination axis of a German mount reads beyond the pole; a fork is E."""
+    """West of a northern pier the declination axis of a German mount reads beyond the pole; a fork is always E."""
     await b.controller.perform(op.PierSide())
     sides = []
     for east in (-30.0, 30.0):
@@ -134,7 +134,7 @@ async def pier_side(b: Bridge) -> bool:
 
 
 async def guide_rate(b: Bridge) -> bool:
-    """In parts of 256, as the motor has it: set behind the gateway's back."""
+    """In 1/256 of sidereal, the motor's unit; set behind the gateway's back."""
     await b.controller.perform(op.GuideRate(1))
     told = []
     for axis, rate in ((1, 0x40), (2, 0xC0)):
@@ -181,7 +181,7 @@ async def _moves(b: Bridge, operation: op.Operation, axis: int) -> bool:
     await asyncio.sleep(2.0)
     after = _axes(b)
     rest = 0.0, 90.0
-    for _ in range(8):  # some hand controls take up tracking by themselves, after a while
+    for _ in range(8):  # some hand controls resume tracking by themselves after a while
         if abs(rest[1]) > 5.0:
             await asyncio.sleep(3.0)
             rest = await _rate(b, 1.0)
@@ -243,7 +243,7 @@ async def set_tracking(b: Bridge) -> bool:
 
 
 async def track_rate(b: Bridge) -> bool:
-    """The Moon loses 30 arcminutes of right ascension an hour to the stars."""
+    """The Moon falls behind the stars by 30 arcminutes of right ascension an hour."""
     await b.controller.perform(op.TrackRate(name="lunar"))
     east, _ = await _rate(b, 15.0)
     await b.controller.perform(op.TrackRate(name="sidereal"))
@@ -317,17 +317,17 @@ async def set_clock(b: Bridge) -> bool:
 
 
 def _kept(b: Bridge) -> Fault:
-    """A site or clock that was not sent is told by the gateway from then on, and the log says why."""
+    """The outcome of a site or clock that was not sent: the gateway serves it from then on, and logs why."""
     said = [entry.note for entry in b.entries if entry.note and "kept in the gateway" in entry.note]
     return Kept() if said else Fault("nothing")
 
 
 class KeepsTracking(Fault):
-    """The log says that the mount stands at its park position and keeps tracking."""
+    """The log says that the mount has reached its park position and keeps tracking."""
 
 
 class Kept(Fault):
-    """The gateway itself serves it from now on."""
+    """The gateway itself serves the value from now on."""
 
 
 async def clock_from_gps(b: Bridge) -> bool:
@@ -352,7 +352,7 @@ async def backlash(b: Bridge) -> bool:
 
 
 async def periodic_error(b: Bridge) -> bool:
-    for _ in range(2):  # told twice, a toggle must not go back
+    for _ in range(2):  # sent twice: a toggle must not switch back
         await b.controller.perform(op.PeriodicError(1, True))
     if hasattr(b.sim, "settings"):
         return bool(b.sim.settings["periodic error", 16] == 1)
@@ -368,11 +368,11 @@ async def focus(b: Bridge) -> bool:
     if hasattr(b.sim, "parts"):
         return inward == 1 and b.sim.parts["focuser"] == 0 and b.sim.parts["focus speed"] == 4
     if b.sim.focuser.position(b.sim.clock()) > before:
-        return False  # it counts outwards
+        return False  # it counts outward
     return inward and not b.sim.focuser.moving(b.sim.clock()) and b.sim.focuser.position(b.sim.clock()) != before
 
 
-#: In this order on one mount: what puts it out of service comes last.
+#: The order on one mount: operations that put it out of service come last.
 CHECKS: dict[type[op.Operation], Check] = {
     op.GetIdentity: identity, op.GetStatus: status, op.Position: position, op.HorizontalPosition: horizon,
     op.AxisPosition: axis_position, op.Slewing: slewing, op.GetSite: site, op.GetClock: clock, op.GetGps: gps,
@@ -388,7 +388,7 @@ CHECKS: dict[type[op.Operation], Check] = {
 
 
 async def outcomes(driven: str, model: str, version: str | None = None, **settings: Any) -> dict[str, str]:
-    """Operation name -> ``does``, ``nothing``, or the name of the fault."""
+    """Return operation name -> ``does``, ``nothing``, or the class name of the fault."""
     config = {"site_time": "always", "lowest": -90.0, "site": (45.0, 10.0)}
     bridge = Bridge(model, version, driven=driven, latency=0.005, config=config, speed=6.0, **settings)
     if hasattr(bridge.sim, "focuser"):

@@ -1,4 +1,4 @@
-"""Somebody beside the mount: at its keypad, its power switch, its cable. The gateway sees nothing but the effect."""
+"""A person at the mount: uses its keypad, its power switch and its cable. The gateway sees only the effects."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from gateway.protocols.lx200.simulator.motion import release
 from tests.support import truth
 
-#: The keypad as bytes of a line of its own: typed from the manuals.
+#: What the keys do, as commands on a separate connection to the mount; typed from the manuals.
 KEYS = {
     "nexstar": {"up": b"P\x02\x11\x24\x07\x00\x00\x00", "let go": b"P\x02\x11\x24\x00\x00\x00\x00", "cancel": b"M",
                 "tracking off": b"T\x00", "site": b"W\x33\x1c\x00\x00\x00\x00\x00\x01"},
@@ -19,7 +19,7 @@ KEYS = {
 
 
 class Cable:
-    """The wire of a bridge, which can be pulled out and plugged in again."""
+    """The transport of a bridge, which can be pulled out, plugged in again, or muted."""
 
     name = "sim"
 
@@ -49,7 +49,7 @@ class Cable:
 
 
 class Owner:
-    """Has the mount of a bridge to hand; ``since`` is what the gateway sent since the owner last did something."""
+    """The person at a bridge's mount; ``since`` is what the gateway has sent since the person's last action."""
 
     def __init__(self, bridge: Any, driven: str) -> None:
         self._bridge, self._driven = bridge, driven
@@ -70,7 +70,7 @@ class Owner:
         self._before = len(self._bridge.sent())
 
     async def power_cycle(self, seconds: float) -> None:
-        """Off and on: the motors stand, the alignment is lost, and for a while nobody answers."""
+        """Switch off and on: the motors stop, the alignment is lost, and the mount does not reply for a while."""
         sim = self._bridge.sim
         sim.truth()
         sim.mechanics.cancel(sim.now)
@@ -90,7 +90,7 @@ class Owner:
         self._before = len(self._bridge.sent())
 
     def align(self, done: bool) -> None:
-        """Begin an alignment anew, or be done with it."""
+        """Begin a new alignment, or complete it."""
         self._bridge.sim.aligned = done
         self._before = len(self._bridge.sent())
 
@@ -99,15 +99,15 @@ class Owner:
         return list(self._bridge.sent()[self._before :])
 
     def begun(self) -> list[bytes]:
-        """What of it sets something moving, or tracking."""
+        """Return the commands of ``since`` that start a motion or tracking."""
         return [sent for sent in self.since if begins(self._driven, sent)]
 
     def ended(self) -> list[bytes]:
-        """What of it makes something stand still."""
+        """Return the commands of ``since`` that stop a motion."""
         return [sent for sent in self.since if ends(self._driven, sent)]
 
     def told(self) -> list[bytes]:
-        """What of it changes the site, the clock or the alignment."""
+        """Return the commands of ``since`` that change the site, the clock or the alignment."""
         begins = (b"W", b"H", b"I", b"s", b"S") if self._driven == "nexstar" else (b":S", b":CM")
         return [sent for sent in self.since if sent.startswith(begins)]
 
@@ -117,7 +117,7 @@ class Owner:
 
 
 def begins(driven: str, sent: bytes) -> bool:
-    """Whether a request sets a mount moving, or tracking."""
+    """Whether a command starts a motion or tracking."""
     if driven == "lx200":
         return sent.startswith((b":M", b":hP", b":hS", b":hF", b":AA", b":AP", b":hW"))
     if sent[:1] == b"P" and sent[2:3] in (b"\x10", b"\x11"):
@@ -127,7 +127,7 @@ def begins(driven: str, sent: bytes) -> bool:
 
 
 def ends(driven: str, sent: bytes) -> bool:
-    """Whether a request stops a motor."""
+    """Whether a command stops a motor."""
     if driven == "lx200":
         return sent.startswith((b":Q", b":AL"))
     stops = sent[:1] == b"P" and sent[2:3] in (b"\x10", b"\x11") and sent[3:4] in (b"\x24", b"\x25") and not sent[4]

@@ -1,8 +1,8 @@
-"""The README and docs/ as code blocks: what a reader would type, and why some of it is not run.
+"""The code blocks of the README and docs/: the commands a reader would type, and why some of them are not run.
 
-A fenced block says its language. A block of commands that no test runs stands under ``<!-- not run: REASON -->``; one
-without a language is a picture, a file or what a program prints. The two commands of the README that are indented are
-read by other programs, too (``.ci/run``).
+A fenced block names its language. A block of commands that no test runs stands under ``<!-- not run: REASON -->``; one
+without a language shows a diagram, a file or output. The two indented commands of the README are also read by other
+programs (``.ci/run``).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _SPAN = re.compile(r"`(mount-gateway [^`]+)`")
 
 
 class Block(NamedTuple):
-    """One block of a page. ``reason`` is why it is not run, empty where it is."""
+    """One block of a page. ``reason`` says why it is not run; it is empty if it is run."""
 
     page: Path
     language: str
@@ -32,7 +32,7 @@ class Block(NamedTuple):
 
 
 def blocks() -> list[Block]:
-    """All fenced ones."""
+    """Return all fenced blocks."""
     return [
         Block(page, language, text, reason.strip())
         for page in PAGES
@@ -41,16 +41,16 @@ def blocks() -> list[Block]:
 
 
 def commands() -> list[str]:
-    """Every line of a block that is to be run, once, in the order of the pages; the README's demo among them."""
+    """Return every line of the blocks to be run, without repetitions, in page order, and the README's demo."""
     found = [line for block in blocks() if block.language == "sh" and not block.reason for line in block.lines]
     return list(dict.fromkeys([*found, installed()["demo"].rpartition("&& .venv/bin/")[2]]))
 
 
 def installed() -> dict[str, str]:
-    """The README's commands that install first: ``demo`` and ``tests``."""
+    """Return the README's commands that install first: ``demo`` and ``tests``."""
     return dict(_INDENTED.findall((ROOT / "README.md").read_text("utf-8")))
 
 
 def spans() -> list[tuple[str, str]]:
-    """(page, command) of what stands in the text as ``mount-gateway …``."""
+    """Return (page, command) of every ``mount-gateway …`` within a sentence."""
     return [(page.name, span) for page in PAGES for span in _SPAN.findall(page.read_text("utf-8"))]

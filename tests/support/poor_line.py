@@ -1,7 +1,7 @@
-"""A poor line: bytes get lost, garbled or doubled now and then, and every answer takes its time.
+"""A poor line: now and then bytes are lost, garbled or doubled, and every reply is delayed.
 
-Answers keep their order, as on a serial line or a TCP stream. What a program hears over such a line is compared with
-where the mount has pointed: a position counts as wrong that was not true at any moment within its age.
+Replies keep their order, as on a serial line or a TCP stream. The positions that a program receives over such a line
+are compared with where the mount has pointed: a position is wrong if it was not true at any time within its age.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from gateway.astro.spherical import fold_declination, separation
 from gateway.transport.wires import OnData, OnLost
 from tests.support.in_process_gateway import Bridge, Visitor
 
-#: Seconds: from an answer to the next question, until a program gives up, and a byte at 9600 baud.
+#: Seconds: from a reply to the next request, until a program gives up, and per byte at 9600 baud.
 EVERY, PATIENCE, BYTE = 0.3, 4.0, 0.001
-#: Degrees that what is told may differ from where the mount has pointed; seconds that a place may be old.
+#: Degrees by which a position may differ from where the mount has pointed; seconds that a position may be old.
 MARGIN, OLDEST = 0.02, 10.5
-#: Seconds from one look at the mount to the next, and for how long a place is reckoned on at most.
+#: Seconds between two samples of the true position, and for how long the gateway extrapolates a position at most.
 SAMPLE, RECKONED = 0.05, 1.1
 
 
 class Poor(Struct, frozen=True):
-    """What is wrong with a line: shares of all exchanges, and the seconds that a round trip takes."""
+    """The faults of a line: fractions of all exchanges, and the seconds that a round trip takes."""
 
     lost: float = 0.0
     garbled: float = 0.0
@@ -36,7 +36,7 @@ class Poor(Struct, frozen=True):
 
 
 class PoorWire:
-    """A wire to a simulated mount; ``fine`` while nothing is to go wrong."""
+    """A transport to a simulated mount over a poor line."""
 
     name = "a poor line"
 
@@ -81,7 +81,7 @@ class PoorWire:
 
 
 class Polls(Struct):
-    """How many polls there were, how many were answered, how many wrongly, and the longest wait in seconds."""
+    """How many polls were sent, how many were answered, how many wrongly, and the longest wait in seconds."""
 
     asked: int = 0
     answered: int = 0
@@ -97,7 +97,7 @@ def over(bridge: Bridge, poor: Poor, seed: int = 1) -> PoorWire:
 
 
 async def poll(bridge: Bridge, seconds: float, request: bytes = b":GR#:GD#") -> Polls:
-    """A program asks where the mount points, and again a while after every answer."""
+    """Ask where the mount points, again and again, with a pause after every reply."""
     loop, polls, client = asyncio.get_running_loop(), Polls(), bridge.client("10.0.0.7")
     trail = asyncio.ensure_future(_trail(bridge, places := []))
     end = loop.time() + seconds
@@ -116,7 +116,7 @@ async def poll(bridge: Bridge, seconds: float, request: bytes = b":GR#:GD#") -> 
 
 
 async def ask(client: Visitor, request: bytes) -> bytes:
-    """The whole answer to ``:GR#:GD#`` or ``e``; empty where it does not come in time."""
+    """Return the whole reply to ``:GR#:GD#`` or ``e``; empty if it does not arrive in time."""
     until = asyncio.get_running_loop().time() + PATIENCE
     client.heard = b""
     client.tell(request)
@@ -141,7 +141,7 @@ def _truth(bridge: Bridge) -> tuple[float, float]:
 
 
 def _true(heard: bytes, places: list[tuple[float, float]]) -> bool:
-    """Whether the mount has pointed there, each of the two angles at a moment of its own."""
+    """Whether the mount has pointed there; each of the two angles may be of a different moment."""
     if heard.count(b"#") > 1:
         ra, dec = (
             text.replace("*", ":").replace("\xdf", ":").split(":") for text in heard.decode("latin-1").split("#")[:2]

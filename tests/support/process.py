@@ -1,6 +1,6 @@
-"""Product processes: started, listened to, ended; and a client of one.
+"""Product processes: how to start them, read them and end them; and a client of one.
 
-``tests/conftest.py`` ends whatever a test has started and, having failed, not ended.
+``tests/conftest.py`` ends the processes that a failing test has left running.
 """
 
 from __future__ import annotations
@@ -13,32 +13,32 @@ from pathlib import Path
 
 from tests.support.forked import POSSIBLE, Forked
 
-#: The product as a user starts it, and one that never loads astropy: that is more work than all else of its start.
+#: The product as a user starts it, and without astropy, whose import takes more time than the rest of the start.
 WHOLE = [sys.executable, "-bb", "-m", "gateway"]
 GATEWAY = [sys.executable, "-bb", "-P", str(Path(__file__).with_name("mount-gateway"))]
 PATIENCE = 20.0
-#: Those that have been started and not ended yet.
+#: The processes that have been started and have not been ended yet.
 ALIVE: list[Running] = []
 
 
 class Running:
-    """A product process whose stdout is read line by line. ``said`` is its stderr, once it has ended.
+    """A product process whose stdout is read line by line; ``said`` is its stderr once it has ended.
 
-    Without anything that starts it (``by``) it is forked, where that is possible, from one that has loaded the product;
-    one that ``hangs`` is blocked for so many seconds by SIGUSR1.
+    Unless ``by`` is the command that starts it, it is forked, if possible, from a process that has loaded the package.
+    SIGUSR1 blocks it for ``hangs`` seconds.
     """
 
     said = ""
 
     def __init__(self, *arguments: str, by: list[str] | None = None, hangs: float = 0.0) -> None:
         if arguments[:1] in (("run",), ("demo",)) and "--console" not in arguments:
-            arguments = (*arguments, "--no-console")  # a web server that the test does not ask for takes its time
+            arguments = (*arguments, "--no-console")  # a web server that the test does not use costs time
         forked = by is None and POSSIBLE
         self.process = Forked(*arguments, hangs=hangs) if forked else started(*(by or GATEWAY), *arguments)
         ALIVE.append(self)
 
     def ready(self) -> str:
-        """The WHERE of the next ready line."""
+        """Return the WHERE of the next ready line. Raises AssertionError if the process ends before."""
         assert self.process.stdout is not None
         for line in self.process.stdout:
             if line.startswith("ready "):
@@ -60,7 +60,7 @@ class Running:
         return code
 
     def told(self, number: int | None = None) -> subprocess.CompletedProcess[str]:
-        """What else it says and how it ends: of itself, or by this signal."""
+        """Read the rest of the output until the process ends, by itself or by this signal."""
         if number is not None:
             self.process.send_signal(number)
         assert self.process.stdout is not None
@@ -70,19 +70,19 @@ class Running:
         return subprocess.CompletedProcess((), code, out, self.said)
 
     def end_at_once(self) -> None:
-        """Whatever it is doing, and whether it has ended already."""
+        """Kill the process if it still runs, and close its streams."""
         if self.process.poll() is None:
             self.process.kill()
         self.end()
 
 
 def started(*words: str) -> subprocess.Popen[str]:
-    """A process whose streams are pipes of text."""
+    """Start a process whose streams are text pipes."""
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def told(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """What a product process says and how it ends, of one that ends by itself."""
+    """Run a product process that ends by itself; return its output and exit code."""
     return Running(*arguments).told()
 
 

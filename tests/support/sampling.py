@@ -1,10 +1,10 @@
-"""Of a grid of combinations a sample: every value of every axis is met, in safety and stops twice.
+"""Samples a grid of combinations so that every value of every axis occurs; in tests of safety and stops, twice.
 
-Stacked ``parametrize`` marks make the product of their values, of which most combinations show nothing that others do
-not. What plays a whole gateway costs a hundred times what a unit costs, so such grids are sampled; ``pytest --whole``
-plays every combination. The sample is the same in every run. What one test goes through by itself asks
-`as_a_rule` how much of it. The mark ``sampled(times)`` asks for every value so often, and ``sampled(every=2)`` takes
-every second one of what would be played.
+Stacked ``parametrize`` marks multiply their values, and most combinations show nothing that others do not. A test of a
+whole gateway costs a hundred times as much as a unit test, so such grids are sampled; ``pytest --whole`` runs every
+combination. The sample is the same in every run. A test that loops over cases itself asks `as_a_rule` how many to take.
+The mark ``sampled(times)`` asks for every value that many times, and ``sampled(every=2)`` takes every second item of
+what would be run.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from zlib import crc32
 import pytest
 
 Amount = TypeVar("Amount", int, float)
-#: Whether everything is played; ``tests/conftest.py`` sets it before it imports the tests.
+#: Whether everything is run; ``tests/conftest.py`` sets it before it imports the tests.
 WHOLE = False
-#: Up to how many combinations nothing is left out.
+#: Grids of up to this many combinations are not sampled.
 FEW = 3
-#: Where whole gateways are played, and how often every value is met at least; elsewhere the mark ``sampled`` says so.
+#: Folders of tests with whole gateways, and how often every value occurs at least; the mark ``sampled`` overrides it.
 FOLDERS = {"tests/integration/safety/": 2, "tests/integration/stops/": 2, "tests/integration/": 1}
-#: Of a plain list every second one is played there, where each is met once: of some tests the first, of others the
-#: second, so that every mount is met all the same.
+#: In folders where each value occurs once, a plain list is run only at every second value: for some tests the first,
+#: for others the second, so that every mount is tested all the same.
 HALF = 2
 
 
 def as_a_rule(number: Amount, *, whole: Amount) -> Amount:
-    """This number, and the other one with ``pytest --whole``."""
+    """Return ``number``, or ``whole`` with ``pytest --whole``."""
     return whole if WHOLE else number
 
 
 def chosen(rows: Sequence[tuple[Hashable, ...]], times: int) -> list[int]:
-    """Which rows are in the sample: as few as it takes, and as different from each other as can be."""
+    """Return the indices of the sampled rows: as few as possible, and as different from each other as possible."""
     met: Counter[Hashable] = Counter()
     taken: list[int] = []
     pairs = [set(combinations(enumerate(row), 2)) for row in rows]
@@ -62,7 +62,7 @@ def chosen(rows: Sequence[tuple[Hashable, ...]], times: int) -> list[int]:
 
 
 def left_out(items: Iterable[pytest.Item]) -> set[pytest.Item]:
-    """What the sample does without, of tests that stand in the order in which they were collected."""
+    """Return the tests that the sample omits; ``items`` are in the order of collection."""
     out: set[pytest.Item] = set()
     for function, together in groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
         grid = list(together)
@@ -83,7 +83,7 @@ def left_out(items: Iterable[pytest.Item]) -> set[pytest.Item]:
 
 
 def _row(item: pytest.Item) -> tuple[str, ...]:
-    """What it has on each axis; names that are set together are one axis."""
+    """Return the test's value on each axis; names that are set together are one axis."""
     spec = getattr(item, "callspec", None)
     axes = [mark.args[0] for mark in item.iter_markers("parametrize")] if spec else []
     names = [[name.strip() for name in axis.split(",")] if isinstance(axis, str) else axis for axis in axes]

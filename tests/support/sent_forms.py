@@ -1,6 +1,6 @@
-"""What goes to a mount, held against the forms of the two papers, which were typed by hand (``conformance/manual``).
+"""Checks the commands sent to a mount against the forms in the two manuals, typed by hand (``conformance/manual``).
 
-Every play with a ``Bridge`` is checked by it at its end, so a driver cannot send what only our simulators accept.
+Every test with a ``Bridge`` is checked at its end, so that a driver cannot send what only our simulators accept.
 """
 
 from __future__ import annotations
@@ -19,6 +19,6 @@ def _forms(protocol: str) -> re.Pattern[bytes]:
 
 
 def malformed(protocol: str, sent: Iterable[bytes]) -> list[bytes]:
-    """The commands among these that no paper writes so, each once, in order."""
+    """Return the commands among these that have no form in the manual, each once, in order."""
     forms = _forms(protocol)
     return [data for data in dict.fromkeys(sent) if data and not forms.fullmatch(data)]

@@ -1,4 +1,4 @@
-"""A simulated Meade on a clock that the test turns, and a connection that keeps what comes late."""
+"""A simulated Meade on a clock that the test sets, and a connection that records delayed replies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SITES = [(45.0, 10.0), (-34.0, 18.5)]
 
 
 class Clock:
-    """A clock that stands until it is turned."""
+    """A clock that stands still until the test sets it."""
 
     def __init__(self) -> None:
         self.now = EVENING
@@ -29,7 +29,7 @@ def meade(
 
 
 class Line:
-    """One connection: what is answered at once, and what comes after how many seconds."""
+    """One connection: ``send`` returns the immediate reply; ``late`` collects (delay in seconds, reply)."""
 
     def __init__(self, sim: SimulatedLx200) -> None:
         self.late: list[tuple[float, bytes]] = []
@@ -37,6 +37,6 @@ class Line:
 
 
 def overhead(sim: SimulatedLx200) -> bytes:
-    """``:Sr…#:Sd…#`` for a place near the meridian, a little south of the zenith (north of it in the south)."""
+    """Return ``:Sr…#:Sd…#`` near the meridian, a little south of the zenith (north of it in the southern half)."""
     hours = int(sim.mechanics.sky.sidereal(sim.now) / 15.0)
     return f":Sr{hours:02d}:00:00#:Sd{sim.site[0] * 0.6:+03.0f}*00:00#".encode()

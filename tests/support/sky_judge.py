@@ -1,7 +1,7 @@
-"""Skyfield with JPL's DE421 as a judge of the sky: another library's formulas, the installed IERS table for both.
+"""Skyfield with JPL's DE421 as an independent reference for the sky, with the same IERS table for both.
 
 Angles are degrees, separations arcseconds. Skyfield reads finals2000A.all with its own parser, so that its UT1 is
-ours only if both read it right; it counts polar motion, which the gateway leaves out. DE421 ends in 2053.
+agrees with ours only if both read it right. It includes polar motion, which the gateway leaves out. DE421 ends in 2053.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = np.ndarray[Any, Any]
 
 
 def timescale() -> tuple[Any, Any]:
-    """Skyfield's time scale from the IERS table the gateway reads, and that table's rows as Skyfield reads them."""
+    """Return Skyfield's time scale from the IERS table that the gateway reads, and the rows as Skyfield reads them."""
     with open(astropy_iers_data.IERS_A_FILE, "rb") as file:
         rows = iers.parse_x_y_dut1_from_finals_all(file)
     daily_tt, daily_delta_t, leap_dates, leap_offsets = iers.build_timescale_arrays(rows["utc_mjd"], rows["dut1"])
@@ -35,13 +35,13 @@ def timescale() -> tuple[Any, Any]:
 
 
 def drawn(dice: np.random.Generator, first: float, last: float, count: int) -> Array:
-    """So many moments on a quarter as many days, for a day costs astropy milliseconds."""
+    """Return ``count`` random moments on a quarter as many days, because each new day costs astropy milliseconds."""
     days = dice.uniform(first, last, (count + 3) // 4)
     return np.clip((days - days % 86400.0).repeat(4)[:count] + dice.uniform(0.0, 86400.0, count), first, last)
 
 
 def ephemeris() -> Any:
-    """DE421, from the package skyfield-data; its own path function would warn of tables that are not used here."""
+    """Return DE421 from the package skyfield-data, whose own path function warns of tables that are not used here."""
     found = find_spec("skyfield_data")
     if found is None or found.origin is None:
         pytest.skip("skyfield-data is not installed")
@@ -49,43 +49,43 @@ def ephemeris() -> Any:
 
 
 def at(scale: Any, moments: Array) -> Any:
-    """Skyfield's times of Unix times: the day counted in UTC, as leap seconds demand."""
+    """Convert Unix times to Skyfield's, counting days in UTC as leap seconds demand."""
     return scale.utc(1970, 1, 1 + moments // 86400.0, 0, 0, moments % 86400.0)
 
 
 def angles(vectors: Array) -> Array:
-    """Two rows, longitude and latitude, of columns x, y, z."""
+    """Return two rows, longitude and latitude, of columns x, y, z."""
     x, y, z = vectors
     return np.array([np.degrees(np.arctan2(y, x)) % 360.0, np.degrees(np.arctan2(z, np.hypot(x, y)))])
 
 
 def turned(matrices: Array, ra: Array, dec: Array) -> Array:
-    """Each direction through its own matrix."""
+    """Rotate each direction by its own matrix."""
     a, d = np.radians(ra), np.radians(dec)
     vectors = np.array([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
     return angles(np.einsum("ijn,jn->in", matrices, vectors))
 
 
 def apparent(seen_from: Any, t: Any, body: Any) -> tuple[Array, Array]:
-    """(ra and dec of date, distance in km), with light time, aberration and deflection."""
+    """Return (ra and dec of date, distance in km), with light time, aberration and deflection."""
     ra, dec, distance = seen_from.at(t).observe(body).apparent().radec("date")
     return np.array([ra._degrees, dec.degrees]), distance.km
 
 
 def ours(function: Callable[..., tuple[float, ...]], *columns: Array) -> Array:
-    """The gateway's answers, which are given one by one, as rows."""
+    """Call the gateway's scalar function for each row; return its answers as columns."""
     return np.array([function(*map(float, row)) for row in zip(*columns, strict=True)]).T
 
 
 def apart(found: Array, right: Array) -> Array:
-    """Separations on the sky, in arcseconds."""
+    """Return separations on the sky, in arcseconds."""
     a, b, c, d = np.radians(np.array([*found[:2], *right[:2]]))
     haversine = np.sin((d - b) / 2.0) ** 2 + np.cos(b) * np.cos(d) * np.sin((c - a) / 2.0) ** 2
     return np.degrees(2.0 * np.arcsin(np.sqrt(haversine))) * 3600.0
 
 
 def sidereal_error(sky: Sky, moments: Array, longitudes: Array, gast_hours: Array) -> Array:
-    """Seconds of time, signed."""
+    """Return the signed errors in seconds of time."""
     rows = zip(moments, longitudes, gast_hours, strict=True)
     return np.array([wrap180(sky.sidereal_time(float(m), float(lon)) - lon - 15.0 * g) * 240.0 for m, lon, g in rows])
 

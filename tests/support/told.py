@@ -1,4 +1,4 @@
-"""What programs are told of the sky: places read through either surface, and where the tube was meanwhile."""
+"""The positions that programs receive through either surface, and where the tube pointed at the same time."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def bridge_to(mount: str, presented: str, **settings: Any) -> Bridge:
 
 
 def degrees(told: bytes) -> float:
-    """``+DD*MM:SS#`` or ``HH:MM:SS#`` as a number of its first unit."""
+    """Convert ``+DD*MM:SS#`` or ``HH:MM:SS#`` to a number of its first unit."""
     sign = -1.0 if told[:1] == b"-" else 1.0
     first, minutes, seconds = re.split(rb"[*\xdf:']", told.rstrip(b"#").lstrip(b"+-"))
     return sign * (int(first) + int(minutes) / 60.0 + int(seconds) / 3600.0)
 
 
 async def told(client: Visitor, presented: str) -> Place:
-    """Right ascension and declination, degrees."""
+    """Return right ascension and declination, degrees."""
     if presented == "nexstar":
         return place(await client.ask(b"e", until=b"#"))
     ra = degrees(await client.ask(b":GR#", until=b"#"))
@@ -39,7 +39,7 @@ async def told(client: Visitor, presented: str) -> Place:
 
 
 async def set_out(client: Visitor, presented: str, by_hand: bool) -> None:
-    """Both axes at full speed, by arrows or by a goto to 8h, 30 degrees."""
+    """Move both axes at full speed, by direction keys or by a goto to 8h, 30 degrees."""
     if presented == "nexstar":
         await client.ask(b"P\x02\x10\x24\x09\0\0\0" if by_hand else b"r55555555,15555555", until=b"#")
         if by_hand:
@@ -51,19 +51,19 @@ async def set_out(client: Visitor, presented: str, by_hand: bool) -> None:
 
 
 class Track:
-    """Where the tube was, from moment to moment."""
+    """Where the tube pointed at each sampled time."""
 
     def __init__(self) -> None:
         self.points: list[tuple[float, Place]] = []
 
     def off(self, seen: Place, since: float = -1e9) -> float:
-        """How far a place is from wherever the tube was since then, degrees."""
+        """Return the smallest distance of a position from where the tube has pointed since then, degrees."""
         return min(separation(*seen, *point) for at, point in self.points if at >= since)
 
 
 @asynccontextmanager
 async def tracked(bridge: Bridge, every: float = 0.01) -> AsyncIterator[Track]:
-    """Write down where the tube is as long as a block lasts."""
+    """Record where the tube points as long as the block lasts."""
     track, now = Track(), asyncio.get_running_loop().time
 
     async def watch() -> None:

@@ -1,8 +1,8 @@
 """Reader for the conversations in ``tests/conformance/transcripts``; it imports nothing from the product.
 
-One line is one thing: ``;;`` a comment, ``>`` a packet of the client's, ``<`` everything it must have been answered
-since the last ``<`` (alone: nothing), ``@`` seconds that pass, ``!`` something to be set up. Bytes are written as in
-``tests/conformance/manual``: ``\\xHH`` is one byte, everything else is itself, and a blank at an end is ``\\x20``.
+Each line is one of five things: ``;;`` a comment, ``>`` a packet from the client, ``<`` everything that must have been
+replied since the last ``<`` (alone: nothing), ``@`` seconds that pass, ``!`` something to be set up. Bytes are written
+as in ``tests/conformance/manual``: ``\\xHH`` is one byte, everything else is itself, and a trailing blank is ``\\x20``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 from tests.support.manual_files import raw
 
 FOLDER = Path(__file__).parents[1] / "conformance" / "transcripts"
-#: What ``!`` may set before the conversation begins; anything else is set up as it goes along.
+#: What ``!`` may set before the conversation begins; every other ``!`` line is carried out where it stands.
 SETTINGS = ("model", "version", "precision", "sync_text", "connections")
 
 
@@ -34,7 +34,7 @@ class Conversation(NamedTuple):
 
 
 def read(path: Path) -> Conversation:
-    """Raises ValueError for a line that is none of the five."""
+    """Parse a file. Raises ValueError for a line that is none of the five."""
     settings: dict[str, str] = {}
     lines: list[Line] = []
     for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
@@ -56,5 +56,5 @@ def read(path: Path) -> Conversation:
 
 
 def files(pattern: str) -> list[Path]:
-    """The conversation files of that name, in order."""
+    """Return the conversation files whose name matches the pattern, in order."""
     return sorted(FOLDER.glob(pattern))

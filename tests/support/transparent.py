@@ -1,8 +1,8 @@
-"""A program asks a mount 91 things, directly and through a gateway of the mount's own protocol: what differs.
+"""Asks a mount 91 things, directly and through a gateway of the mount's own protocol, and reports what differs.
 
-Two simulated mounts of the same kind stand side by side on one virtual clock and are asked the same, one of them
-through a gateway for which nobody has named a model. The bytes are typed by hand from the two manuals and from what
-programs are known to send. A clock's seconds aside, and what moves with them, the answers are to be the same.
+Two simulated mounts of the same kind run on one virtual clock and get the same requests, one of them through a gateway
+without a configured model. The bytes are typed by hand from the two manuals and from what programs are known to send.
+Apart from the seconds of clocks, and angles that move with them, the replies must be the same.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from tests.support.in_process_gateway import Bridge
 
-#: Mounts that the answers are compared on: protocol, model, version.
+#: The mounts to compare: protocol, model, version.
 MOUNTS = (
     ("nexstar", "cpc", "4.21"),
     ("nexstar", "cge", "4.21"),
@@ -30,13 +30,13 @@ MOUNTS = (
     ("lx200", "lx200-16", None),
     ("lx200", "lx200gps", None),
 )
-#: How many of the 91 answers may differ; which do, and why, is in mappings/README.md.
+#: How many of the 91 replies may differ; mappings/README.md says which do, and why.
 ALLOWED = 2
-#: Seconds a mount is given to answer or to be silent.
+#: Seconds to wait for a reply.
 PATIENCE = 4.0
-#: Seconds that a classic works at a new date.
+#: Seconds that a classic LX200 works after it has received a date.
 LONG = 6.0
-#: Seconds by which the clocks of two answers may differ.
+#: Seconds by which the clocks in two replies may differ.
 CLOCK = 3
 
 _ALT_AZ, _POLAR = b"\1", b"\2"
@@ -47,11 +47,11 @@ def _p(*numbers: int) -> bytes:
 
 
 def _get(device: int, number: int, count: int) -> bytes:
-    """P 1 device number 0 0 0 count."""
+    """Return ``P 1 device number 0 0 0 count``."""
     return bytes((0x50, 1, device, number, 0, 0, 0, count))
 
 
-#: Answers that tell a time of day, or an angle that goes on with it.
+#: Requests whose replies contain a time of day, or an angle that moves with it.
 NEXSTAR_CLOCKS = {b"h", b"i", _get(176, 51, 3), _get(178, 51, 3)}
 _ANGLES, _MOTORS = (b"l", b"e", b"E", b"z", b"Z"), (_get(16, 1, 3), _get(17, 1, 3))
 #: Devices that no mount in the list has: hand control, accessory hand control, wireless, power.
@@ -122,7 +122,7 @@ NEXSTAR: tuple[bytes, ...] = (
 )
 
 _TIME = re.compile(rb"\d\d:\d\d:\d\d")
-#: Whose seconds go on.
+#: Requests whose replies contain running seconds.
 LX200_CLOCKS = {b":GL#", b":Ga#", b":GS#", b":GZ#", b":GA#", b":gps#", b":GR#"}
 
 LX200: tuple[bytes, ...] = (
@@ -142,7 +142,7 @@ LX200: tuple[bytes, ...] = (
 
 
 class Difference(NamedTuple):
-    """What was asked, what the mount itself answers, and what the gateway answers."""
+    """A request, the reply of the mount itself, and the reply of the gateway."""
 
     asked: bytes
     direct: bytes
@@ -150,7 +150,7 @@ class Difference(NamedTuple):
 
 
 def alike(protocol: str, asked: bytes, one: bytes, other: bytes) -> bool:
-    """Whether two answers are the same, the seconds of a clock aside."""
+    """Whether two replies are the same, apart from the seconds of a clock."""
     if one == other:
         return True
     if len(one) != len(other):
@@ -169,12 +169,12 @@ def alike(protocol: str, asked: bytes, one: bytes, other: bytes) -> bool:
 
 
 def _near(one: int, other: int, bits: int) -> bool:
-    """Whether two angles, fractions of a turn, are no further apart than the sky turns in a few seconds."""
+    """Whether two angles, fractions of a turn, differ by no more than the sky turns in a few seconds."""
     return abs(one - other) <= max(1, CLOCK * 15 * (1 << bits) // 1296000)
 
 
 def _seconds(text: bytes) -> int:
-    """Hours or degrees, minutes and seconds, as seconds of either."""
+    """Convert hours or degrees, minutes and seconds to seconds of either."""
     total = 0
     for number in re.findall(rb"\d+", text)[:3]:
         total = total * 60 + int(number)
@@ -182,14 +182,14 @@ def _seconds(text: bytes) -> int:
 
 
 async def differences(protocol: str, model: str, version: str | None) -> list[Difference]:
-    """Ask both mounts the 91 things -> those that were answered otherwise."""
+    """Ask both mounts the 91 things; return the requests with different replies."""
     asked = NEXSTAR if protocol == "nexstar" else LX200
     bridge = Bridge(model, version, driven=protocol, presented=protocol, surface=None, latency=0.02)
     twin: Any = make_simulator(Endpoint(protocol, "sim", model, version), clock=bridge.clock)
     async with bridge:
         late: list[bytes] = []
         direct = twin.connection(lambda _, data: late.append(data)) if protocol == "lx200" else twin.connection()
-        if protocol == "lx200" and len(direct(b":GR#")) < 9:  # as the program before has left it
+        if protocol == "lx200" and len(direct(b":GR#")) < 9:  # short format, as an earlier program may have left it
             direct(b":U#")
         client = bridge.client()
         await asyncio.sleep(3.0)
@@ -197,9 +197,9 @@ async def differences(protocol: str, model: str, version: str | None) -> list[Di
         for question in asked:
             client.heard = b""
             client.tell(question)
-            answered = direct(question)  # both hear it at the same moment
+            answered = direct(question)  # both receive it at the same moment
             shared = await _whole(client)
-            if question.startswith(b":SC"):  # a classic works at it for seconds
+            if question.startswith(b":SC"):  # a classic LX200 works on it for seconds
                 await asyncio.sleep(LONG)
                 answered += b"".join(late)
             if not alike(protocol, question, answered, shared):
@@ -208,7 +208,7 @@ async def differences(protocol: str, model: str, version: str | None) -> list[Di
 
 
 async def _whole(client: Any) -> bytes:
-    """The answer with all that follows its first byte; none after some seconds."""
+    """Return the reply with all that follows its first byte; empty if none begins within ``PATIENCE`` seconds."""
     waited = 0.0
     while waited < PATIENCE and not client.heard:
         await asyncio.sleep(0.05)
@@ -218,5 +218,5 @@ async def _whole(client: Any) -> bytes:
 
 
 def asked_of(protocol: str) -> int:
-    """How many things are asked."""
+    """Return the number of requests."""
     return len(NEXSTAR if protocol == "nexstar" else LX200)

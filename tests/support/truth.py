@@ -1,7 +1,7 @@
-"""The truth of a simulated mount, taken again and again while a test goes on.
+"""The true state of a simulated mount, sampled repeatedly during a test.
 
-Of all that ``truth_of`` tells two things are asked for most, at every tenth of a second: these are here by themselves,
-for a tenth of its price.
+Tests ask for two parts of ``truth_of`` every tenth of a second. They have functions of their own here, which cost a
+tenth as much.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def moving(simulator: Simulated) -> bool:
 
 
 def altitude(simulator: Simulated) -> float:
-    """How high the tube really points, degrees."""
+    """Return the altitude at which the tube really points, degrees."""
     ra, dec = simulator.truth()
     ground = simulator.mechanics.ground
     return hour_angle_to_horizon(ground.sidereal(simulator.now) - ra, dec, ground.latitude)[1]
@@ -30,7 +30,7 @@ def altitude(simulator: Simulated) -> float:
 
 @contextlib.asynccontextmanager
 async def sampled(simulator: Simulated, keep: Callable[[Truth], object], every: float = EVERY) -> AsyncIterator[None]:
-    """Hand ``keep`` the truth for as long as a ``with`` block lasts; what ``keep`` raised is raised at its end.
+    """Pass samples of the truth to ``keep`` while a ``with`` block lasts; raise what ``keep`` raised at its end.
 
     ``keep`` is the ``append`` of a list, or a function that asserts.
     """

@@ -1,4 +1,4 @@
-"""Two gateways in a row, in one process on virtual time: what one surface says is what the next driver hears."""
+"""Two gateways in a row, in one process on virtual time: the driver of the first sends to the surface of the second."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from gateway.transport.wires import OnData, OnLost
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.sent_forms import malformed
 
-#: Seconds until the outer gateway must have found out what it drives.
+#: Seconds within which the outer gateway must have identified what it drives.
 MOST = 60.0
 
 
 class GuestWire:
-    """A wire to the surface of another gateway."""
+    """A transport to the surface of another gateway."""
 
     name = "the other gateway"
 
@@ -50,7 +50,7 @@ class GuestWire:
 
 
 class Chain:
-    """``outer`` speaks to clients and drives ``inner``, which drives the simulated mount."""
+    """``outer`` serves the clients and drives ``inner``, which drives the simulated mount."""
 
     def __init__(self, inner: Bridge, link: str, presented: str, surface: str | None = None) -> None:
         self.inner, self._link = inner, link
@@ -72,7 +72,7 @@ class Chain:
     async def __aenter__(self) -> Chain:
         await self.inner.__aenter__()
         self.controller.start()
-        async with asyncio.timeout(MOST):  # else one that is never identified is asked for ever
+        async with asyncio.timeout(MOST):  # otherwise a mount that is never identified is asked for ever
             await self.controller.settled.wait()
         return self
 
@@ -86,11 +86,11 @@ class Chain:
         return Visitor(self, "127.0.0.1")
 
     def sent(self) -> list[bytes]:
-        """What the outer gateway sent to the inner one."""
+        """Return what the outer gateway has sent to the inner one."""
         return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
 
 
 def equatorial(raw: bytes) -> op.Equatorial:
-    """The answer of ``e`` in degrees."""
+    """Convert a reply to ``e`` to degrees."""
     ra, dec = (int(part[:6], 16) * 360.0 / 2**24 for part in raw.rstrip(b"#").split(b","))
     return op.Equatorial(ra, dec - 360.0 if dec > 180 else dec)

@@ -1,4 +1,4 @@
-"""A serial line in this process, at any rate: what is sent at another than the device's arrives as a UART reads it."""
+"""A serial line within the process, at any baud rate: bytes sent at the wrong rate arrive garbled, as with a UART."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Callable
 from gateway.transport.baud import misread
 from gateway.transport.wires import OnData, OnLost
 
-#: What is at the other end: bytes as they arrive there -> its answer.
+#: The device at the other end: a function from the bytes that arrive there to its reply.
 Device = Callable[[bytes], bytes]
 
 
 class UartWire:
-    """A wire to a device at ``rate``; ``log`` holds the rate and the bytes of everything that was sent to it."""
+    """A transport to a device at ``rate``; ``log`` holds the rate and the bytes of everything that was sent to it."""
 
     name = "test"
 
@@ -39,12 +39,12 @@ class UartWire:
             asyncio.get_running_loop().call_later(self.latency, self.say, answer)
 
     def say(self, data: bytes) -> None:
-        """The device sends something at its own rate."""
+        """Send something from the device, at its own rate."""
         if self.is_open and self.on_data is not None:
             self.on_data(misread(data, self.rate, self.baud))
 
     def sent(self) -> list[bytes]:
-        """Everything that was sent, in order."""
+        """Return everything that was sent, in order."""
         return [data for _, data in self.log]
 
     async def close(self) -> None:

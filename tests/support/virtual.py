@@ -1,4 +1,4 @@
-"""Virtual time for tests: the product's own loop, by its short name."""
+"""Virtual time for tests: the product's own event loop under a short name."""
 
 from gateway.diagnostics.virtual_time import VirtualLoop, run
 

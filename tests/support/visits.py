@@ -1,7 +1,7 @@
-"""Connections to a ``fixture.Mount`` through the product's own acceptor, so that what one keeps for the next is real.
+"""Connections to a `Mount` through the product's ConnectionAcceptor, which keeps settings from one to the next.
 
-The hub behind it is the smallest that a client can do with: reads are at hand, everything else is performed at once.
-Needs a running event loop; ``tests.support.virtual.run`` gives one on virtual time.
+The mount controller behind it is a minimal stand-in: reads are always cached, everything else is performed at once.
+It needs a running event loop; ``tests.support.virtual.run`` provides one on virtual time.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tests.support.fake_mount import Mount
 
 
 class Still:
-    """Stands in for the hub. ``changed`` is to be called when the mount's readings were set anew."""
+    """Stands in for the mount controller. Call ``changed`` after setting other readings of the mount."""
 
     def __init__(self, mount: Mount) -> None:
         self.mount, self.loop = mount, asyncio.get_running_loop()
@@ -36,19 +36,19 @@ class Still:
         self.closed = False
         self.reconciler = self.orders = self.wanted = self.value = self.context = self
         self.fair_scheduler = FairScheduler(self.loop, lambda: False)
-        #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
+        #: Seconds by which the host's clock is ahead of the event loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0
 
     def clock(self) -> float:
-        """The host's clock."""
+        """Return the host's time."""
         return self._epoch + self.now()
 
     def changed(self) -> None:
         self.version += 1
 
     def halt_is_pending(self, operation: op.Operation) -> None:
-        """No halt is ever under way: each is done at once."""
+        """Do nothing: no stop is ever under way here, because each is done at once."""
 
     def peek(self, operation: op.Operation) -> Any:
         if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
@@ -56,10 +56,10 @@ class Still:
         return NOT_CACHED
 
     def impossible(self, operation: op.Operation) -> None:
-        """Everything may be tried."""
+        """Accept every operation."""
 
     def touch(self, kinds: list[type[op.Operation]], now: float) -> None:
-        """Nobody refreshes anything here."""
+        """Do nothing: there is no polling here."""
 
     def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
         return self.now() + 0.5
@@ -98,7 +98,7 @@ class Still:
 
 
 class House:
-    """A mount behind a port. ``visit`` is one connection."""
+    """A mount behind a surface; ``visit`` opens a connection."""
 
     def __init__(
         self,
@@ -129,14 +129,14 @@ class Visit:
         self._heard += data
 
     async def ask(self, data: bytes) -> bytes:
-        """Bytes in, everything that comes back for them."""
+        """Send bytes and return everything that comes back for them."""
         self._guest.feed(data)
         await asyncio.sleep(0.01)
         heard, self._heard = self._heard, b""
         return heard
 
     async def dribble(self, data: bytes, seconds: float) -> bytes:
-        """The same, one byte after the other."""
+        """Like `ask`, but send one byte after the other."""
         for byte in data:
             self._guest.feed(bytes((byte,)))
             await asyncio.sleep(seconds)

@@ -1,13 +1,12 @@
-"""How far a command walks through the package, from the client's byte to the reply.
+"""Measures which code a command runs through, from the client's bytes to the reply.
 
-Counted with ``sys.setprofile``, in files of the package only: functions that ran, files, calls from one file into
-another, and calls from a lower layer up to a higher one. Neither the simulated mount nor the
-event loop that drives it are counted: in their place stand a serial line and a real mount.
+It counts with ``sys.setprofile``, only in files of the package: functions that ran, files, calls from one file into
+another, and calls from a lower layer up to a higher one. The simulated mount and the event loop that drives it do not
+count: a real gateway has a serial port in their place.
 
-The same command has been carried out before, so that what is done once in the life of a process, or once in a minute
-for everybody (tables that are read, patterns that are compiled, how the Earth stands and where the Sun is), is not
-counted; and the mount has just told its state, as it does every few seconds while anybody asks. ``--first`` counts the
-first command of a gateway instead, with all of that.
+Unless ``--first`` is given, the same command was carried out once before, so that work which is done once per process
+or once per minute for all clients does not count (loading tables, compiling patterns, the rotation of the Earth and
+the position of the Sun); and the mount's state was read just before, as polling does every few seconds.
 
     python -m tests.support.walk [--first] [BYTES]
 """
@@ -30,15 +29,15 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
 ROOT = str(Path(gateway.__file__).parent)
-#: From the lowest to the highest.
+#: From the lowest layer to the highest.
 LAYERS = ("core", "system", "astro", "transport", "protocols", "mount", "clients", "app", "diagnostics", "cli")
-#: What stands in for the world outside: the mount, and whatever runs on its account; and what is passed through.
+#: Files of the simulated mount, and files that only pass calls on; neither count.
 WORLD = ("/simulator/", "protocols/mechanics/", "app/simulated")
 PASSED = ("diagnostics/", "core/signals")
 
 
 class Walk:
-    """What was counted."""
+    """The counters of one measurement."""
 
     def __init__(self, layer_of: dict[str, int] | None = None) -> None:
         self.functions: Counter[str] = Counter()
@@ -50,11 +49,11 @@ class Walk:
         self._frames: dict[int, FrameType] = {}
 
     def event(self, frame: FrameType, event: str, _: Any) -> None:
-        """For ``sys.setprofile``."""
+        """Count one event of ``sys.setprofile``."""
         name = _counted(frame) if event == "call" else ""
         if not name or id(frame) in self._frames or _of_the_world(frame):
             return
-        self._frames[id(frame)] = frame  # a coroutine that goes on is not called again
+        self._frames[id(frame)] = frame  # a coroutine that is resumed is not counted again
         caller = _caller(frame)
         here = self._last if caller is None else _counted(caller)
         if here and here != name:
@@ -66,7 +65,7 @@ class Walk:
         self.files[name] += 1
 
     def layer(self, name: str) -> int:
-        """The place of a file in the layers."""
+        """Return the index of a file's layer."""
         if self._layers is not None:
             return self._layers.get(name, 0)
         return LAYERS.index(name.split("/")[0])
@@ -79,7 +78,7 @@ class Walk:
 
 
 def _counted(frame: FrameType) -> str:
-    """The file, if it counts."""
+    """Return the file's name within the package if it counts, else an empty string."""
     file = frame.f_code.co_filename
     if not file.startswith(ROOT):
         return ""
@@ -88,7 +87,7 @@ def _counted(frame: FrameType) -> str:
 
 
 def _of_the_world(frame: FrameType | None) -> bool:
-    """Whether it runs on account of the simulated mount."""
+    """Whether the frame runs on behalf of the simulated mount."""
     while frame is not None:
         if any(part in frame.f_code.co_filename for part in WORLD):
             return True
@@ -97,7 +96,7 @@ def _of_the_world(frame: FrameType | None) -> bool:
 
 
 def _caller(frame: FrameType) -> FrameType | None:
-    """The nearest frame of the package that stands behind this one."""
+    """Return the nearest calling frame that counts."""
     back = frame.f_back
     while back is not None and not _counted(back):
         back = back.f_back
@@ -106,7 +105,7 @@ def _caller(frame: FrameType) -> FrameType | None:
 
 @contextmanager
 def walking(walk: Walk) -> Iterator[None]:
-    """Count what runs meanwhile."""
+    """Count what runs within the block."""
     sys.setprofile(walk.event)
     try:
         yield
@@ -115,7 +114,7 @@ def walking(walk: Walk) -> Iterator[None]:
 
 
 class _Quiet(Bridge):
-    """A gateway in which nothing is read again in the background."""
+    """A gateway without background polling."""
 
     async def __aenter__(self) -> Any:
         self.controller.start(refresh=False)
@@ -123,14 +122,14 @@ class _Quiet(Bridge):
         return self
 
 
-#: Seconds, at most, in which a goto of the simulated mount is over.
+#: Seconds that a goto of the simulated mount takes at most.
 SLEWS = 300
-#: What sets a target; the second one is another.
+#: Commands that set a target, and a different one.
 TARGET, ANOTHER = b":Sr 05:00:00#:Sd +40:00:00#", b":Sr 05:10:00#:Sd +41:00:00#"
 
 
 def walk_of(data: bytes, first: bool = False) -> Walk:
-    """The walk of one client's command over a NexStar, after what sets its target, while nothing else asks."""
+    """Measure one client's command over a NexStar, after commands that set its target, with no other client."""
     walk = Walk()
 
     async def program() -> None:
@@ -154,7 +153,7 @@ def walk_of(data: bytes, first: bool = False) -> Walk:
 
 
 def main() -> None:
-    """Print the walk, and where it goes up."""
+    """Print the counts, the calls upwards, and the most frequent calls between files."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--first", action="store_true", help="the first command of a gateway")
     parser.add_argument("bytes", nargs="?", default=":MS#", help="a command of an LX200 client")

@@ -1,4 +1,4 @@
-"""A simulated mount and a gateway in processes of their own: how the mount comes to rest when the gateway dies."""
+"""A simulated mount and a gateway in processes of their own: does the mount come to rest when the gateway dies?"""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tests.support.forked import POSSIBLE
 from tests.support.process import PATIENCE, Running, ask
 
 SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps"}
-#: What a gateway can come to grief by: a signal, and whether its process lives on.
+#: What can happen to a gateway, as a signal; a process that is frozen or blocked continues to exist.
 FATES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
-#: A gateway whose event loop SIGUSR1 blocks for so many seconds; astropy it does not load (see `GATEWAY`).
+#: A gateway whose event loop SIGUSR1 blocks for this many seconds; it does not load astropy (see `GATEWAY`).
 BLOCKED = 6
 PROGRAM = f"""
 import signal, sys, time
@@ -39,7 +39,7 @@ class Started(Running):
 class Watched:
     """``kind`` is the mount's protocol, ``port`` how the gateway reaches it: ``tcp`` or ``pty``.
 
-    ``truth`` is a file to which the simulated mount writes where its axes truly are.
+    ``truth`` is a file to which the simulated mount writes the true positions of its axes.
     """
 
     def __init__(self, started: list[Running], place: Path, kind: str, port: str, truth: Path | None = None) -> None:
@@ -70,30 +70,30 @@ class Watched:
         self.where = self.gateway.ready()
 
     def declination(self) -> float:
-        """Degrees, by the mount's own word."""
+        """Return the declination that the mount reports, degrees."""
         if self.kind == "nexstar":
             return int(ask(self.mount, b"e")[9:17], 16) / 2**32 * 360.0
         told = ask(self.mount, b":GD#").decode("latin-1")
         return float(told[0] + "1") * (int(told[1:3]) + int(told[4:6]) / 60 + int(told[7:9]) / 3600)
 
     def speed(self) -> float:
-        """Degrees a second, over a fifth of a second."""
+        """Return degrees a second, measured over a fifth of a second."""
         began, before = time.monotonic(), self.declination()
         time.sleep(0.2)
         after, ended = self.declination(), time.monotonic()
         return abs((after - before + 180.0) % 360.0 - 180.0) / (ended - began)
 
     def move(self, seconds: float = 1.0) -> None:
-        """By hand, southwards at the fastest rate, until it does."""
+        """Move south by direction key at the fastest rate, until the mount moves."""
         deadline = time.monotonic() + PATIENCE
         ask(self.where, b":RS#:Ms#:GVP#")
         while self.speed() < 1.0:
             assert time.monotonic() < deadline
-            ask(self.where, b":RS#:Ms#:GVP#")  # a gateway that has just come back to life stops the mount first
+            ask(self.where, b":RS#:Ms#:GVP#")  # a gateway that has just recovered stops the mount first
         time.sleep(seconds)
 
     def meet(self, fate: str) -> float:
-        """Let the gateway come to grief -> the seconds until the mount was seen at rest, a fifth too many."""
+        """Send the signal to the gateway; return the seconds until the mount was at rest, too long by up to 0.2."""
         began = time.monotonic()
         self.gateway.process.send_signal(FATES[fate])
         while self.speed() > 0.05:
@@ -101,7 +101,7 @@ class Watched:
         return time.monotonic() - began
 
     def watchdog(self) -> int | None:
-        """The process id of the watchdog of this gateway."""
+        """Return the process id of this gateway's watchdog."""
         for path in Path("/proc").glob("[0-9]*"):
             try:
                 words: list[Any] = (path / "cmdline").read_bytes().split(b"\0")
@@ -120,7 +120,7 @@ class Watched:
                 os.kill(number, signal.SIGKILL)
 
     def tracks(self) -> bool:
-        """Whether the mount tracks, by its own word; an LX200GPS tells it with its letters."""
+        """Whether the mount reports that it tracks; an LX200GPS does so by its alignment letters."""
         if self.kind == "nexstar":
             return ask(self.mount, b"t") == b"\x02#"
         return b"T" in ask(self.mount, b":GW#:GVP#")[:3]

@@ -85,7 +85,7 @@ class ReplyVerifier:
             mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
             if mute and not ask.raw:
                 break  # the driver asked for this answer by ``patience``
-            if ask.light:
+            if ask.unverified:
                 break
             took = reply.came - reply.asked
             if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical_rtt:

@@ -55,7 +55,7 @@ class Surface:
         self.verbatim = False
         self.passes: Callable[[str, Values], bool] = lambda name, values: True
         #: Whether the mount's own answer would contradict what this client was told before.
-        self.stands_against: Callable[..., bool] = lambda session, name, values: False
+        self.contradicts_client: Callable[..., bool] = lambda session, name, values: False
         #: Reply -> the reply in the mount's own notation, if the surface presents the mount itself.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: What a client is sent without asking, from the beginning of its connection on.
@@ -153,7 +153,7 @@ class Surface:
 
     def _own(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
         """Return the mount's own reply. Raises Unsupported if the gateway has to answer instead, or another Fault."""
-        if self.stands_against(session, command.name, values):
+        if self.contradicts_client(session, command.name, values):
             raise Unsupported
         if keep == "library":
             answer = yield from self.call("own_library", session, command, values)

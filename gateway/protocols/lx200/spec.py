@@ -55,7 +55,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     name = settings.model or DEFAULT_MODEL
     handlers = handlers_of(accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
-    surface.stands_against, surface.session = clock.stands_against, LxSession
+    surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},
@@ -70,7 +70,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     handlers = handlers_of(drive, home, identify, motion, place, pointing)
     return MadeDriver(
         Lx200Driver(now, settings, handlers),
-        {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, ends.PutBack: ends.restore_rates},
+        {home.SeekOn: home.check_home_search, ends.EndAgain: ends.repeat_end, ends.PutBack: ends.restore_rates},
         _reply_rules(),
     )
 

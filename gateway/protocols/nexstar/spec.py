@@ -76,7 +76,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     version = settings.version
     surface = Surface(load(NAME), handlers_of(devices, motion, place, pointing, presented), devices.no_response)
     surface.passes, surface.lacks = devices.passes, presented.lacks
-    surface.stands_against = presented.stands_against
+    surface.contradicts_client = presented.contradicts_client
     surface.session = NexStarSession
     fit = None if settings.model else lambda polar, german, gps: presented.fitting(polar, german, gps, version)
     return MadeSurface(surface, presented.presented(settings.model, version), ClientSettings(settings.limits), fit)

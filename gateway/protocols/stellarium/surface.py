@@ -36,7 +36,7 @@ class Framer(LengthFramer):
     noise = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
     half = "half a message, whose rest did not arrive within a second"
     cut_off = "half a message, whose rest did not arrive"
-    wary = True
+    drops_after_half = True
 
     def _cut(self, data: bytes) -> list[bytes]:
         frames: list[bytes] = []
@@ -46,7 +46,7 @@ class Framer(LengthFramer):
             if not HEADER <= length <= LONGEST:
                 self.dropped.add(bytes(self._pending), self.noise)
                 self._pending.clear()
-                self._lost = True
+                self._dropping = True
             elif len(self._pending) < length:
                 break
             else:
