@@ -149,7 +149,7 @@ class Gateway:
 
     def was_stopped(self) -> None:
         """Resynchronise the line and repeat the stop, because another process has sent one on the same port."""
-        self.controller.line.distrust()
+        self.controller.line.check_again()
         self.controller.begin_stop()
 
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:

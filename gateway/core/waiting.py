@@ -129,9 +129,7 @@ class FairScheduler:
             self._waiting.append(resume)
 
     async def shared_result(self, task: asyncio.Task[Any]) -> Any:
-        """Return the result of a shared task. Raises what the task raises, or NoAnswer if it was cancelled. Cancelling
-        one caller does not cancel the task.
-        """
+        """Like `result_of`, but in turn, and raises NoAnswer if the task was cancelled."""
         if not task.done():
             place = self._loop.create_future()
             task.add_done_callback(lambda _: self.run(lambda: _resume(place)))
@@ -161,9 +159,7 @@ class FairScheduler:
 
 
 class BackgroundTasks:
-    """Background tasks: ``spawn`` starts one and keeps the reference that the event loop does not keep, ``cancel`` and
-    ``close`` end all of them.
-    """
+    """Background tasks: ``spawn`` starts one and keeps a reference to it, ``cancel`` and ``close`` end all of them."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()

@@ -74,7 +74,7 @@ class MountController:
         reader.position.connect(watch.check_position)
         reader.axes.connect(watch.check_altitude_axis)
         reader.unseen.connect(watch.position_missing)
-        reader.status.connect(self._status_came)
+        reader.status.connect(self._on_status)
         self.order_runner = OrderRunner(context, follow_ups, runner, self.admission)
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
         #: Emitted when the state that is saved to disk may have changed.
@@ -95,13 +95,13 @@ class MountController:
         self.supervisor = Supervisor(context, self.presence, self.orders.perform)
         reconciler.done.connect(self.supervisor.start_watching)
         self.identification = Identification(context, runner, gate, reader, self.own, sync, reconciler, self.ends)
-        self.identification.identified.connect(self._found_equinox)
+        self.identification.identified.connect(self._on_identified)
         self.identified, self.settled = context.known, context.settled
         self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
         #: The signals that make earlier answers outdated.
         self._changes = cache.changed, wanted.changed, site_clock.changed, client_readings.changed
 
-    def _status_came(self, status: op.Status) -> None:
+    def _on_status(self, status: op.Status) -> None:
         """Forget the sum of syncs if the mount is not aligned."""
         if not status.aligned:
             self.synced.forget()
@@ -109,7 +109,7 @@ class MountController:
     def _stop_now(self, _: None) -> None:
         self.begin_stop()
 
-    def _found_equinox(self, _: None) -> None:
+    def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
         if self.context.policy.equinox == "auto":
             self.astrometry.equinox = self.context.client_astrometry.equinox = self.driver.equinox
@@ -126,7 +126,7 @@ class MountController:
         """End motion, resume tracking, cancel pending orders, close the line."""
         await end_motion(self.context, self.reader, self.reconciler)
         self.context.closed = True
-        self.context.met.set()  # callers that wait for the mount continue, and find the line closed
+        self.context.found.set()  # callers that wait for the mount continue, and find the line closed
         self.context.known.set()
         self.reconciler.close()
         self.supervisor.close()

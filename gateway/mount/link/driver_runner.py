@@ -35,7 +35,7 @@ class HibernationGate:
         self._driver, self._now, self._wanted = context.driver, context.now, context.wanted
         self._next = 0.0
 
-    def begun(self) -> None:
+    def hibernation_began(self) -> None:
         """Start waiting: the mount has just been sent to hibernate."""
         self._next = self._now() + TRY_AGAIN
 

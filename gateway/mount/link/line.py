@@ -118,7 +118,7 @@ class MountLink:
         self._state = "down"
         self.queue.fail_all()
 
-    def distrust(self) -> None:
+    def check_again(self) -> None:
         """Check that the line is in step before it is used again: another process has written to the wire."""
         self._used_by_others = True
         self.queue.wake()

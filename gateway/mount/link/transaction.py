@@ -126,9 +126,7 @@ class Transaction:
     # --- one exchange -----------------------------------------------------------------------------------------------
 
     def quiet_needed(self, ask: Send) -> float:
-        """Return the seconds of quiet still needed before a command, so that the rest of the last reply is not taken
-        for its own.
-        """
+        """Return the seconds of quiet needed before a command, so that no late bytes are taken for its reply."""
         now = self._now()
         left = self._heard + GAP - now
         if left <= 1e-6 or now > self.wrote + BABBLE:
@@ -141,9 +139,7 @@ class Transaction:
         return left
 
     async def carry_out(self, ask: Send, stop: bool) -> Answer:
-        """Carry out one exchange. If the exchange before cut its pause short for a stop, keep the pause after this one,
-        and send a stop twice.
-        """
+        """Carry out one exchange. After a pause that was cut short, keep the full pause and send a stop twice."""
         hurried, self._cut_short = self._cut_short, False
         try:
             outcome = await self.exchange(ask, firm=hurried, stop=stop)
@@ -194,15 +190,13 @@ class Transaction:
         return self.send(self.reply_rules.encode(ask)) if self.reply_rules.expected(ask).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Give the mount time after a command without a reply. Return False if a stop cut the pause short, which it
-        cannot if the pause is ``firm``.
-        """
+        """Pause after a command without a reply. A stop cuts it short unless it is ``firm``; return False then."""
         until = self._now() + seconds
         while not self.lost and (left := until - self._now()) > 0:
             if not firm and self._queue.stop_waits:
                 self._cut_short = True
                 return False
-            await self._queue.woken(left)
+            await self._queue.wait_within(left)
         return True
 
     async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, resync: bool) -> Taken | None:
@@ -217,7 +211,7 @@ class Transaction:
             self._arrived.clear()
             if ask.long:
                 self.busy = self.busy or now >= busy_at
-                self._stops += self._queue.while_it_works(self.busy, self._send_unanswered)
+                self._stops += self._queue.during_long_operation(self.busy, self._send_unanswered)
             taken = self._take(ask) if self._buffer or expected.silent else None
             if taken is not None and self._stops and isinstance(taken[0], Busy):
                 self._stops -= 1  # the busy reply to a stop; nothing moves during a long operation

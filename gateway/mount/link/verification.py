@@ -58,9 +58,7 @@ class Reply(Struct):
 
 
 class ReplyVerifier:
-    """Sends requests to the line and verifies the replies for the drivers. A simulated mount slews ``speed_factor``
-    times faster than a real one.
-    """
+    """Verifies replies for the drivers. A simulated mount slews ``speed_factor`` times faster than a real one."""
 
     def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * speed_factor

@@ -197,9 +197,7 @@ def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Put an end before all pending orders, but behind a goto that it may have to end, and in order of arrival if
-    clients keep repeating it.
-    """
+    """Put an end first, but behind a goto that it may have to end, and in order if a client keeps repeating it."""
     axis = axis_ended(order.operation)
     wanted = without_superseded(
         replace(wanted, pulses=tuple(one for one in wanted.pulses if one.axis != axis)), order.operation

@@ -44,9 +44,7 @@ class OrderRunner:
         self.admitted = 0
 
     async def carry_out(self, order: Order, stop: Callable[[], Awaitable[None]]) -> tuple[op.Operation, Any]:
-        """Return the operation as it was admitted, and its answer. ``stop`` ends all motion before hibernation. Raises
-        Fault.
-        """
+        """Carry out an order; return the operation as admitted, and its answer. ``stop`` ends motion. Raises Fault."""
         operation = order.operation
         if order.follow_up:
             special = self._follow_ups.get(type(operation))
@@ -128,7 +126,7 @@ class Consequences:
             cache.forget(op.GetStatus)
             if isinstance(operation, op.Hibernate):
                 self.at_rest(None)
-                self._gate.begun()
+                self._gate.hibernation_began()
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:

@@ -85,9 +85,7 @@ class Reconciler:
     # --- orders -----------------------------------------------------------------------------------------------------
 
     def take(self, order: Order, after: Wanted) -> Outcome:
-        """Take an order; ``after`` is what is wanted with it. Return its outcome, or that of a pending order that
-        serves for it as well.
-        """
+        """Take an order; ``after`` is what is wanted with it. Return its outcome, or that of an equal pending halt."""
         asked = any(one.number == order.number for one in after.pending)
         if asked:
             self._outcomes[order.number] = waiting.new_outcome()

@@ -108,9 +108,7 @@ def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
 
 
 def at_once(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
-    """Return the position at the time of its second half: the right ascension, read ``lag`` seconds earlier, is
-    extrapolated.
-    """
+    """Return the position at the time of its second half; the right ascension was read ``lag`` seconds earlier."""
     turned = wrap180(place.ra - before.place.ra)
     if not lag or abs(turned) > JUMP:
         return place

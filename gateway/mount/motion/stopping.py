@@ -45,9 +45,7 @@ class Stopping:
         self._timer: asyncio.TimerHandle | None = None
 
     def send(self, given_up: asyncio.Task[Any] | None) -> asyncio.Task[None]:
-        """Send a stop when the cancelled task has ended. A stop that is being sent serves as well, because no motion
-        can have begun since.
-        """
+        """Send a stop when the cancelled task has ended. If one is being sent already, that serves as well."""
         if self.task is None or self.task.done():
             self.task = self._loop.create_task(self._send(given_up))
             self.task.add_done_callback(self._attempt_ended)

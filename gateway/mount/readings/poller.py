@@ -100,9 +100,7 @@ class Poller:
             await self._wake_events[kind].within(max(0.005, pause))
 
     async def _heartbeat(self, now: float) -> None:
-        """Read the position as a heartbeat, and while nothing moves the mount's own clock and site, which the limits
-        depend on.
-        """
+        """Read the position as a heartbeat, and at rest the mount's own clock and site, which the limits need."""
         if self._cache.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
         clock = self._context.site_clock.mount_clock

@@ -64,9 +64,9 @@ class Reader:
         """Return the number of exchanges that the last read of this kind took."""
         return self._exchanges.get(kind, 1)
 
-    def _there(self, operation: op.Operation) -> asyncio.Event:
+    def _precondition(self, operation: op.Operation) -> asyncio.Event:
         """Return the event to wait for before this read: for the position a mount was found, else identified."""
-        return self._context.met if isinstance(operation, op.Position) else self._context.known
+        return self._context.found if isinstance(operation, op.Position) else self._context.known
 
     async def answer(self, operation: op.Operation) -> Any:
         """Return the answer for a client, the last one if no new one arrives in time, and for an unknown status a
@@ -104,7 +104,7 @@ class Reader:
                 value = client_readings.peek(operation)
             if value is not NOT_CACHED:
                 return value
-            answer = await self.asked(operation)
+            answer = await self.shared_answer(operation)
             if kind not in POSITIONS:
                 return answer
             value = client_readings.peek(operation)
@@ -113,13 +113,13 @@ class Reader:
     async def read(self, operation: op.Operation[_T]) -> _T:
         """Return a reading from the cache, or by an exchange that all callers share. Raises Fault."""
         value = cached_reading(self._context, type(operation))
-        return cast(_T, await self.asked(operation) if value is NOT_CACHED else value)
+        return cast(_T, await self.shared_answer(operation) if value is NOT_CACHED else value)
 
-    async def asked(self, operation: op.Operation) -> Any:
+    async def shared_answer(self, operation: op.Operation) -> Any:
         """Return the answer of the exchange under way, or of a new one. Raises Fault; NoAnswer if a mount that is not
         identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
         """
-        first = not self._there(operation).is_set()
+        first = not self._precondition(operation).is_set()
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else UNTIL_KNOWN if slews else None):
@@ -130,9 +130,7 @@ class Reader:
             return True
 
     async def read_now(self, operation: op.Operation[_T]) -> _T:
-        """Read from the mount, however fresh the last reading is. Cancelling one caller does not cancel the exchange.
-        Raises Fault.
-        """
+        """Read from the mount, even if the last reading is fresh. A cancelled caller does not end it. Raises Fault."""
         return cast(_T, await result_of(self.shared(operation)))
 
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
@@ -149,10 +147,10 @@ class Reader:
         mark_retrieved(task)
 
     async def _ask(self, operation: op.Operation) -> Any:
-        if not self._there(operation).is_set():
-            await self._there(operation).wait()
-            if (met := cached_reading(self._context, type(operation))) is not NOT_CACHED:
-                return met  # identification has read it meanwhile
+        if not self._precondition(operation).is_set():
+            await self._precondition(operation).wait()
+            if (known := cached_reading(self._context, type(operation))) is not NOT_CACHED:
+                return known  # identification has read it meanwhile
         kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None
         if isinstance(operation, op.AxisPosition) and not self._driver.implementation(op.AxisPosition):
@@ -160,7 +158,7 @@ class Reader:
         elif isinstance(operation, op.HorizontalPosition) and self._driver.position_reads > 1:
             value = await self._while_it_rests(operation)
         else:
-            value = await self._hear(operation)
+            value = await self._request(operation)
         if isinstance(operation, op.Slewing):
             if self._movement.slewing and not value:
                 await self._settled()
@@ -169,7 +167,7 @@ class Reader:
             source, value = op.Position, self._astrometry.horizon(await self.read(op.Position()))
         if source is not None:
             self._client_readings.calculated_from(kind, source)
-        self._fold(kind, value)
+        self._publish(kind, value)
         return value
 
     async def _axes_from_the_sky(self) -> tuple[Kind, Any]:
@@ -180,7 +178,7 @@ class Reader:
         seen = await self.read(op.Position())
         return op.Position, self._astrometry.axes(seen, wedge=not self._driver.german)
 
-    def _fold(self, kind: Kind, value: Any) -> None:
+    def _publish(self, kind: Kind, value: Any) -> None:
         """Store a reading, and pass it to the limits by signals."""
         self._cache.put(kind, value, self._now())
         if isinstance(value, op.Status):
@@ -192,9 +190,9 @@ class Reader:
 
     def take(self, operation: op.Operation, value: Any) -> None:
         """Take a reading that the mount reported in an exchange of another part."""
-        self._fold(type(operation), self._taken(operation, value))
+        self._publish(type(operation), self._converted(operation, value))
 
-    async def _hear(self, operation: op.Operation) -> Any:
+    async def _request(self, operation: op.Operation) -> Any:
         """Ask the mount and return its answer. Raises Fault."""
         priority = POSITION if isinstance(operation, op.Position) else READ
         try:
@@ -204,9 +202,9 @@ class Reader:
                 self.unseen.emit(None)
             raise
         self._exchanges[type(operation)] = self._runner.exchanges
-        return self._taken(operation, value)
+        return self._converted(operation, value)
 
-    def _taken(self, operation: op.Operation, value: Any) -> Any:
+    def _converted(self, operation: op.Operation, value: Any) -> Any:
         """Convert an answer that has just arrived to the equinox of date, and pass on positions with their times."""
         if isinstance(operation, op.Position):
             value = self._astrometry.from_mount(value)
@@ -217,10 +215,8 @@ class Reader:
         return value
 
     async def _while_it_rests(self, operation: op.Operation) -> Any:
-        """Return the answer, or None if the mount begins to move: the line is then too slow for two positions of two
-        requests each.
-        """
-        reading = self._context.tasks.spawn(self._hear(operation))
+        """Return the answer, or None once the mount moves: then two positions of two requests each take too long."""
+        reading = self._context.tasks.spawn(self._request(operation))
         try:
             while not self._movement.anything:
                 if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:

@@ -16,8 +16,8 @@ from gateway.mount.link.queue import (
     READ,
     SETTING,
     STOP,
+    by_turn,
     held_back,
-    in_turn,
     too_late,
 )
 from gateway.protocols.base.driver import Send
@@ -35,7 +35,7 @@ class Waits(NamedTuple):
 
 
 def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[int]:
-    return [one.priority for one in in_turn(waiting, NOW, motions, passed_over)]
+    return [one.priority for one in by_turn(waiting, NOW, motions, passed_over)]
 
 
 def test_a_stop_goes_first_then_motion_then_the_position_then_settings() -> None:
@@ -43,7 +43,7 @@ def test_a_stop_goes_first_then_motion_then_the_position_then_settings() -> None
 
 
 def test_of_one_rank_the_first_that_came_goes_first() -> None:
-    assert [one.number for one in in_turn([Waits(READ, 2), Waits(READ, 1)], NOW, 0, 0)] == [1, 2]
+    assert [one.number for one in by_turn([Waits(READ, 2), Waits(READ, 1)], NOW, 0, 0)] == [1, 2]
 
 
 @each("priority", [POSITION, READ])
