@@ -161,7 +161,7 @@ def over_the_horizon(context: Context) -> Inside:
     return lambda _, altitude: limits.lowest <= altitude <= limits.highest
 
 
-def on_the_sky(context: Context) -> Inside:
+def format_position(context: Context) -> Inside:
     """Return the test for a right ascension and a declination of date: altitude, Sun, and the hour angle if the pier
     side is known. While the site is unknown only the Sun counts.
     """
