@@ -30,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     If stdout cannot be written, the code is 2 as well, except if its reader has closed the pipe.
     """
     garbage.starting()
-    streams.take_up()
+    streams.reopen_closed()
     code = 0
     try:
         words = _protected(sys.argv[1:] if argv is None else argv)
@@ -46,7 +46,7 @@ def main(argv: list[str] | None = None) -> int:
             raise
         return _stdout_failed(failed, code)
     except OSError as error:
-        failed = streams.flush() or (error if streams.of_writing(error) else None)
+        failed = streams.flush() or (error if streams.is_write_error(error) else None)
         if failed is None:
             raise
         return _stdout_failed(failed, code)

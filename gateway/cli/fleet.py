@@ -64,14 +64,14 @@ async def _serve(access: Access, prefix: str, port: int) -> int:
 
     done, was_there = until_signal(), True
 
-    def told(there: bool, why: str) -> None:
+    def on_connection(there: bool, why: str) -> None:
         nonlocal was_there
         if there != was_there:
             words = "is connected again" if there else f"cannot be reached: {why}; this page keeps trying"
             streams.warn(f"the broker {access.broker} {words}", streams.WARNING)
         was_there = there
 
-    page = Overview(access, prefix, time.time, told)
+    page = Overview(access, prefix, time.time, on_connection)
     try:
         await page.open(port)
     except OSError as error:

@@ -27,7 +27,7 @@ from gateway.core.operations import GetIdentity, Identity
 from gateway.protocols.registry import ANY, PROTOCOLS, spoken
 from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import directory
-from gateway.system.own_commands import own_words
+from gateway.system.own_commands import gateway_argv
 
 #: Timeout of an explanation, seconds; it runs a whole gateway of its own, in another process.
 EXPLAIN = 20.0
@@ -61,7 +61,7 @@ class Mounts:
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return success and the text."""
         face = _spoken(surface or gateway.names()[0].partition("@")[0], command)
-        words = [*own_words(), "explain", "--", face, _called(gateway), command]
+        words = [*gateway_argv(), "explain", "--", face, _called(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
                 *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE

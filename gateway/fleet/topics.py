@@ -32,7 +32,7 @@ class Message(Struct, frozen=True):
     newest: bool = False
 
 
-class Heard(Struct, frozen=True):
+class Received(Struct, frozen=True):
     """A message from the broker. ``retained``: it has the retain flag; it may be old."""
 
     topic: str
@@ -98,7 +98,7 @@ class Outbox:
                 self._events.append(message)
 
     @property
-    def any(self) -> bool:
+    def is_waiting(self) -> bool:
         """Whether any message waits."""
         return bool(self._waiting or self._events)
 
@@ -113,7 +113,7 @@ class Outbox:
                 found.append(self._events.popleft())
             return found
 
-    def again(self) -> None:
+    def requeue_states(self) -> None:
         """Queue all states again: after a reconnect the broker may have forgotten them."""
         with self._lock:
             self._waiting = dict.fromkeys(self._newest)

@@ -79,7 +79,7 @@ class Screen:
         """Print a warning on stderr; ignore errors, because a closed terminal must not keep a mount moving."""
         self.clear()
         if self._as_json:
-            streams.tell(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
+            streams.print_to_stderr(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
         else:
             streams.warn(text, streams.WARNING)
 

@@ -32,7 +32,7 @@ from gateway.core.errors import Fault
 from gateway.core.wire_log import SKY_READY, Sink
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
-from gateway.system.file_limits import make_room
+from gateway.system.file_limits import raise_limit
 from gateway.system.systemd import notify
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     def offers() -> list[Offer]:
         return [offer for offer in surfaces() if offer.wide]
 
-    if words := make_room(_max_programs(config), len(config.mount) + len(config.surface)):
+    if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
         screen.warn(words)
     for mount in config.mount:
         wire_log = WireLog(time.time)

@@ -69,7 +69,7 @@ class WholeFramer:
 
     @property
     def idle(self) -> bool:
-        """Whether the next byte begins a new command."""
+        """Whether the next byte begins a command that does not depend on earlier bytes."""
         return not (self._pending or self._dropping)
 
     def end(self) -> list[Unterminated]:
@@ -115,7 +115,7 @@ class LengthFramer(WholeFramer, ABC):
 
 
 class Framer(Protocol):
-    """Cuts a protocol's commands out of a byte stream. It is ``idle`` while the next byte begins a new command."""
+    """Cuts a protocol's commands out of a byte stream. ``idle``: the next byte does not depend on earlier ones."""
 
     dropped: Dropped
 

@@ -63,7 +63,7 @@ class Framer:
 
     @property
     def idle(self) -> bool:
-        """Whether the next byte begins a new command."""
+        """Whether the next byte begins a command that does not depend on earlier bytes."""
         return not (self._frame or self._suspect)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
@@ -95,7 +95,7 @@ class Framer:
         self._colon = self._before_pause = False
 
     def _begin_burst(self) -> None:
-        """Begin a new burst after a pause: nothing is suspect, and of a swallowed text only half a stop is kept."""
+        """Begin a new burst after a pause: nothing is suspect, and of an unterminated text only half a stop is kept."""
         self._suspect = False
         self._before_pause = bool(self._frame)
         if self._unterminated:
@@ -138,7 +138,7 @@ class Framer:
             self.dropped.add(piece, why)
 
     def _extend_unterminated(self, piece: bytes, name: str | None) -> None:
-        """Add a piece to the unterminated text: bytes for the log, and the name of the command it would have set."""
+        """Add a piece to the unterminated text: its bytes for the log, and its command, whose setting is cleared."""
         self._text += piece[: LONGEST - len(self._text)]
         if name is not None:
             self._unterminated[name] = None

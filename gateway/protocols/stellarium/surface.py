@@ -83,12 +83,12 @@ def goto(session: StellariumSession, command: Command, values: Mapping[str, Any]
 def subscriptions(session: Session) -> Sequence[Subscription]:
     """Return the subscription of the position."""
     assert isinstance(session, StellariumSession)
-    told = load("stellarium").commands["position"]
-    assert told.pushed is not None
-    template = told.replies[0][1]
+    pushed = load("stellarium").commands["position"]
+    assert pushed.pushed is not None
+    template = pushed.replies[0][1]
 
     def message(seen: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
         return template.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": session.kept.status})
 
-    return [Subscription(Position(), told.pushed, message, after=FIRST)]
+    return [Subscription(Position(), pushed.pushed, message, after=FIRST)]

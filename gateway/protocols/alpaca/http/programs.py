@@ -39,7 +39,7 @@ class NoAnswerInTime(Exception):
 
 
 class Program:
-    """One Alpaca client, with a connection to the mount's gateway of its own."""
+    """One Alpaca client, with a connection of its own to the gateway."""
 
     def __init__(self, arrive: Arrive, name: str, host: str) -> None:
         self._loop = asyncio.get_running_loop()

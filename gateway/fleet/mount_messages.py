@@ -94,9 +94,9 @@ class Events:
             return
         if entry.arrow == "!" and entry.side == MOUNT:
             kind = "note"
-        self.tell(kind, entry.side, entry.note)
+        self.publish(kind, entry.side, entry.note)
 
-    def tell(self, kind: str, who: str, words: str) -> None:
+    def publish(self, kind: str, who: str, words: str) -> None:
         """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
         self._left = min(BURST, self._left + max(0.0, now - self._since) * RATE)
