@@ -35,7 +35,7 @@ PASSED_OVER = 4
 BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request: the second half of a position, a
 #: motion that waited for one, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
-TURNS = 8
+FOLLOW_UP_ITERATIONS = 8
 
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 
@@ -145,7 +145,7 @@ class RequestQueue:
     @types.coroutine
     def _let_clients_follow_up(self) -> Iterator[None]:
         """Let clients that just got a reply queue their next request, unless the queue is empty or holds a stop."""
-        for _ in range(TURNS):
+        for _ in range(FOLLOW_UP_ITERATIONS):
             if not self._waiting or self.stop_waits:
                 return
             yield  # one event loop iteration, cheaper than asyncio.sleep(0)
