@@ -133,9 +133,7 @@ async def run_driver(
     plan: Callable[[Schedule], object],
     remark: Callable[[str], object] = lambda text: None,
 ) -> _T:
-    """Run a driver's generator to its end and return its value. A Fault of an exchange is thrown into the generator;
-    ``plan`` receives what it schedules, ``remark`` its remarks. Raises the Fault that the generator raises.
-    """
+    """Run a driver's generator and return its value. Faults of exchanges are thrown into it. Raises Fault."""
     answer: Mapping[str, object] | None = None
     fault: Fault | None = None
     try:

@@ -170,9 +170,7 @@ class MountLink:
             await self.wire.close()
 
     async def _reopened(self) -> None:
-        """Send an owed stop first, then check that the line is in step. Half a command may wait on the other side: it
-        is closed by ``reply_rules.closing``, or the mount gets time to forget it.
-        """
+        """Send an owed stop, then resynchronise. Half a command sent before is closed, or the mount forgets it."""
         words: list[bytes] = []
         self.reopened.emit(words)
         half, self.transaction.half = self.transaction.half, False

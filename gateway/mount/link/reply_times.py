@@ -64,9 +64,7 @@ class ReplyTimes:
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered. ``ambiguous_with`` says whether a reply to one request
-    could be mistaken for a reply to the other.
-    """
+    """Requests that timed out and may still be answered; ``ambiguous_with``: one reply could be taken for the other."""
 
     def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
         self._ambiguous_with = ambiguous_with
