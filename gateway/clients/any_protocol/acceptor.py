@@ -96,7 +96,7 @@ class AnyConnection:
             self.sent = b""
         self._last_received = now
         self.sent += data
-        waits = self._handler is not None and PROTOCOLS[self._protocol].waits
+        waits = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
         while rest := self.sent.lstrip(IDLE):
             verdict = decide(rest)
             if verdict is None:

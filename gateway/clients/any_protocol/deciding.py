@@ -44,7 +44,7 @@ def decide(sent: bytes) -> Verdict | None:
 
 def shared_prefix(protocol: str, sent: bytes) -> int:
     """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
-    pattern = PROTOCOLS[protocol].also_others
+    pattern = PROTOCOLS[protocol].shared_openings
     found = pattern.match(sent) if pattern is not None else None
     return found.end() if found is not None else 0
 
@@ -52,12 +52,12 @@ def shared_prefix(protocol: str, sent: bytes) -> int:
 def may_change(protocol: str, sent: bytes) -> bool:
     """Whether a client that was taken for this protocol by these bytes may still turn out to speak another one."""
     rest = sent.lstrip(IDLE)
-    return PROTOCOLS[protocol].waits or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
+    return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 
 
 def protocol_that_waits() -> str | None:
     """Return the protocol whose clients wait for a greeting."""
-    return next((name for name in streams() if PROTOCOLS[name].waits), None)
+    return next((name for name in streams() if PROTOCOLS[name].mount_speaks_first), None)
 
 
 def _ambiguous(protocols: list[str]) -> str:
