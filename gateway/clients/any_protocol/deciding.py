@@ -2,8 +2,7 @@
 
 The decision follows from the protocols' specifications and command tables: a whole command of a protocol has arrived,
 or the bytes can only become a command of one protocol. HTTP is recognised by its methods; bytes that may become a
-method are not decided yet. Bytes of no protocol, or of more than one, count as the first protocol's, and the log says
-why.
+method are not decided yet. Bytes of no protocol, or of several, count as the first protocol's, which the log explains.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ def decide(sent: bytes) -> Verdict | None:
     begun = begun or [name for name in spoken if load(name).may_begin(sent[:1])]
     if len(begun) > 1:
         return None
-    return Verdict(begun[0]) if begun else Verdict(spoken[0], "because no protocol's commands begin so")
+    return Verdict(begun[0]) if begun else Verdict(spoken[0], "because no protocol has a command that begins like this")
 
 
 def shared_prefix(protocol: str, sent: bytes) -> int:
@@ -62,7 +61,7 @@ def protocol_that_waits() -> str | None:
 
 
 def _ambiguous(protocols: list[str]) -> str:
-    return f"which {' and '.join(PROTOCOLS[name].title for name in protocols)} programs may begin so"
+    return f"because {' and '.join(PROTOCOLS[name].title for name in protocols)} programs may begin like this"
 
 
 @cache

@@ -157,10 +157,10 @@ class TurnRunner:
 
     def _recent_reading(self, operation: Operation, turn: Turn) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
-        told = self.cache.recent_reading(operation, self._controller.now())
-        if told is None:
+        sent = self.cache.recent_reading(operation, self._controller.now())
+        if sent is None:
             return None
-        value, version = told
+        value, version = sent
         if version == self._controller.version:
             turn.readings.append(type(operation))
         else:

@@ -61,7 +61,7 @@ class Surface:
         #: What a client is sent without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for one.
-        self.denies: Callable[[bytes], bool] = lambda reply: False
+        self.is_refusal: Callable[[bytes], bool] = lambda reply: False
         #: Why the presented model does not have a command, which is then ignored; empty if it has it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
