@@ -110,7 +110,7 @@ class FairScheduler:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, stopping: Callable[[], bool]) -> None:
         self._loop, self._stopping = loop, stopping
-        self._left, self._held, self._turning = PER_ITERATION, 0, False
+        self._left, self._held, self._scheduled = PER_ITERATION, 0, False
         self._waiting: deque[Callable[[], object]] = deque()
 
     def try_acquire(self) -> bool:
@@ -118,7 +118,7 @@ class FairScheduler:
         if self._left <= 0:
             return False
         self._left -= 1
-        self._turn_later()
+        self._schedule()
         return True
 
     def run(self, resume: Callable[[], object]) -> None:
@@ -138,14 +138,14 @@ class FairScheduler:
             raise NoAnswer
         return task.result()
 
-    def _turn_later(self) -> None:
-        if not self._turning:
-            self._turning = True
-            self._loop.call_soon(self._turn)
+    def _schedule(self) -> None:
+        if not self._scheduled:
+            self._scheduled = True
+            self._loop.call_soon(self._iterate)
 
-    def _turn(self) -> None:
+    def _iterate(self) -> None:
         """Let the next few waiting clients continue; they go before new ones."""
-        self._turning = False
+        self._scheduled = False
         crowd = len(self._waiting) > PER_ITERATION
         self._held = self._held + 1 if crowd and self._stopping() else 0
         held = 0 < self._held <= HELD_AT_MOST
@@ -155,7 +155,7 @@ class FairScheduler:
         finally:  # an exception of one client must not hold up the others
             self._left = 0 if self._waiting else PER_ITERATION
             if self._waiting:
-                self._turn_later()
+                self._schedule()
 
 
 class BackgroundTasks:

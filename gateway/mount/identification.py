@@ -47,7 +47,7 @@ class Identification:
         self._reader, self._own, self._sync, self._reconciler, self._ends = reader, own, sync, reconciler, ends
         self._asking: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
-        #: Something moved when the mount's port was lost.
+        #: Whether something moved when the port was lost.
         self._cut_short = False
         self._link.came_up.connect(self._on_up)
         self._link.reopened.connect(self._stop_first)

@@ -1,7 +1,6 @@
 """The names and addresses of this computer, by which a web request shows that it means this computer.
 
-The host name of a malicious web page may resolve to this computer (DNS rebinding): then its requests arrive here, but
-with that host name.
+The host name of a malicious web page may resolve to this computer (DNS rebinding): requests then carry that name.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 Missing folders are created. They belong to this user and are closed to others, so that no other user can predict,
 occupy or replace a name in them. There may be two: one of the session (``XDG_RUNTIME_DIR``), and one in the temporary
 folder, which every process of the user finds. Files are written to all of them, and searched in all of them. A folder
-of another user is never used, and the reason is reported. If other users have taken both names, a third folder in the
-state folder is used.
+of another user is never used, and the reason is reported. If no other is usable, one in the state folder is used.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def _bridge(case: Scenario) -> Bridge:
 # --- what is seen -------------------------------------------------------------------------------------------------
 
 
-def format_position(before: Truth, after: Truth, site: Pair) -> Pair:
+def on_the_sky(before: Truth, after: Truth, site: Pair) -> Pair:
     """Degrees of hour angle and declination beyond tracking: west and north are positive."""
     first, second = (horizon_to_hour_angle(one.azimuth, one.altitude, site[0]) for one in (before, after))
     return wrap180(second[0] - first[0] - SIDEREAL_RATE * (after.t - before.t)), second[1] - first[1]
@@ -167,7 +167,7 @@ def _lx200_measure(case: Scenario, arrow: bool, before: Truth, after: Truth) -> 
     if altaz if arrow else case.guide == "motor" and case.build != "fork":
         first, second = on_the_axes(before, after, case.site, altaz)
         return (first if altaz or case.site[0] > 0 else -first), second  # the first motor turns as the sky in the south
-    return format_position(before, after, case.site)
+    return on_the_sky(before, after, case.site)
 
 
 async def _lx200(bridge: Bridge, case: Scenario) -> list[Row]:

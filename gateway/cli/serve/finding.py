@@ -110,7 +110,7 @@ def _port_advice(gateway: Gateway, reason: str) -> str:
 def waiting_message(gateway: Gateway) -> str:
     """Return the message that says what the gateway waits for, and how long it may take."""
     spec = PROTOCOLS[gateway.mount.protocol]
-    takes = spec.takes[gateway.mount.model is None]
+    takes = spec.first_answer_seconds[gateway.mount.model is None]
     if gateway.controller.context.found.is_set():
         return (
             f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "

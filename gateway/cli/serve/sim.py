@@ -98,7 +98,7 @@ def models() -> str:
     ]
     for spec in PROTOCOLS.values():
         for name, row in spec.commands.models.items():
-            lines.append(f"  {spec.name}:{name:<16} {' '.join(spec.made_with(row))}".rstrip())
+            lines.append(f"  {spec.name}:{name:<16} {' '.join(spec.versions_of(row))}".rstrip())
     return "\n".join(lines)
 
 

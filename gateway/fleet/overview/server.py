@@ -16,7 +16,7 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.console.pages import Pages, guarded, listen, of_the_page, runner_of, same_token
+from gateway.console.pages import Pages, from_own_page, guarded, listen, runner_of, same_token
 from gateway.console.server import PAGE
 from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
@@ -122,7 +122,7 @@ class Overview:
     def _refused(self, request: web.Request) -> str:
         """Return why a request is refused (it is not from the page, or lacks the token), or an empty text."""
         headers = request.headers
-        ours = known_host(headers.get("Host"), "127.0.0.1") and of_the_page(headers, request.path)
+        ours = known_host(headers.get("Host"), "127.0.0.1") and from_own_page(headers, request.path)
         private = request.path in ("/fleet.json", "/stop")
         if ours and (not private or same_token(headers.get("X-Token"), self._token)):
             return ""

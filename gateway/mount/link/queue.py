@@ -35,7 +35,7 @@ PASSED_OVER = 4
 BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request: the second half of a position, a
 #: motion that waited for one, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
-TURNS = 8
+FOLLOW_UP_ITERATIONS = 8
 
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 
@@ -43,10 +43,10 @@ Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 class Request:
     """A command that waits for its turn; ``number`` is its sequence number."""
 
-    __slots__ = ("ask", "asked", "chosen", "future", "number", "priority")
+    __slots__ = ("asked", "chosen", "command", "future", "number", "priority")
 
-    def __init__(self, ask: Send, priority: int, number: int, future: Outcome) -> None:
-        self.ask, self.priority, self.number, self.future = ask, priority, number, future
+    def __init__(self, command: Send, priority: int, number: int, future: Outcome) -> None:
+        self.command, self.priority, self.number, self.future = command, priority, number, future
         self.asked = future.get_loop().time()
         #: It was this request's turn and it only waits for quiet on the line: a read that comes now goes after it.
         self.chosen = False
@@ -70,10 +70,10 @@ class RequestQueue:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def add(self, ask: Send, priority: int) -> Outcome:
+    def add(self, command: Send, priority: int) -> Outcome:
         """Queue a command and return the future of its outcome."""
         future: Outcome = self._loop.create_future()
-        self._waiting.append(Request(ask, priority, next(self._numbers), future))
+        self._waiting.append(Request(command, priority, next(self._numbers), future))
         self._wake.set()
         return future
 
@@ -126,7 +126,7 @@ class RequestQueue:
             if not await self.wait_within(pause):
                 heapq.heappop(self._urgent)
             return None
-        quiet = 0.0 if first.priority == STOP else quiet_needed(first.ask)
+        quiet = 0.0 if first.priority == STOP else quiet_needed(first.command)
         if quiet > 0:
             first.chosen = True
             await self.wait_within(quiet)
@@ -145,7 +145,7 @@ class RequestQueue:
     @types.coroutine
     def _let_clients_follow_up(self) -> Iterator[None]:
         """Let clients that just got a reply queue their next request, unless the queue is empty or holds a stop."""
-        for _ in range(TURNS):
+        for _ in range(FOLLOW_UP_ITERATIONS):
             if not self._waiting or self.stop_waits:
                 return
             yield  # one event loop iteration, cheaper than asyncio.sleep(0)
@@ -161,7 +161,7 @@ class RequestQueue:
         for request in waiting:
             if request.future.done():
                 continue
-            if request.priority == STOP and (there := send(request.ask)) is not None:
+            if request.priority == STOP and (there := send(request.command)) is not None:
                 sent += there
                 request.future.set_result(({}, 0.0))
             elif busy:
@@ -213,4 +213,4 @@ def held_back(first: Request, now: float, urgent: float | None, typical_rtt: flo
 
 def too_late(one: Request, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
-    return one.ask.prompt and now - one.asked > AT_ONCE
+    return one.command.prompt and now - one.asked > AT_ONCE

@@ -66,24 +66,28 @@ class ReplyVerifier:
         self._known: dict[tuple[Any, ...], Reply] = {}
         self._latitudes: dict[str, float] = {}
 
-    async def exchange(self, ask: Send, priority: int) -> tuple[Reply, int]:
+    async def exchange(self, command: Send, priority: int) -> tuple[Reply, int]:
         """Return a verified reply, and how many exchanges that took. Raises Fault."""
-        kind = self._line.reply_rules.expected(ask).answer_kind
+        kind = self._line.reply_rules.expected(command).answer_kind
         if kind is None:
             asked = self._now()
-            return Reply(await self._send_order(ask, priority), None, asked, self._now()), 1
-        key = (ask.command, ask.raw, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
+            return Reply(await self._send_order(command, priority), None, asked, self._now()), 1
+        key = (
+            command.command,
+            command.raw,
+            *sorted((name, value) for name, value in command.values.items() if name != "low"),
+        )
         agreeing: list[Reply] = []
         longest = slow = late_count = 0
         times = 0
         while times < TRIES:
             times += 1
-            late_count = max(late_count, self._late_replies.count(ask, self._now()))
-            reply = await self._ask(ask, priority)
+            late_count = max(late_count, self._late_replies.count(command, self._now()))
+            reply = await self._ask(command, priority)
             mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
-            if mute and not ask.raw:
+            if mute and not command.raw:
                 break  # the driver asked for this answer by ``patience``
-            if ask.unverified:
+            if command.unverified:
                 break
             took = reply.came - reply.asked
             if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical_rtt:
@@ -111,34 +115,34 @@ class ReplyVerifier:
         if len(self._known) > KNOWN:
             del self._known[next(iter(self._known))]
 
-    async def _send_order(self, ask: Send, priority: int) -> Mapping[str, Any]:
+    async def _send_order(self, command: Send, priority: int) -> Mapping[str, Any]:
         """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
 
         A stop never waits: it is sent until one of its acknowledgements must be its own.
         """
         if priority != STOP:
             try:
-                async with asyncio.timeout(AT_ONCE if ask.prompt else LATE_REPLY_WAIT):
-                    while (left := self._late_replies.until(ask, self._now()) - self._now()) > 0:
+                async with asyncio.timeout(AT_ONCE if command.prompt else LATE_REPLY_WAIT):
+                    while (left := self._late_replies.until(command, self._now()) - self._now()) > 0:
                         await asyncio.sleep(max(left, TICK))
             except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
                 raise NoAnswer from None
-            return await self._line.exchange(ask, priority)
+            return await self._line.exchange(command, priority)
         times = 0
         while True:
-            late_count = self._late_replies.count(ask, self._now())
-            answer = await self._line.exchange(ask, priority)
+            late_count = self._late_replies.count(command, self._now())
+            answer = await self._line.exchange(command, priority)
             times += 1
             if times > min(late_count, MOST_LATE):
                 return answer
 
-    async def _ask(self, ask: Send, priority: int) -> Reply:
+    async def _ask(self, command: Send, priority: int) -> Reply:
         """Return one reply; if it is garbled, ask again. Raises NoAnswer and Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Mapping[str, Any] = {}
             fault: Fault | None = None
             try:
-                values, took = await self._line.timed(ask, priority)
+                values, took = await self._line.timed(command, priority)
             except Garbled:
                 if attempt == GARBLED_TRIES - 1:
                     raise

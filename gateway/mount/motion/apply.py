@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, survives_abort
+from gateway.core.motion_kinds import ENDS, GOTOS, RESTARTED_AFTER_END, axis_moved, ends_focus, survives_abort
 from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
 from gateway.protocols.base.driver import Schedule
 
@@ -86,7 +86,11 @@ def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
 def interrupted(wanted: Wanted, halt: Order) -> Wanted:
     """Let a halt interrupt the active order, if that can be begun again after it."""
     active = next((order for order in wanted.pending if order.number == wanted.active), None)
-    if halt.rank != FIRST or active is None or not (isinstance(active.operation, BEGUN_ANEW) or active.keeps_repeating):
+    if (
+        halt.rank != FIRST
+        or active is None
+        or not (isinstance(active.operation, RESTARTED_AFTER_END) or active.keeps_repeating)
+    ):
         return wanted
     pending = tuple(replace(order, rank=RESUMED) if order is active else order for order in wanted.pending)
     return replace(wanted, pending=pending, active=0)

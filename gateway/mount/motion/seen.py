@@ -107,7 +107,7 @@ def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
     return seen
 
 
-def at_once(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
+def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
     """Return the position at the time of its second half; the right ascension was read ``lag`` seconds earlier."""
     turned = wrap180(place.ra - before.place.ra)
     if not lag or abs(turned) > JUMP:

@@ -26,7 +26,7 @@ TRIES = 3
 AGAIN = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 
-class Stopping:
+class StopSender:
     """Sends stops. ``sent`` is emitted when the commands of a stop were sent, ``at_rest`` when the mount has
     acknowledged them, and ``ended`` when an attempt has ended, with or without success.
     """

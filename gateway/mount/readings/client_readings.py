@@ -193,7 +193,7 @@ class ClientReadings:
 
     def _inside(self, kind: Kind) -> Inside | None:
         if kind is op.Position:
-            return extrapolation.format_position(self._context)
+            return extrapolation.on_the_sky(self._context)
         unknown = kind is op.AxisPosition and self._equatorial
         return None if unknown else extrapolation.over_the_horizon(self._context)
 

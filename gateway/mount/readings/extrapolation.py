@@ -161,10 +161,8 @@ def over_the_horizon(context: Context) -> Inside:
     return lambda _, altitude: limits.lowest <= altitude <= limits.highest
 
 
-def format_position(context: Context) -> Inside:
-    """Return the test for a right ascension and a declination of date: altitude, Sun, and the hour angle if the pier
-    side is known. While the site is unknown only the Sun counts.
-    """
+def on_the_sky(context: Context) -> Inside:
+    """Return the test for a right ascension and declination of date; without a site, only the Sun counts."""
     limits, astrometry, suns = _limits(context), context.astrometry, context.suns
     meridian = _meridian(context, limits.hour_angle)
 

@@ -138,7 +138,7 @@ class Poller:
         return max(every - ahead, BREATH) - self._cache.age(kind, now)
 
     async def renew(self, kind: Kind) -> None:
-        """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
+        """Ask the mount again. The log records the decision, so that a replay asks at the same moments."""
         self._context.log.put("hub", "r", note=kind.__name__)
         if kind is op.GetSite or kind is op.GetClock:
             await self._settings.renew(kind)

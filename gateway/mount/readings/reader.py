@@ -69,9 +69,7 @@ class Reader:
         return self._context.found if isinstance(operation, op.Position) else self._context.known
 
     async def answer(self, operation: op.Operation) -> Any:
-        """Return the answer for a client, the last one if no new one arrives in time, and for an unknown status a
-        harmless default. Raises Fault if there is no answer.
-        """
+        """Return the answer for a client, the last one if no new one arrives in time. Raises Fault if there is none."""
         fault: Fault
         try:
             async with asyncio.timeout(WAITS_MOVING if self._movement.anything else WAITS):

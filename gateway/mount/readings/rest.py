@@ -28,7 +28,7 @@ ARCSECOND = 1.0 / 3600.0
 SKY, CREEP, DRIVES = 15.041 * ARCSECOND, 30.0 * ARCSECOND, 3.0 * ARCSECOND
 #: Degrees a second that an axis at rest may turn by tracking; the azimuth of a fork near the zenith, ZENITH times the
 #: rate that the sky needs there, but no faster than FASTEST.
-TURNS, ZENITH, FASTEST = 0.1, 3.0, 2.5
+TRACKING_SPEED, ZENITH, FASTEST = 0.1, 3.0, 2.5
 
 
 class Sample(NamedTuple):
@@ -37,7 +37,7 @@ class Sample(NamedTuple):
     at: float
     position: op.Equatorial
     axes: tuple[float, float]
-    turns: float
+    tracking_speed: float
 
 
 async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_TO_REST) -> None:
@@ -87,10 +87,10 @@ async def _sample(context: Context, reader: Reader) -> Sample:
         axes = (there.az, there.alt)
     else:
         axes = (position.ra, position.dec)
-    turns = TURNS
+    tracking_speed = TRACKING_SPEED
     if not status.equatorial and status.tracking is not op.Tracking.OFF:
-        turns = min(FASTEST, max(TURNS, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
-    return Sample(at, position, axes, turns)
+        tracking_speed = min(FASTEST, max(TRACKING_SPEED, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
+    return Sample(at, position, axes, tracking_speed)
 
 
 def _unexplained(before: Sample, after: Sample, fine: float) -> float:
@@ -99,7 +99,7 @@ def _unexplained(before: Sample, after: Sample, fine: float) -> float:
     (ra, dec), (last_ra, last_dec) = (before.position.ra, before.position.dec), (after.position.ra, after.position.dec)
     kept, passed = separation(ra, dec, last_ra, last_dec), separation(ra + SKY * elapsed, dec, last_ra, last_dec)
     moved = min(kept, passed) - DRIVES * elapsed
-    first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.turns, after.turns) * elapsed
-    second = abs(wrap180(after.axes[1] - before.axes[1])) - TURNS * elapsed
+    first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.tracking_speed, after.tracking_speed) * elapsed
+    second = abs(wrap180(after.axes[1] - before.axes[1])) - TRACKING_SPEED * elapsed
     most = max(moved, first, second)
     return most / elapsed if most > fine else 0.0

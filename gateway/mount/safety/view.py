@@ -37,8 +37,7 @@ class View(Struct, frozen=True):
     """The state of a mount that the rules judge.
 
     ``sun`` is the smallest allowed distance from the Sun, degrees. ``side`` is the side of the pier (E, W) that the
-    tube is on. ``german`` and ``side`` are None if unknown. ``astray``: the goto does not follow the path that was
-    checked.
+    tube is on. ``german`` and ``side`` are None if unknown. ``astray``: the goto may pass a limit on its path.
     """
 
     seen: Seen

@@ -191,7 +191,7 @@ class LimitWatch:
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
-        here = place if before is None else fold.at_once(now, place, before, mount.timing.lag)
+        here = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
         altitude, hour_angle = astrometry.altitude(here.ra, here.dec), None
         if altitude is not None:
             altitude += self.altitude_axis.tilt or 0.0

@@ -19,7 +19,7 @@ from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, Want, relayed
+from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, SurfaceStep, relayed
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, SurfaceRow
@@ -61,7 +61,7 @@ class Surface:
         #: What a client is sent without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for one.
-        self.denies: Callable[[bytes], bool] = lambda reply: False
+        self.is_refusal: Callable[[bytes], bool] = lambda reply: False
         #: Why the presented model does not have a command, which is then ignored; empty if it has it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
@@ -238,7 +238,7 @@ class Surface:
         return b""
 
 
-def _without_motion(wanted: Want) -> bool:
+def _without_motion(wanted: SurfaceStep) -> bool:
     """Whether to drop a request because it would begin a motion. Raises Disturbed if the command can be refused."""
     if not begins_motion(getattr(wanted, "operation", wanted)):
         return False

@@ -140,10 +140,10 @@ SPEC = ProtocolSpec(
     },
     night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
-    deaf="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
+    detect_warning="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
     parks_itself=True,
     slowest="a classic LX200",
-    takes=(4, 9),
+    first_answer_seconds=(4, 9),
     target=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
     hint=_hint,
     presented_remark="""\

@@ -151,11 +151,11 @@ SPEC = ProtocolSpec(
     rehearsed_with=lambda wedge: {"focuser": True, "wedge": wedge},
     counts_as=lambda text: numbered(text).counts_as,
     check_version=_check_version,
-    made_with=versions.made_with,
+    versions_of=versions.made_with,
     version_words={STARSENSE: lambda version: STARSENSE if version is None else f"{STARSENSE}-{version}"},
     presented_version="4.21",
     recognises=lambda sent: UNMARKED,
-    also_others=ANY_ECHO,
+    shared_openings=ANY_ECHO,
     questions=(Question(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, late=True),),
     capabilities={
         "coordinates": {"e": "precise (e, r)", "E": "16 bits (E, R)"},

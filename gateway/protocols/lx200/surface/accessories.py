@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import Fault, Invalid, Unsupported
-from gateway.protocols.base.wants import FireAndForget, Handling, Speed, given
+from gateway.protocols.base.wants import ChangeBaudRate, FireAndForget, Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -43,7 +43,7 @@ def baud(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SB - reply 1 at the old baud rate, then change it if the client is on a serial port. Raises Invalid."""
     if values.get("rate") not in RATES:
         raise Invalid("The baud rates are 1 to 9.")
-    yield Speed(RATES[values["rate"]])
+    yield ChangeBaudRate(RATES[values["rate"]])
 
 
 def restart(session: LxSession, command: Command, values: op.Values) -> Handling:

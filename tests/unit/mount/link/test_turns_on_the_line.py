@@ -31,7 +31,7 @@ class Waits(NamedTuple):
     number: int = 0
     asked: float = NOW
     chosen: bool = False
-    ask: Send = Send("e")
+    command: Send = Send("e")
 
 
 def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[int]:
@@ -74,6 +74,6 @@ def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
 
 def test_what_begins_a_motion_by_hand_is_not_begun_late() -> None:
     arrow = Send("move", prompt=True)
-    assert too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01, ask=arrow), NOW)
-    assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE + 0.01, ask=arrow), NOW)
+    assert too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01, command=arrow), NOW)
+    assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE + 0.01, command=arrow), NOW)
     assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01), NOW)
