@@ -1,15 +1,15 @@
 """mount-gateway: a protocol translator between Meade LX200 and Celestron NexStar telescope mounts.
 
-What a program may use of it is listed in ``__all__`` and explained in docs/python.md; everything else may change from
-one version to the next. The names are loaded when they are first used, because the command line, which needs none of
-them, is to start quickly. This module stands above all layers: nothing inside the package imports it.
+Its public names are listed in ``__all__`` and explained in docs/python.md; everything else may change with every
+version. They are loaded on first use, because the command line does not need them and must start quickly. This module
+is above all layers: nothing inside the package imports it.
 """
 
 from __future__ import annotations
 
 from gateway.core.about import VERSION
 
-#: Type checkers and editors take it for true. The constant in ``typing`` is the same, but importing that takes time.
+#: Type checkers and editors assume that this is true. Importing ``typing`` for its constant would take time.
 TYPE_CHECKING = False
 __version__ = VERSION
 

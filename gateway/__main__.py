@@ -1,4 +1,4 @@
-"""``python -m gateway``."""
+"""The entry point of ``python -m gateway``."""
 
 from __future__ import annotations
 

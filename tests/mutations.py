@@ -71,10 +71,9 @@ MUTATIONS = [
     # --- accepted replies
     Mutation(
         "the first reply is accepted",
-        r'(def _wanted\(self, kind.*\n +""".*\n)',
+        r'(def _replies_needed\(self, kind.*\n +""".*\n)',
         r"\g<1>        return 1\n",
         ALTERED,
-        "gateway/mount/link/*.py",
     ),
     Mutation(
         "two replies always agree",

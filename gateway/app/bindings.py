@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
+from gateway.app.config.programs import as_fields, first_bytes, open_needs, programs, with_needs
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -140,7 +140,7 @@ class AcceptorFactory:
 
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
         for protocol in spoken(ANY):
-            part = settled(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
+            part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
             speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _no_warning)
             one.binding = msgspec.structs.replace(one.binding, speaks=titles)
         return AnyAcceptor(speaking, self._web)
@@ -211,8 +211,8 @@ def exposure_warning(where: str, surface: SurfaceConfig) -> str:
 
 def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> Iterator[ClientProfile]:
     """Yield a profile for each program that a surface recognises by its first bytes."""
-    for first, program in recognisable(surface).items():
-        needs = as_settings(wanted_by(surface, program))
+    for first, program in first_bytes(surface).items():
+        needs = as_fields(open_needs(surface, program))
         equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
         yield ClientProfile(first, programs(protocol)[program].name, needs, equinox)
 

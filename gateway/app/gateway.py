@@ -22,7 +22,7 @@ from gateway.app.bindings import (
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
-from gateway.app.config.programs import settled
+from gateway.app.config.programs import with_needs
 from gateway.app.control.orders import orders
 from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
@@ -70,7 +70,7 @@ class Gateway:
         warn: Callable[[str], None] | None = None,
         watchdog: Watchdog | None = None,
     ) -> None:
-        self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
+        self.config, self.surfaces, self.clock = config, [with_needs(surface) for surface in surfaces], clock
         self.watchdog = watchdog
         self.watched: WatchedMount | None = None
         self.wire_log = wire_log or WireLog(clock)
@@ -149,7 +149,7 @@ class Gateway:
 
     def was_stopped(self) -> None:
         """Resynchronise the line and repeat the stop, because another process has sent one on the same port."""
-        self.controller.line.distrust()
+        self.controller.line.check_again()
         self.controller.begin_stop()
 
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
@@ -175,7 +175,7 @@ class Gateway:
             self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
         )
         self.bindings = factory.bindings
-        self.controller.identification.told.connect(lambda _: self._present_mount(factory.own))
+        self.controller.identification.identified.connect(lambda _: self._present_mount(factory.own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             self.acceptors.append(factory.make(number, endpoint, surface))
 

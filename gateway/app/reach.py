@@ -18,7 +18,7 @@ from gateway.app.control.exchange import ControlEndpoint, Parts, new_number, rea
 from gateway.app.state.file import MarkerContent, read_marker
 from gateway.system import processes
 from gateway.system.files import directory
-from gateway.system.runtime_folders import folders, of_others, user, user_name
+from gateway.system.runtime_folders import folders, folders_of_others, user, user_name
 
 #: Seconds until a request is sent again: a datagram may be lost.
 AGAIN = 0.5
@@ -86,7 +86,7 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
         )
     for own in folders()[0]:
         found += _readable(own, user())
-    for other, owner in of_others():
+    for other, owner in folders_of_others():
         found += _readable(other, owner)
     return found, doubts
 

@@ -134,14 +134,14 @@ def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, flo
     return wrap180(hour_angle), dec
 
 
-def following(az: float, alt: float, lat: float) -> tuple[float, float]:
+def hour_angle_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
     """Return how (azimuth, altitude) change per degree of hour angle, degrees. Limited near the zenith."""
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     up = max(math.cos(h), _NEAR_ZENITH)
     return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
 
 
-def northwards(az: float, alt: float, lat: float) -> tuple[float, float]:
+def declination_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
     """Return how (azimuth, altitude) change per degree of declination, degrees; this is the parallactic angle.
 
     Limited near the zenith and the poles.

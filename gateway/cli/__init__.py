@@ -30,10 +30,10 @@ def main(argv: list[str] | None = None) -> int:
     If stdout cannot be written, the code is 2 as well, except if its reader has closed the pipe.
     """
     garbage.starting()
-    streams.take_up()
+    streams.reopen_closed()
     code = 0
     try:
-        words = _bound(sys.argv[1:] if argv is None else argv)
+        words = _protected(sys.argv[1:] if argv is None else argv)
         arguments = _parsed(words)
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
@@ -44,14 +44,14 @@ def main(argv: list[str] | None = None) -> int:
     except SystemExit:  # argparse has printed the help
         if (failed := streams.flush()) is None:
             raise
-        return _untold(failed, code)
+        return _stdout_failed(failed, code)
     except OSError as error:
-        failed = streams.flush() or (error if streams.of_writing(error) else None)
+        failed = streams.flush() or (error if streams.is_write_error(error) else None)
         if failed is None:
             raise
-        return _untold(failed, code)
+        return _stdout_failed(failed, code)
     failed = streams.flush()
-    return code if failed is None else _untold(failed, code)
+    return code if failed is None else _stdout_failed(failed, code)
 
 
 def _parsed(words: list[str]) -> argparse.Namespace:
@@ -68,7 +68,7 @@ def _parsed(words: list[str]) -> argparse.Namespace:
     return arguments
 
 
-def _untold(failed: Exception, code: int) -> int:
+def _stdout_failed(failed: Exception, code: int) -> int:
     """Return the exit code if stdout could not be written."""
     if isinstance(failed, BrokenPipeError):
         return code
@@ -81,20 +81,20 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
-def _bound(argv: list[str]) -> list[str]:
+def _protected(argv: list[str]) -> list[str]:
     """Rewrite words that argparse would misunderstand.
 
     ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag.
     A negative declination gets a blank before it: ``goto 05:35:17 -05:23:28``. ``--log`` and ``--read-only`` become
     ``--log=all`` and ``--read-only=all``, because they take a value only with an equals sign.
     """
-    bound: list[str] = []
+    words: list[str] = []
     for word in argv:
         word = f"{word}=all" if word in ALONE else word
-        if bound and re.fullmatch(r"--[a-z-]+", bound[-1]) and re.match(r"-[\d.]", word):
-            bound[-1] += f"={word}"
-        elif bound and bound[0] in POINTING and re.match(r"-[\d.]", word):
-            bound.append(f" {word}")
+        if words and re.fullmatch(r"--[a-z-]+", words[-1]) and re.match(r"-[\d.]", word):
+            words[-1] += f"={word}"
+        elif words and words[0] in POINTING and re.match(r"-[\d.]", word):
+            words.append(f" {word}")
         else:
-            bound.append(word)
-    return bound
+            words.append(word)
+    return words

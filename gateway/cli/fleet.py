@@ -53,8 +53,8 @@ def _fleet(arguments: argparse.Namespace) -> int:
         raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")
     if re.match(PARTS, arguments.prefix) is None:
         raise UserError(f"--prefix {arguments.prefix!r}: write words of letters, digits and _ . -, with / between")
-    let_in = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
-    return asyncio.run(_serve(let_in, arguments.prefix, arguments.port))
+    broker_access = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
+    return asyncio.run(_serve(broker_access, arguments.prefix, arguments.port))
 
 
 async def _serve(access: Access, prefix: str, port: int) -> int:
@@ -64,14 +64,14 @@ async def _serve(access: Access, prefix: str, port: int) -> int:
 
     done, was_there = until_signal(), True
 
-    def told(there: bool, why: str) -> None:
+    def on_connection(there: bool, why: str) -> None:
         nonlocal was_there
         if there != was_there:
             words = "is connected again" if there else f"cannot be reached: {why}; this page keeps trying"
             streams.warn(f"the broker {access.broker} {words}", streams.WARNING)
         was_there = there
 
-    page = Overview(access, prefix, time.time, told)
+    page = Overview(access, prefix, time.time, on_connection)
     try:
         await page.open(port)
     except OSError as error:

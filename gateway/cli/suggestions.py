@@ -117,8 +117,8 @@ def _flags(parser: argparse.ArgumentParser) -> set[str]:
 
 def _key(flag: str) -> str:
     """Return where to write a key that has no flag; empty if there is no such key either."""
-    from gateway.app.config.describing import named, title
+    from gateway.app.config.describing import find_key, title
 
-    table = next((table for table in ("mount", "surface", "console") if named(table, flag[2:])), "")
+    table = next((table for table in ("mount", "surface", "console") if find_key(table, flag[2:])), "")
     where = f"{flag[2:]} is written in gateway.toml, under {title(table)}; mount-gateway config --example shows how"
     return where if table else ""

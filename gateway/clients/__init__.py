@@ -1,1 +1,1 @@
-"""Programs: how they are let in, told apart, and answered in order."""
+"""Clients: how they are admitted, recognised, and answered in order."""

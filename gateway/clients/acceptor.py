@@ -70,12 +70,11 @@ class ConnectionAcceptor:
         return self.create_silently(name, host, write, lambda: wire_log.put(name, "-"))
 
     def create_silently(
-        self, name: str, host: str, write: Write, closed: Callable[[], None] = lambda: None, said: bytes = b""
+        self, name: str, host: str, write: Write, closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
     ) -> ConnectionHandler:
         """Create a connection.
 
-        ``closed`` is called at its end. ``said`` are bytes that the client has sent before, which were answered
-        elsewhere.
+        ``closed`` is called at its end. ``first_bytes`` were received and answered elsewhere before.
         """
         binding = self.binding
         session = binding.surface.session(binding.model, binding.settings, self.clock, self.shared)
@@ -99,7 +98,7 @@ class ConnectionAcceptor:
             _is_serial(name, host),
             rights,
         )
-        connection.said = said
+        connection.first_bytes = first_bytes
         self._connections.add(connection)
         client.push()
         return connection

@@ -16,7 +16,7 @@ from msgspec import Struct
 from gateway.core.errors import Fault, NotFromNetwork, ReadOnly, UserError
 from gateway.core.operations import AbortMotion, AbortSlew, Focus, Hibernate, Operation, Read, StopAxis
 from gateway.core.wire_log import WireLog
-from gateway.system.file_limits import scarce
+from gateway.system.file_limits import no_room
 from gateway.transport.handler import ConnectionRefused
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
@@ -102,7 +102,7 @@ class Admission:
             why = "it is not in allow"
         elif connected >= self._access.most:
             why = f"there are {self._access.most} clients (max-clients) already"
-        elif not lasting and (words := scarce()):
+        elif not lasting and (words := no_room()):
             why = words
         else:
             return

@@ -26,7 +26,7 @@ from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.intake import LATE, SHARE
 
 #: Logged when a connection ends and its first bytes were neither a command nor recognised.
-UNRECOGNISED = "no command of this surface's protocol begins so"
+UNRECOGNISED = "no command of this surface's protocol begins like this"
 #: Bytes of one connection that may wait for their turn.
 MAX_WAITING = 512
 #: Seconds without data after which a connection that was behind has caught up.
@@ -63,8 +63,7 @@ class ClientConnection:
     """A client's connection: from its first bytes, which tell who it is, to its end.
 
     ``lasting``: a serial line, whose clients do not visibly connect or disconnect. ``heard``: the loop time of its last
-    bytes. ``rights``: those of a client on the network. If many connections are active it waits for its turn, unless
-    its bytes may end a motion.
+    bytes. ``rights``: those of a client on the network. With many connections it takes turns, except to end a motion.
     """
 
     def __init__(
@@ -92,7 +91,7 @@ class ClientConnection:
         self._arrived: float | None = None
         self.host, self.heard = client.activity.who, -1e9
         #: The first bytes, as long as the client program may be recognised by them.
-        self.said = b""
+        self.first_bytes = b""
         #: Bytes that wait for their turn, each with the number of stops when they arrived.
         self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
@@ -176,14 +175,14 @@ class ClientConnection:
     def _deliver_recognising(self, data: bytes, stops: int | None) -> None:
         """Feed the client, and compare its first bytes with the known client programs."""
         if self._profiles:
-            self.said += data
+            self.first_bytes += data
             self._profiles = tuple(profile for profile in self._profiles if self._may_match(profile))
         self.client.feed(data, stops)
 
     def _may_match(self, profile: ClientProfile) -> bool:
         """Whether more bytes are needed to decide about a profile; if it fits, apply it."""
-        if not self.said.startswith(profile.first):
-            return profile.first.startswith(self.said)
+        if not self.first_bytes.startswith(profile.first):
+            return profile.first.startswith(self.first_bytes)
         client, session = self.client, self.client.session
         client.runner.equinox = profile.equinox or client.runner.equinox
         session.settings = replace(session.settings, **profile.settings)

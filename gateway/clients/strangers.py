@@ -135,8 +135,7 @@ class OwnMethod:
 class Recogniser:
     """Examines a connection from its first byte, in pieces of any size, until it cannot be a stranger any more.
 
-    ``own`` is the protocol of the surface. It only remembers how far each greeting has matched, so its memory is
-    limited by the size of the table.
+    ``own`` is the protocol of the surface. Only the progress of each greeting is stored, which limits the memory used.
     """
 
     def __init__(self, own: str = "") -> None:

@@ -72,8 +72,7 @@ def _beside(where: str) -> str:
 class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
-    ``framing`` splits the bytes into commands of the surface's own protocol; ``later`` calls a function after some
-    seconds of the clock ``now``.
+    ``framing`` splits bytes into commands of the surface's protocol; ``later`` calls a function after some seconds.
     """
 
     def __init__(

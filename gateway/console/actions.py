@@ -12,7 +12,7 @@ from gateway.app.control.orders import orders
 from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway
 from gateway.console import requests
-from gateway.console.places import where
+from gateway.console.places import target_of
 from gateway.core.operations import Direction
 
 _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released"}
@@ -37,9 +37,9 @@ async def command(request: requests.Command, who: str) -> request_types.Request:
     number = new_number()
     match request:
         case requests.Goto():
-            return request_types.Goto(number, await where(request), who=who)
+            return request_types.Goto(number, await target_of(request), who=who)
         case requests.Sync():
-            return request_types.Sync(number, await where(request), who=who)
+            return request_types.Sync(number, await target_of(request), who=who)
         case requests.Track():
             return request_types.Track(number, request.on, request.rate, who=who)
         case requests.Time():
@@ -77,7 +77,7 @@ class Jogging:
             del self._held[direction]
         return done, words
 
-    async def hold_on(self) -> None:
+    async def repeat(self) -> None:
         """Repeat the orders of all keys that are held down, so that their motion does not time out."""
         for direction, (known, rate) in list(self._held.items()):
             done, _ = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))

@@ -27,7 +27,7 @@ from gateway.core.operations import GetIdentity, Identity
 from gateway.protocols.registry import ANY, PROTOCOLS, spoken
 from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import directory
-from gateway.system.own_commands import own_words
+from gateway.system.own_commands import gateway_argv
 
 #: Timeout of an explanation, seconds; it runs a whole gateway of its own, in another process.
 EXPLAIN = 20.0
@@ -60,8 +60,8 @@ class Mounts:
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return success and the text."""
-        face = _spoken(surface or gateway.names()[0].partition("@")[0], command)
-        words = [*own_words(), "explain", "--", face, _called(gateway), command]
+        named = _surface_argument(surface or gateway.names()[0].partition("@")[0], command)
+        words = [*gateway_argv(), "explain", "--", named, _mount_argument(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
                 *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
@@ -78,7 +78,7 @@ class Mounts:
         return True, out.decode("utf-8", "replace")
 
 
-def _called(gateway: Gateway) -> str:
+def _mount_argument(gateway: Gateway) -> str:
     """Return the mount as an argument of ``explain``, with the model and version that it has reported."""
     at = gateway.mount
     model, version = at.model, at.version
@@ -88,7 +88,7 @@ def _called(gateway: Gateway) -> str:
     return at.protocol + (f":{model}" if model else "") + (f"/{version}" if model and version else "")
 
 
-def _spoken(surface: str, command: str) -> str:
+def _surface_argument(surface: str, command: str) -> str:
     """Return the surface as an argument of ``explain``; for a surface of any protocol, that of the command."""
     if surface != ANY:
         return surface

@@ -17,7 +17,7 @@ from gateway.app.control.request_types import Spot
 from gateway.app.control.requests import of_date
 from gateway.console import actions, requests
 from gateway.console.mounts import Mounts
-from gateway.console.places import known, look_up, verdict
+from gateway.console.places import look_up, suggestions, verdict
 from gateway.console.shown.frame import Frame, talk
 from gateway.core.about import VERSION
 from gateway.core.errors import Fault, UserError
@@ -25,9 +25,9 @@ from gateway.core.operations import Direction
 from gateway.core.waiting import BackgroundTasks
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
-SILENT, CHECK, HOLD_ON = 1.5, 0.2, 5.0
+SILENT, CHECK, REPEAT = 1.5, 0.2, 5.0
 #: If more bytes than this wait in the send buffer, the page gets no frames until the browser has read them.
-BEHIND = 65536
+MAX_UNSENT = 65536
 #: At most how many requests of one page are carried out at a time.
 AT_ONCE = 32
 LOOKS_ONLY = "This page only looks. Enter the pin to act; a stop needs none."
@@ -73,7 +73,7 @@ class PageSession:
             while True:
                 frame = await subscription.next(last)
                 last = frame.number
-                if self._socket.waiting() <= BEHIND:
+                if self._socket.waiting() <= MAX_UNSENT:
                     await self._show(frame)
         finally:
             subscription.end()
@@ -109,10 +109,10 @@ class PageSession:
                 continue
             if now - self._heard > SILENT:
                 self._tasks.spawn(self._let_go())
-            elif now - self._repeated > HOLD_ON:
+            elif now - self._repeated > REPEAT:
                 self._repeated = now
                 for jogging in self._jogging:
-                    self._tasks.spawn(jogging.hold_on())
+                    self._tasks.spawn(jogging.repeat())
 
     async def _let_go(self) -> None:
         for jogging in self._jogging:
@@ -182,7 +182,7 @@ class PageSession:
                 goal = await of_date(controller, Spot(request.ra, request.dec, request.j2000))
                 await self._answer(request.id, True, "", verdict(controller, goal))
             case requests.Search():
-                await self._answer(request.id, True, "", {"found": await known(request.text)})
+                await self._answer(request.id, True, "", {"found": await suggestions(request.text)})
             case requests.Explain():
                 done, text = await mounts.explain(gateway, request.surface, request.command)
                 await self._answer(request.id, done, "" if done else text, {"text": text} if done else {})

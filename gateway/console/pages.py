@@ -106,15 +106,15 @@ def same_origin(origin: str | None, host: str | None) -> bool:
     return scheme in ("http", "https") and host_of(rest) == host_of(host or "")
 
 
-def from_elsewhere(headers: Mapping[str, str]) -> bool:
+def from_other_site(headers: Mapping[str, str]) -> bool:
     """Whether the browser itself reports that a page of another site sends this request."""
     return headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
 
 
-def of_the_page(headers: Mapping[str, str], path: str) -> bool:
+def from_own_page(headers: Mapping[str, str], path: str) -> bool:
     """Whether a request comes from the page itself; the page may also be requested from elsewhere, by a link."""
     own = same_origin(headers.get("Origin"), headers.get("Host"))
-    return own and (path == "/" or not from_elsewhere(headers))
+    return own and (path == "/" or not from_other_site(headers))
 
 
 def same_token(given: str | None, token: str) -> bool:

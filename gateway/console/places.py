@@ -16,7 +16,7 @@ from gateway.app.control.request_types import Spot, Where
 from gateway.app.control.requests import of_date
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.console.requests import Aimed
-from gateway.console.shown.view import place
+from gateway.console.shown.view import coordinates
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned, UserError
 from gateway.mount.controller import MountController
@@ -25,7 +25,7 @@ from gateway.mount.controller import MountController
 SUGGESTED = 12
 
 
-async def where(aimed: Aimed) -> Where:
+async def target_of(aimed: Aimed) -> Where:
     """Return the target of a request. Raises UserError."""
     if aimed.name is not None:
         return await find(aimed.name)
@@ -46,7 +46,7 @@ async def look_up(controller: MountController, name: str) -> dict[str, Any]:
     return {"name": found.name, "kind": found.kind, "magnitude": found.magnitude, **verdict(controller, goal)}
 
 
-async def known(text: str) -> list[dict[str, str]]:
+async def suggestions(text: str) -> list[dict[str, str]]:
     """Return objects whose names begin with the text typed so far."""
     found = await asyncio.to_thread(objects.beginning, text, SUGGESTED) if text.strip() else []
     return [{"name": name} for name in found]
@@ -54,7 +54,7 @@ async def known(text: str) -> list[dict[str, str]]:
 
 def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
     """Return the coordinates of a position of date, when it rises and sets (Unix seconds or None), ``may``, ``why``."""
-    told = place(controller, goal)
+    told = coordinates(controller, goal)
     fault = _forbidden(controller, goal, told["alt"])
     why = "" if fault is None else explain(fault, controller.policy.limits)
     rises, sets = _rises_and_sets(controller, goal)

@@ -20,7 +20,7 @@ from gateway.app.gateway import Gateway
 from gateway.clients.access import Access
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
-from gateway.console.pages import Pages, guarded, listen, of_the_page, runner_of, same_token
+from gateway.console.pages import Pages, from_own_page, guarded, listen, runner_of, same_token
 from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system.own_names import known_host
@@ -37,10 +37,10 @@ class Console:
     """The console's web server, from ``open`` to ``close``. ``where`` is its address for a browser."""
 
     def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
-                 names: Sequence[str] = (), doors: Mapping[int, Access] = MappingProxyType({})) -> None:  # fmt: skip
-        """``doors``: access rules of surfaces whose ports pass HTTP connections on to the console, by port."""
+                 names: Sequence[str] = (), ports: Mapping[int, Access] = MappingProxyType({})) -> None:  # fmt: skip
+        """``ports``: access rules of surfaces whose ports pass HTTP connections on to the console, by port."""
         self._mounts = Mounts(gateways, pin)
-        self._access, self._names, self._doors = access, tuple(names), doors
+        self._access, self._names, self._port_rules = access, tuple(names), ports
         self._token = secrets.token_urlsafe(24)
         self._files = Pages({path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")})
         self._metrics = Metrics(gateways)
@@ -57,10 +57,10 @@ class Console:
 
     async def open(self, host: str, port: int, others: int = OTHERS) -> None:
         """Listen on a port, or on the next free one of ``others``. Raises OSError."""
-        app = web.Application(middlewares=[guarded(self._refused)], client_max_size=1024)
+        app = web.Application(middlewares=[guarded(self._refusal)], client_max_size=1024)
         self._served = self._serve_programs(app)
         app.add_routes([
-            web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._figures),
+            web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._metrics_text),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
         self._runner = await runner_of(app)
@@ -77,7 +77,7 @@ class Console:
         """Serve clients of HTTP protocols at the same port. Return the functions that end this."""
         served = [gateway.served() for gateway in self._mounts.gateways]
         return [
-            spec.web().add_routes(app, [one[name] for one in served], self._names, self._acts)
+            spec.web().add_routes(app, [one[name] for one in served], self._names, self._may_act)
             for name, spec in PROTOCOLS.items()
             if spec.web is not None and all(name in one for one in served)
         ]
@@ -108,31 +108,31 @@ class Console:
 
     # --- access -----------------------------------------------------------------------------------------------------
 
-    def _refused(self, request: web.Request) -> str:
+    def _refusal(self, request: web.Request) -> str:
         """Return why a request is refused; an empty string if it is served."""
         headers = request.headers
         if not self._access.admits(request.remote or ""):
             return "This address is not in the console's allow list."
-        if not known_host(headers.get("Host"), _door(request)[0], self._names):
+        if not known_host(headers.get("Host"), _local_address(request)[0], self._names):
             return "This gateway does not have that name; if it does, add the name to [console] names."
-        if not of_the_page(headers, request.path):
+        if not from_own_page(headers, request.path):
             return "Only the console's own page may request this."
         return ""
 
-    def _only_looks(self, request: web.Request) -> bool:
+    def _view_only(self, request: web.Request) -> bool:
         """Whether the client is view-only, by the console's rules or those of the port of the connection."""
-        rules = [self._access, self._doors.get(_door(request)[1], self._access)]
+        rules = [self._access, self._port_rules.get(_local_address(request)[1], self._access)]
         return any(rule.is_read_only(request.remote or "") for rule in rules)
 
-    def _acts(self, request: web.Request) -> bool:
-        return not self._mounts.pin and not self._only_looks(request)
+    def _may_act(self, request: web.Request) -> bool:
+        return not self._mounts.pin and not self._view_only(request)
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return self._files.index(token=self._token, can="act" if self._acts(request) else "look")
+        return self._files.index(token=self._token, can="act" if self._may_act(request) else "look")
 
-    async def _figures(self, request: web.Request) -> web.StreamResponse:
+    async def _metrics_text(self, request: web.Request) -> web.StreamResponse:
         if (text := await self._metrics.text()) is None:
             raise web.HTTPNotImplemented(reason=missing())
         return web.Response(body=text, headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"})
@@ -155,7 +155,7 @@ class Console:
         ws = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=HEARTBEAT, compress=False)
         await ws.prepare(request)
         host = request.remote or "?"
-        session = PageSession(self._mounts, _Socket(ws, request), host, self._acts(request))
+        session = PageSession(self._mounts, _Socket(ws, request), host, self._may_act(request))
         shown = asyncio.ensure_future(session.run())
         self._pages.add(shown)
         try:
@@ -192,7 +192,7 @@ class _Socket:
         await self._ws.send_str(text)
 
 
-def _door(request: web.Request) -> tuple[str, int]:
+def _local_address(request: web.Request) -> tuple[str, int]:
     """Return the local address and port of a request's connection."""
     local = request.transport.get_extra_info("sockname") if request.transport else None
     return (str(local[0]), int(local[1])) if local else ("", 0)

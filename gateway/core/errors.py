@@ -107,7 +107,7 @@ class PastMeridian(Fault):
 
 
 class NotAligned(Fault):
-    """The mount's hand control has not been aligned, so its coordinates mean nothing."""
+    """The hand control is not aligned, so its coordinates mean nothing."""
 
     words = "Mount not aligned."
 
@@ -161,7 +161,7 @@ class Held(Fault):
 
 
 class Busy(Fault):
-    """The mount said that it cannot take a command now (LX200GPS, NAK)."""
+    """The mount replied that it cannot take a command now (LX200GPS, NAK)."""
 
     words = "The mount is busy."
 

@@ -15,7 +15,7 @@ MOTIONS = (
 )  # fmt: skip
 #: What ends a motion before any other order is carried out, and what such an end interrupts and is then begun again.
 ENDS = (op.StopAxis, op.AbortSlew)
-BEGUN_ANEW = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
+RESTARTED_AFTER_END = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 
 
 def axis_moved(operation: op.Operation) -> int | None:

@@ -22,9 +22,7 @@ def mappings_folder() -> Path:
 
 
 def read_table(file: str, folder: Path | None = None) -> dict[str, Any]:
-    """Return the tables of a file such as ``lx200/commands.toml``, from ``mappings/`` or ``folder``. Raises
-    MappingError.
-    """
+    """Read a file such as ``lx200/commands.toml`` of ``mappings/``, or of another ``folder``. Raises MappingError."""
     path = mappings_folder() / file if folder is None else folder / Path(file).name
     try:
         return tomli.loads(path.read_text("utf-8"))

@@ -110,7 +110,7 @@ class FairScheduler:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, stopping: Callable[[], bool]) -> None:
         self._loop, self._stopping = loop, stopping
-        self._left, self._held, self._turning = PER_ITERATION, 0, False
+        self._left, self._held, self._scheduled = PER_ITERATION, 0, False
         self._waiting: deque[Callable[[], object]] = deque()
 
     def try_acquire(self) -> bool:
@@ -118,7 +118,7 @@ class FairScheduler:
         if self._left <= 0:
             return False
         self._left -= 1
-        self._turn_later()
+        self._schedule()
         return True
 
     def run(self, resume: Callable[[], object]) -> None:
@@ -129,9 +129,7 @@ class FairScheduler:
             self._waiting.append(resume)
 
     async def shared_result(self, task: asyncio.Task[Any]) -> Any:
-        """Return the result of a shared task. Raises what the task raises, or NoAnswer if it was cancelled. Cancelling
-        one caller does not cancel the task.
-        """
+        """Like `result_of`, but in turn, and raises NoAnswer if the task was cancelled."""
         if not task.done():
             place = self._loop.create_future()
             task.add_done_callback(lambda _: self.run(lambda: _resume(place)))
@@ -140,14 +138,14 @@ class FairScheduler:
             raise NoAnswer
         return task.result()
 
-    def _turn_later(self) -> None:
-        if not self._turning:
-            self._turning = True
-            self._loop.call_soon(self._turn)
+    def _schedule(self) -> None:
+        if not self._scheduled:
+            self._scheduled = True
+            self._loop.call_soon(self._iterate)
 
-    def _turn(self) -> None:
+    def _iterate(self) -> None:
         """Let the next few waiting clients continue; they go before new ones."""
-        self._turning = False
+        self._scheduled = False
         crowd = len(self._waiting) > PER_ITERATION
         self._held = self._held + 1 if crowd and self._stopping() else 0
         held = 0 < self._held <= HELD_AT_MOST
@@ -157,13 +155,11 @@ class FairScheduler:
         finally:  # an exception of one client must not hold up the others
             self._left = 0 if self._waiting else PER_ITERATION
             if self._waiting:
-                self._turn_later()
+                self._schedule()
 
 
 class BackgroundTasks:
-    """Background tasks: ``spawn`` starts one and keeps the reference that the event loop does not keep, ``cancel`` and
-    ``close`` end all of them.
-    """
+    """Background tasks: ``spawn`` starts one and keeps a reference to it, ``cancel`` and ``close`` end all of them."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()

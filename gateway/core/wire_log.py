@@ -81,7 +81,7 @@ class WireLog:
                     self.remove(sink)
 
     def note(self, side: str, text: str) -> None:
-        """Record a fault or a decision in words."""
+        """Record a fault or a decision as text."""
         if side == MOUNT and text != SKY_READY:
             self.recent.append(Notice(self.clock(), side, text))
         self.put(side, "!", note=text)

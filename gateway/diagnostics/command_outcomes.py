@@ -100,7 +100,7 @@ def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
     """Yield every model with each of its versions: name, version as written (empty if none), version as compared."""
     spec = PROTOCOLS[protocol.name]
     for model, facts in protocol.models.items():
-        for version in spec.made_with(facts) or [""]:
+        for version in spec.versions_of(facts) or [""]:
             yield model, version, spec.counts_as(version) if version else None
 
 

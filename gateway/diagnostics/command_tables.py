@@ -140,9 +140,9 @@ def _pair(client: str, mount: str) -> str:
 
 def _models(protocol: CommandSet) -> list[str]:
     """List every model and its versions. There are no counts here, as each new row would change all of them."""
-    made_with = PROTOCOLS[protocol.name].made_with
+    versions_of = PROTOCOLS[protocol.name].versions_of
     return [
-        f"- {model}{': ' if (made := made_with(facts)) else ''}{', '.join(made)}"
+        f"- {model}{': ' if (made := versions_of(facts)) else ''}{', '.join(made)}"
         for model, facts in protocol.models.items()
     ]
 

@@ -111,7 +111,7 @@ class Flooded(Exception):
     """The broker sends too many or too large messages."""
 
 
-def too_much(size: int) -> Flooded:
+def too_long_error(size: int) -> Flooded:
     """Return the error for a message that is too long."""
     return Flooded(f"it sent a message of {size} bytes, and {LARGEST} are the most")
 
@@ -120,7 +120,7 @@ def too_much(size: int) -> Flooded:
 Connect = Callable[[Message | None], AbstractAsyncContextManager[Client]]
 
 
-def connecting(access: Access) -> Connect:
+def connector(access: Access) -> Connect:
     """Return a function that connects to a broker. It raises Flooded, OSError, ValueError or aiomqtt's MqttError."""
 
     old = False
@@ -160,7 +160,7 @@ def connecting(access: Access) -> Connect:
             reason = getattr(error, "rc", None)
             old = old or getattr(reason, "value", reason) in OLD
             if too_long:
-                raise too_much(too_long[0]) from None
+                raise too_long_error(too_long[0]) from None
             raise
         finally:
             _cut(paho)

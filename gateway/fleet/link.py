@@ -16,20 +16,20 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.client import LARGEST, Access, Client, Connect, Flooded, connecting, too_much
-from gateway.fleet.topics import Heard, Message, Outbox
+from gateway.fleet.client import LARGEST, Access, Client, Connect, Flooded, connector, too_long_error
+from gateway.fleet.topics import Message, Outbox, Received
 
 _T = TypeVar("_T")
 _Arguments = TypeVarTuple("_Arguments")
 
 #: Seconds before the first, second and later attempts to reconnect.
 PAUSES = (0.25, 0.5, 1.0)
-#: After so many failed attempts, or if the broker refuses or floods, the pause is ``SELDOM`` seconds.
-LONG_AWAY, SELDOM = 300, 5.0
+#: After so many failed attempts, or if the broker refuses or floods, the pause is ``LONG_PAUSE`` seconds.
+MANY_FAILURES, LONG_PAUSE = 300, 5.0
 #: Messages that are in flight at a time, and the maximum that a broker may send in a second.
 AT_A_TIME, FLOOD = 50, 500
 #: Timeout in seconds for the last messages at the end.
-PARTING = 1.0
+CLOSE_TIMEOUT = 1.0
 
 
 class _Loop(asyncio.SelectorEventLoop):
@@ -48,27 +48,27 @@ class _Loop(asyncio.SelectorEventLoop):
 
 
 class BrokerLink:
-    """Keeps the connection to a broker. ``greeting`` are the first messages of every connection.
+    """Keeps the connection to a broker. ``first_messages`` are sent on every connection, ``last_messages`` at the end.
 
-    ``parting`` are the last messages; the first of them is also the will. ``hear`` (a message) and ``told`` (whether
-    the broker is connected now, and why not) are called on the loop on which the link was started.
+    The first of the last messages is also the will. ``on_message`` and ``on_connection`` (whether the broker is
+    connected now, and why not) are called on the loop on which the link was started.
     """
 
     def __init__(
         self,
         access: Access,
         subscriptions: Sequence[str],
-        hear: Callable[[Heard], None],
-        told: Callable[[bool, str], None],
-        greeting: Sequence[Message] = (),
-        parting: Sequence[Message] = (),
+        on_message: Callable[[Received], None],
+        on_connection: Callable[[bool, str], None],
+        first_messages: Sequence[Message] = (),
+        last_messages: Sequence[Message] = (),
         connect: Connect | None = None,
         flood: int = FLOOD,
     ) -> None:
-        self._connect = connect or connecting(access)
+        self._connect = connect or connector(access)
         self._subscriptions = list(subscriptions)
-        self._hear, self._told, self._flood = hear, told, flood
-        self._greeting, self._parting = greeting, parting
+        self._on_message, self._on_connection, self._flood = on_message, on_connection, flood
+        self._first_messages, self._last_messages = first_messages, last_messages
         self._outbox = Outbox()
         self._home: asyncio.AbstractEventLoop | None = None
         self._loop: _Loop | None = None
@@ -87,7 +87,7 @@ class BrokerLink:
 
     def send(self) -> None:
         """Send the queued messages as soon as the broker takes them; this wakes the thread once for all."""
-        if self._outbox.any:
+        if self._outbox.is_waiting:
             self._on_thread(self._wake.set)
 
     def publish(self, message: Message) -> None:
@@ -100,7 +100,7 @@ class BrokerLink:
         if self._loop is None:
             return
         self._on_thread(self._ending.set)
-        until = asyncio.get_running_loop().time() + PARTING
+        until = asyncio.get_running_loop().time() + CLOSE_TIMEOUT
         while not self._ended.is_set() and asyncio.get_running_loop().time() < until:
             await asyncio.sleep(0.01)
 
@@ -109,7 +109,7 @@ class BrokerLink:
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(call)
 
-    def _at_home(self, call: Callable[..., object], *arguments: object) -> None:
+    def _on_home_loop(self, call: Callable[..., object], *arguments: object) -> None:
         with contextlib.suppress(RuntimeError):  # the gateway has ended
             if self._home is not None:
                 self._home.call_soon_threadsafe(call, *arguments)
@@ -126,21 +126,21 @@ class BrokerLink:
             self._ended.set()
 
     async def _serve(self) -> None:
-        vain = 0
+        failures = 0
         while not self._ending.is_set():
-            pause = PAUSES[min(vain, len(PAUSES) - 1)] if vain < LONG_AWAY else SELDOM
-            vain += 1
+            pause = PAUSES[min(failures, len(PAUSES) - 1)] if failures < MANY_FAILURES else LONG_PAUSE
+            failures += 1
             try:
-                async with self._connect(self._parting[0] if self._parting else None) as client:
-                    vain = 0
+                async with self._connect(self._last_messages[0] if self._last_messages else None) as client:
+                    failures = 0
                     await self._session(client)
             except Exception as error:  # of three libraries; try again after any of them
                 if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # the broker refuses
-                    pause = SELDOM
-                self._away(_why(error))
-            await self._unless_ending(pause * random.uniform(0.8, 1.2))
+                    pause = LONG_PAUSE
+                self._report_lost(_reason(error))
+            await self._pause(pause * random.uniform(0.8, 1.2))
 
-    async def _unless_ending(self, seconds: float) -> None:
+    async def _pause(self, seconds: float) -> None:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._ending.wait()
@@ -149,18 +149,18 @@ class BrokerLink:
         """Use one connection until it is lost or the link is closed."""
         if self._subscriptions:
             await client.subscribe(self._subscriptions)
-        for message in self._greeting:
+        for message in self._first_messages:
             await _send(client, message)
-        self._outbox.again()
-        self._at_home(self._told, True, "")
+        self._outbox.requeue_states()
+        self._on_home_loop(self._on_connection, True, "")
         await _first_of(self._read(client), self._write(client), self._ending.wait())
         if self._ending.is_set():
-            for message in (*self._outbox.take(AT_A_TIME), *self._parting):
+            for message in (*self._outbox.take(AT_A_TIME), *self._last_messages):
                 await _send(client, message)
 
-    def _away(self, why: str) -> None:
+    def _report_lost(self, why: str) -> None:
         if not self._ending.is_set():
-            self._at_home(self._told, False, why)
+            self._on_home_loop(self._on_connection, False, why)
 
     async def _read(self, client: Client) -> None:
         loop = asyncio.get_running_loop()
@@ -173,8 +173,8 @@ class BrokerLink:
                 raise Flooded(f"it sent more than {self._flood} messages in a second")
             payload = message.payload if isinstance(message.payload, bytes) else b""
             if len(payload) > LARGEST:
-                raise too_much(len(payload))
-            self._at_home(self._hear, Heard(str(message.topic), payload, bool(message.retain)))
+                raise too_long_error(len(payload))
+            self._on_home_loop(self._on_message, Received(str(message.topic), payload, bool(message.retain)))
 
     async def _write(self, client: Client) -> None:
         while True:
@@ -205,7 +205,7 @@ async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def _why(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     """Return in a few words why the connection failed."""
     if isinstance(error, TimeoutError):
         return "it does not answer"

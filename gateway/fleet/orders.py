@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Collection
 
-from gateway.app.config.checks import EVERY
+from gateway.app.config.checks import ALL
 from gateway.app.control import request_types
 from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
@@ -30,7 +30,7 @@ PLAIN: dict[str, type[request_types.Park | request_types.Unpark | request_types.
 GOTO = "goto"
 
 #: Called with the result of an order: ``done`` or ``failed``, and words.
-Tell = Callable[[str, str], None]
+Report = Callable[[str, str], None]
 
 
 class Orders:
@@ -39,8 +39,8 @@ class Orders:
     ``doubt`` returns why only stops are carried out at the moment, or an empty text.
     """
 
-    def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], tell: Tell) -> None:
-        self._gateway, self._allowed, self._doubt, self._tell = gateway, allowed, doubt, tell
+    def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:
+        self._gateway, self._allowed, self._doubt, self._report = gateway, allowed, doubt, report
         self._loop = asyncio.get_running_loop()
         self._last_stop = -1e9
         self._later: asyncio.TimerHandle | None = None
@@ -59,7 +59,7 @@ class Orders:
             self._stop()
         elif len(text) > LONGEST:
             self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters")
-        elif to == EVERY:
+        elif to == ALL:
             self._refuse(text, "the only order for all mounts together is stop")
         elif word not in (*PLAIN, GOTO) or (bool(rest) is not (word == GOTO)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
@@ -95,7 +95,7 @@ class Orders:
 
     async def _stopped(self) -> None:
         done, words = await actions.order(self._gateway, "stop")
-        self._tell("done" if done else "failed", f"stop: {words}")
+        self._report("done" if done else "failed", f"stop: {words}")
 
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
@@ -109,4 +109,4 @@ class Orders:
             done, words = False, str(error)
         finally:
             self._busy = False
-        self._tell("done" if done else "failed", f"{text}: {words}")
+        self._report("done" if done else "failed", f"{text}: {words}")

@@ -11,22 +11,22 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.config.checks import EVERY
+from gateway.app.config.checks import ALL
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
+from gateway.fleet.mount_messages import Events, discovery, state
 from gateway.fleet.orders import WHO, Orders
 from gateway.fleet.presence import Presence
-from gateway.fleet.told import Events, discovery, state
-from gateway.fleet.topics import UNNAMED, Heard, Message, Topics, own_id
+from gateway.fleet.topics import UNNAMED, Message, Received, Topics, own_id
 
 #: Seconds between two checks of the mounts for changes.
 EVERY_SECOND = 1.0
 OFF = "off"
 
 
-class _Shown:
+class _PublishedMount:
     """One mount, and what was last published of it."""
 
     def __init__(self, station: Station, gateway: Gateway) -> None:
@@ -36,13 +36,13 @@ class _Shown:
         self._identity: tuple[object, ...] = (None,)
         topic = station.topics.of(self.name, "event")
         self.events = Events(lambda told: station.link.publish(Message(topic, told)), gateway.clock)
-        self.orders = Orders(gateway, station.config.orders, lambda: station.presence.clash, self._has_become)
+        self.orders = Orders(gateway, station.config.orders, lambda: station.presence.conflict, self._report_result)
         gateway.wire_log.sinks.append(self.events.put)
 
-    def _has_become(self, kind: str, words: str) -> None:
-        self.events.tell(kind, WHO, words)
+    def _report_result(self, kind: str, words: str) -> None:
+        self.events.publish(kind, WHO, words)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Queue the state for publishing if it has changed."""
         station, now = self._station, state(self.gateway)
         if now == self._state:
@@ -79,55 +79,61 @@ class Station:
         self.presence = Presence(self.topics, lambda message: self.link.publish(message), warn)
         own = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
         self.link = BrokerLink(
-            access, own, self._hear, self._told, self.presence.greeting, self.presence.parting, connect
+            access,
+            own,
+            self._on_message,
+            self._on_connection,
+            self.presence.first_messages,
+            self.presence.last_messages,
+            connect,
         )
-        self._shown = {(shown := _Shown(self, gateway)).name: shown for gateway in gateways}
-        self._there: bool | None = None
+        self._mounts = {(mount := _PublishedMount(self, gateway)).name: mount for gateway in gateways}
+        self._connected: bool | None = None
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
         """Begin to connect and to publish."""
         self.link.start()
-        self._task = asyncio.ensure_future(self._look_on())
+        self._task = asyncio.ensure_future(self._publish_changes())
 
     async def close(self) -> None:
         """Publish that this gateway ends, if the broker is connected, and disconnect."""
         if self._task is not None:
             self._task.cancel()
-        for shown in self._shown.values():
-            shown.close()
+        for mount in self._mounts.values():
+            mount.close()
         await self.link.close()
 
-    async def _look_on(self) -> None:
+    async def _publish_changes(self) -> None:
         while True:
-            for shown in list(self._shown.values()):
+            for mount in list(self._mounts.values()):
                 try:
-                    shown.look()
+                    mount.update()
                 except Exception as error:  # a defect here must affect nothing but what is published of the mount
-                    shown.gateway.wire_log.note_once("mqtt", f"internal error, please report it: {error!r}")
+                    mount.gateway.wire_log.note_once("mqtt", f"internal error, please report it: {error!r}")
                 await asyncio.sleep(0)
             self.link.send()
             await asyncio.sleep(EVERY_SECOND)
 
-    def _hear(self, heard: Heard) -> None:
-        if self.presence.hear(heard):
+    def _on_message(self, received: Received) -> None:
+        if self.presence.receive(received):
             return
-        to = [*self.topics.parts(heard.topic), ""]
-        if to[0] == EVERY:
-            for shown in self._shown.values():
-                shown.orders.take(heard.payload, heard.retained, EVERY)
-        elif (one := self._shown.get(to[1])) is not None:
-            one.orders.take(heard.payload, heard.retained, one.name)
+        to = [*self.topics.parts(received.topic), ""]
+        if to[0] == ALL:
+            for mount in self._mounts.values():
+                mount.orders.take(received.payload, received.retained, ALL)
+        elif (one := self._mounts.get(to[1])) is not None:
+            one.orders.take(received.payload, received.retained, one.name)
 
-    def _told(self, there: bool, why: str) -> None:
+    def _on_connection(self, there: bool, why: str) -> None:
         """Tell the user when the broker is connected or lost."""
-        if there and self._there is None:
+        if there and self._connected is None:
             self._say(f"ready broker {self._broker} as {self.topics.prefix}/{self.topics.id}")
-        elif there and not self._there:
+        elif there and not self._connected:
             self._warn(f"the broker {self._broker} is connected again")
-        elif not there and self._there is not False:
+        elif not there and self._connected is not False:
             self._warn(
                 f"the broker {self._broker} cannot be reached: {why}. The mounts and their programs are not "
                 "affected; the gateway keeps trying"
             )
-        self._there = there
+        self._connected = there

@@ -13,7 +13,7 @@ from collections import deque
 
 from msgspec import Struct
 
-from gateway.app.config.checks import EVERY
+from gateway.app.config.checks import ALL
 from gateway.app.config.keys import WORD
 
 #: The name of a mount without a name.
@@ -32,7 +32,7 @@ class Message(Struct, frozen=True):
     newest: bool = False
 
 
-class Heard(Struct, frozen=True):
+class Received(Struct, frozen=True):
     """A message from the broker. ``retained``: it has the retain flag; it may be old."""
 
     topic: str
@@ -58,7 +58,7 @@ class Topics(Struct, frozen=True):
     @property
     def everyone(self) -> str:
         """The topic of orders for all mounts on the broker."""
-        return f"{self.prefix}/{EVERY}/command"
+        return f"{self.prefix}/{ALL}/command"
 
     def of(self, mount: str, what: str) -> str:
         """Return a topic of a mount: ``state``, ``event`` or ``command``."""
@@ -72,7 +72,7 @@ class Topics(Struct, frozen=True):
 def own_id() -> str:
     """Return the name of this computer, reduced to characters that are allowed in a topic."""
     name = "-".join(re.findall(WORD, socket.gethostname())) or "gateway"
-    return f"{name}-computer" if name == EVERY else name
+    return f"{name}-computer" if name == ALL else name
 
 
 class Outbox:
@@ -98,7 +98,7 @@ class Outbox:
                 self._events.append(message)
 
     @property
-    def any(self) -> bool:
+    def is_waiting(self) -> bool:
         """Whether any message waits."""
         return bool(self._waiting or self._events)
 
@@ -113,7 +113,7 @@ class Outbox:
                 found.append(self._events.popleft())
             return found
 
-    def again(self) -> None:
+    def requeue_states(self) -> None:
         """Queue all states again: after a reconnect the broker may have forgotten them."""
         with self._lock:
             self._waiting = dict.fromkeys(self._newest)

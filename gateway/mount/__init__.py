@@ -1,1 +1,1 @@
-"""One mount: what is wanted of it, what is allowed, what is seen, and where and when it stands."""
+"""One mount: its line, its readings, its motion, its limits, and its site and clock."""

@@ -25,7 +25,7 @@ from gateway.protocols.base.driver import Driver
 class Context:
     """The driver, the operator's policy, the log, the loop's clock, background tasks, and the shared values.
 
-    `Identification` alone sets the events: ``met`` when a mount was found, ``known`` when it is identified,
+    `Identification` alone sets the events: ``found`` when a mount answered, ``known`` when it is identified,
     ``settled`` when its site and clock were read as well. ``closed`` is set at shutdown: no work is begun any more.
     """
 
@@ -35,7 +35,7 @@ class Context:
         self.driver, self.policy, self.log, self.link, self.site_clock = driver, policy, log, link, site_clock
         self.now = asyncio.get_running_loop().time
         self.tasks, self.closed = BackgroundTasks(), False
-        self.met, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
+        self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(), WantedState()
         self.movement = Movement(self.wanted, self.cache)
         #: Astronomy with the best site and clock, for limits and horizon coordinates; and with those that clients see.

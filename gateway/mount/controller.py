@@ -58,11 +58,11 @@ class MountController:
         runner = DriverRunner(context, self.verifier, gate)
         self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
         # Readings.
-        told = self.client_readings = ClientReadings(context)
-        reader = self.reader = Reader(context, runner, self.fair_scheduler, told)
+        client_readings = self.client_readings = ClientReadings(context)
+        reader = self.reader = Reader(context, runner, self.fair_scheduler, client_readings)
         self.read, self.read_now = reader.read, reader.read_now
-        self.touch, self.fresh_until = cache.touch, told.fresh_until
-        runner.may_move.connect(told.may_move)
+        self.touch, self.fresh_until = cache.touch, client_readings.fresh_until
+        runner.may_move.connect(client_readings.may_move)
         self.own = OwnAnswers(context, runner, self.fair_scheduler)
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
@@ -74,12 +74,12 @@ class MountController:
         reader.position.connect(watch.check_position)
         reader.axes.connect(watch.check_altitude_axis)
         reader.unseen.connect(watch.position_missing)
-        reader.status.connect(self._status_came)
+        reader.status.connect(self._on_status)
         self.order_runner = OrderRunner(context, follow_ups, runner, self.admission)
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
         #: Emitted when the state that is saved to disk may have changed.
         self.changed = reconciler.lasting
-        consequences = Consequences(context, gate, told, watch, self.ends)
+        consequences = Consequences(context, gate, client_readings, watch, self.ends)
         reconciler.begins.connect(consequences.begins)
         reconciler.done.connect(consequences.done)
         reconciler.stop_sent.connect(consequences.stop_sent)
@@ -95,13 +95,13 @@ class MountController:
         self.supervisor = Supervisor(context, self.presence, self.orders.perform)
         reconciler.done.connect(self.supervisor.start_watching)
         self.identification = Identification(context, runner, gate, reader, self.own, sync, reconciler, self.ends)
-        self.identification.told.connect(self._found_equinox)
+        self.identification.identified.connect(self._on_identified)
         self.identified, self.settled = context.known, context.settled
         self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
         #: The signals that make earlier answers outdated.
-        self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
+        self._changes = cache.changed, wanted.changed, site_clock.changed, client_readings.changed
 
-    def _status_came(self, status: op.Status) -> None:
+    def _on_status(self, status: op.Status) -> None:
         """Forget the sum of syncs if the mount is not aligned."""
         if not status.aligned:
             self.synced.forget()
@@ -109,7 +109,7 @@ class MountController:
     def _stop_now(self, _: None) -> None:
         self.begin_stop()
 
-    def _found_equinox(self, _: None) -> None:
+    def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
         if self.context.policy.equinox == "auto":
             self.astrometry.equinox = self.context.client_astrometry.equinox = self.driver.equinox
@@ -126,7 +126,7 @@ class MountController:
         """End motion, resume tracking, cancel pending orders, close the line."""
         await end_motion(self.context, self.reader, self.reconciler)
         self.context.closed = True
-        self.context.met.set()  # callers that wait for the mount continue, and find the line closed
+        self.context.found.set()  # callers that wait for the mount continue, and find the line closed
         self.context.known.set()
         self.reconciler.close()
         self.supervisor.close()
@@ -152,8 +152,8 @@ class MountController:
     @property
     def version(self) -> int:
         """A number that grows whenever an answer may have changed, so that cached replies are outdated."""
-        answers, wanted, site_clock, told = self._changes
-        return answers.count + wanted.count + site_clock.count + told.count
+        answers, wanted, site_clock, readings = self._changes
+        return answers.count + wanted.count + site_clock.count + readings.count
 
     @property
     def stops(self) -> int:
@@ -162,10 +162,10 @@ class MountController:
 
     def peek(self, operation: op.Operation[_T]) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
-        told: object = (
+        answer: object = (
             self.own.peek(operation) if isinstance(operation, op.Own) else self.client_readings.peek(operation)
         )
-        return cast(_T, told)
+        return cast(_T, answer)
 
     def begin_stop(self) -> None:
         """End every motion, before everything else, without waiting for the acknowledgement."""

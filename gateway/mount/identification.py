@@ -29,7 +29,7 @@ ASK_AGAIN = 1.0
 
 
 class Identification:
-    """Listens to the line. ``told`` is emitted whenever the mount was identified."""
+    """Listens to the line. ``identified`` is emitted whenever the mount was identified."""
 
     def __init__(
         self,
@@ -46,17 +46,17 @@ class Identification:
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
         self._reader, self._own, self._sync, self._reconciler, self._ends = reader, own, sync, reconciler, ends
         self._asking: asyncio.Task[Any] | None = None
-        self.told: Signal[None] = Signal()
-        #: Something moved when the mount's port was lost.
+        self.identified: Signal[None] = Signal()
+        #: Whether something moved when the port was lost.
         self._cut_short = False
         self._link.came_up.connect(self._on_up)
-        self._link.reopened.connect(self._first_words)
+        self._link.reopened.connect(self._stop_first)
         self._link.lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
         self._cut_short = self._cut_short or self._reconciler.busy or self._ends.pending
 
-    def _first_words(self, words: list[bytes]) -> None:
+    def _stop_first(self, words: list[bytes]) -> None:
         """Stop what moved before the port was lost. ``words`` gets the stop commands if the mount is known."""
         if self._cut_short:
             self._cut_short = False
@@ -86,10 +86,10 @@ class Identification:
                 if not self._context.known.is_set():
                     await self._runner.drive(self._driver.probe(), STOP)
                 await self._reconciler.stop()
-        met = False
+        found = False
         while self._cache.value(op.GetIdentity) is None:
-            met = met or await self._meet()
-            if met:
+            found = found or await self._find()
+            if found:
                 await self.learn(op.GetIdentity())
             if self._link.state != "up":
                 return  # identification begins again when the line is up
@@ -97,12 +97,12 @@ class Identification:
                 await asyncio.sleep(ASK_AGAIN)
         if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
-        self.told.emit(None)
-        self._context.met.set()
+        self.identified.emit(None)
+        self._context.found.set()
         self._context.known.set()
         await self.learn(op.GetStatus())
         await self.learn(op.GetSite())
-        if self._counts_from_the_other_pole():
+        if self._has_wrong_hemisphere():
             await self.learn(op.GetStatus())
         await self.learn(op.GetClock())
         self._sync.resume()
@@ -110,7 +110,7 @@ class Identification:
         if words := contradiction_warning(self._context):
             self._context.note_once(words)
 
-    async def _meet(self) -> bool:
+    async def _find(self) -> bool:
         """Return whether a mount is there, and take the position that it may report with its first reply."""
         try:
             place = await self._runner.drive(self._driver.contact(), READ)
@@ -119,11 +119,11 @@ class Identification:
                 self._context.note_once(str(fault))
             return False
         if place is not None:
-            self._reader.told(op.Position(), place)
-            self._context.met.set()
+            self._reader.take(op.Position(), place)
+            self._context.found.set()
         return True
 
-    def _counts_from_the_other_pole(self) -> bool:
+    def _has_wrong_hemisphere(self) -> bool:
         """Whether its status was read as northern tracking before the mount reported a southern site."""
         place, status = self._context.site_clock.site(), self._cache.value(op.GetStatus)
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH

@@ -31,9 +31,7 @@ _T = TypeVar("_T")
 
 
 class Orders:
-    """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns a refusal
-    that needs no request to the mount.
-    """
+    """``perform`` carries out an operation, ``begin`` does not wait, ``impossible`` refuses without a request."""
 
     def __init__(
         self,
@@ -156,7 +154,7 @@ class Orders:
         before, now = self._wanted.value, self._context.now()
         if reconciler.closed or too_late(before, operation, stops):
             return cancelled()
-        if isinstance(operation, op.StopAxis) and self._only_a_stop_is_heard(operation.axis):
+        if isinstance(operation, op.StopAxis) and self._accepts_only_a_stop(operation.axis):
             self._context.note(
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
             )
@@ -176,7 +174,7 @@ class Orders:
             return failed(fault)
         return reconciler.begin_stop() if after.stops != before.stops else reconciler.take(order, after)
 
-    def _only_a_stop_is_heard(self, axis: int) -> bool:
+    def _accepts_only_a_stop(self, axis: int) -> bool:
         """Whether the mount would ignore the release of an arrow for seconds, in a long operation."""
         wanted = self._wanted.value
         return axis in wanted.by_hand and self._link.occupied and not wanted.waiting_gotos
@@ -206,18 +204,16 @@ class Orders:
 
     async def _tube_side(self, _: op.TubeSide) -> str:
         driver = self._context.driver
-        told: str = await self._reader.read(op.PierSide())
+        reported: str = await self._reader.read(op.PierSide())
         if not driver.german:
             raise Unsupported("Only a German mount has two sides of the pier.")
-        if (side := driver.tube_side(told)) is not None:
+        if (side := driver.tube_side(reported)) is not None:
             return side
-        return told if self._context.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[told]
+        return reported if self._context.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[reported]
 
 
 async def _ended(outcome: Outcome) -> Any:
-    """Wait for an outcome. Cancelling the caller does not cancel the order. Raises Fault; Stopped if the order was
-    superseded.
-    """
+    """Wait for an outcome without cancelling the order. Raises Fault; Stopped if the order was superseded."""
     try:
         return await result_of(outcome)
     except asyncio.CancelledError:

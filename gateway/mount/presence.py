@@ -54,9 +54,7 @@ class Presence:
         activity.closed = self._now()
 
     def connections_for(self, activity: HostActivity) -> list[HostActivity]:
-        """Return the connections whose data count for this one: itself, and if it is closed, those that its host opened
-        since.
-        """
+        """Return this connection, and if it is closed, also those that its host has opened since."""
         closed = activity.closed
         if closed is None:
             return [activity]

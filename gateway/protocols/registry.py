@@ -1,7 +1,7 @@
-"""The list of protocols, and the only one: a protocol is a folder here, a folder under ``mappings/``, and one entry.
+"""The only list of protocols: a protocol is a folder here, a folder under ``mappings/``, and one entry in the list.
 
-Everything else in the gateway reads this list and names none of them. What stands first is what is presented, and what
-stands next is what is driven, where nobody says otherwise.
+All other code reads this list and names no protocol. By default the first protocol is presented to clients and the
+second one is driven.
 """
 
 from __future__ import annotations
@@ -14,54 +14,54 @@ from gateway.protocols.stellarium.spec import SPEC as STELLARIUM
 
 PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM, ALPACA)}
 
-#: What stands in the place of a surface's protocol where each connection is told by its first bytes.
+#: Replaces the protocol of a surface that recognises the protocol of each connection by its first bytes.
 ANY = "any"
-#: The TCP port that is suggested for such a surface.
+#: The suggested TCP port for such a surface.
 ANY_PORT = 4040
 
 
 def spoken(protocol: str) -> list[str]:
-    """The protocols of a surface: its own, or all whose programs speak on a stream; HTTP goes to the web server."""
+    """Return the protocols of a surface: its own, or all that use a byte stream; HTTP goes to the web server."""
     return streams() if protocol == ANY else [protocol]
 
 
 def surfaces() -> list[str]:
-    """The protocols that programs may speak."""
+    """Return the protocols that have a surface."""
     return [name for name, spec in PROTOCOLS.items() if spec.make_surface is not None]
 
 
 def usual_ports() -> dict[str, int]:
-    """What may stand before the place of a surface, and the TCP port that is usual for it."""
+    """Return the usual TCP port of each kind of surface."""
     return {ANY: ANY_PORT, **{name: PROTOCOLS[name].usual_port for name in surfaces()}}
 
 
 def streams() -> list[str]:
-    """Those of them that are spoken on a stream of bytes, and not over HTTP."""
+    """Return the protocols with a surface that use a byte stream, not HTTP."""
     return [name for name in surfaces() if PROTOCOLS[name].web is None]
 
 
 def mounts() -> list[str]:
-    """The protocols of mounts that can be driven."""
+    """Return the protocols that have a driver."""
     return [name for name, spec in PROTOCOLS.items() if spec.make_driver is not None]
 
 
 def simulators() -> list[str]:
-    """The protocols of mounts that can be simulated."""
+    """Return the protocols that have a simulated mount."""
     return [name for name, spec in PROTOCOLS.items() if spec.make_simulator is not None]
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Every surface on every mount of another protocol."""
+    """Return every pair of a surface and a mount of another protocol."""
     return [(surface, mount) for surface in surfaces() for mount in mounts() if surface != mount]
 
 
 def other_surface(mount: str) -> str:
-    """What programs most probably speak that are to be connected to a mount: the first surface of another protocol."""
+    """Return the most probable protocol of clients for a mount: the first surface of another protocol."""
     return next((name for name in surfaces() if name != mount), mount)
 
 
 def guess(sent: bytes) -> str | None:
-    """The protocol of what a client has sent, by what its commands look like; None where it looks like none."""
+    """Return the most probable protocol of the bytes a client has sent; None if they look like no protocol."""
     if not sent:
         return None
     sure, name = max(((spec.recognises(sent), name) for name, spec in PROTOCOLS.items()), key=lambda found: found[0])

@@ -26,7 +26,7 @@ def limit() -> int | None:
     return None if soft == resource.RLIM_INFINITY else soft
 
 
-def make_room(programs: int, parts: int) -> str:
+def raise_limit(programs: int, parts: int) -> str:
     """Raise the limit for so many clients, and mounts and surfaces (``parts``). Return a warning if this fails."""
     wanted = SPARE + OWN + EACH * parts + programs
     most = limit()
@@ -47,7 +47,7 @@ def make_room(programs: int, parts: int) -> str:
     )
 
 
-def scarce() -> str:
+def no_room() -> str:
     """Return why there is no room for one more client, in words; empty if there is room."""
     most = limit()
     if most is None:

@@ -14,7 +14,7 @@ def directory(configured: str | None = None) -> Path:
     return Path(given).expanduser() if given else Path(platformdirs.user_state_path("mount-gateway", appauthor=False))
 
 
-def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
+def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     """Replace a file atomically, readable for its user only. Raises OSError.
 
     With ``flush`` the file survives a power cut at any instant; without it only a killed process, in a fraction of the

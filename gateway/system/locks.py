@@ -15,10 +15,10 @@ from pathlib import Path
 from gateway.system.runtime_folders import folders
 
 #: Windows locks bytes, which other processes cannot read then: lock one far behind the content.
-FAR = 1 << 30
+LOCK_OFFSET = 1 << 30
 
 
-class Taken(Exception):
+class LockHeld(Exception):
     """Another process holds the lock; its id, if the file contains it."""
 
     def __init__(self, pid: int | None) -> None:
@@ -33,10 +33,10 @@ class PidLock:
         self.path, self._remove = path, remove
         self._number: int | None = None
         #: Whether the file existed: a previous holder was killed.
-        self.left = False
+        self.left_behind = False
 
     def acquire(self) -> None:
-        """Get the lock without waiting. Raises Taken, and OSError if the file cannot be created."""
+        """Get the lock without waiting. Raises LockHeld, and OSError if the file cannot be created."""
         while self._number is None:
             number = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
             try:
@@ -44,17 +44,17 @@ class PidLock:
                 if not stat.S_ISREG(seen.st_mode):
                     raise OSError(errno.EINVAL, "is not a file", str(self.path))
                 if not _lock(number):
-                    raise Taken(read_pid(self.path))
+                    raise LockHeld(read_pid(self.path))
                 if os.fstat(number).st_nlink:  # else the last holder has just deleted the file
                     self._number, number = number, -1
             finally:
                 if number >= 0:
                     os.close(number)
-        self.left = os.fstat(self._number).st_size > 0
+        self.left_behind = os.fstat(self._number).st_size > 0
         with contextlib.suppress(OSError):  # the disk is full, but the lock is held
-            told = b"%d\n" % os.getpid()
-            os.write(self._number, told)
-            os.ftruncate(self._number, len(told))
+            content = b"%d\n" % os.getpid()
+            os.write(self._number, content)
+            os.ftruncate(self._number, len(content))
 
     def release(self) -> None:
         """Release the lock if it is held. A file that is kept contains this process id until the next holder."""
@@ -95,7 +95,7 @@ def _lock(number: int) -> bool:
 def _lock_windows(number: int) -> bool:
     import msvcrt
 
-    os.lseek(number, FAR, os.SEEK_SET)
+    os.lseek(number, LOCK_OFFSET, os.SEEK_SET)
     try:
         msvcrt.locking(number, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
     except OSError as error:
@@ -110,7 +110,7 @@ def _lock_windows(number: int) -> bool:
 class Claim:
     """A name that only one process of this user can hold at a time, whichever runtime folders each process finds.
 
-    Raises Taken, and OSError with all reasons if there is no usable folder.
+    Raises LockHeld, and OSError with all reasons if there is no usable folder.
     """
 
     def __init__(self, name: str) -> None:
@@ -123,14 +123,14 @@ class Claim:
                 lock = PidLock(folder / f"{name}.lock", remove=True)
                 lock.acquire()
                 self._locks.append(lock)
-        except (Taken, OSError):
+        except (LockHeld, OSError):
             self.release()
             raise
 
     @property
-    def left(self) -> bool:
+    def left_behind(self) -> bool:
         """Whether a process of this user held the name and was killed."""
-        return any(lock.left for lock in self._locks)
+        return any(lock.left_behind for lock in self._locks)
 
     def release(self) -> None:
         """Let other processes have the name."""

@@ -15,26 +15,26 @@ import sys
 RUN_SCRIPT = "--run-script"
 
 
-def in_one_file() -> bool:
+def is_single_file() -> bool:
     """Whether mount-gateway, Python and all packages are in a single file."""
     return bool(getattr(sys, "frozen", False))
 
 
-def own_words() -> list[str]:
+def gateway_argv() -> list[str]:
     """Return the command that starts mount-gateway as a process."""
-    return [sys.executable] if in_one_file() else [sys.executable, "-m", "gateway"]
+    return [sys.executable] if is_single_file() else [sys.executable, "-m", "gateway"]
 
 
-def script_words(path: str) -> list[str]:
+def script_argv(path: str) -> list[str]:
     """Return the command that runs a script of the package with the standard library only, as small as possible."""
-    if in_one_file():
+    if is_single_file():
         return [sys.executable, RUN_SCRIPT, path]
     return [sys.executable, "-I", "-S", path]
 
 
 def own_command() -> str:
     """Return the command that starts mount-gateway in any terminal."""
-    if in_one_file():
+    if is_single_file():
         return sys.executable
     here = shutil.which("mount-gateway", path=os.path.dirname(sys.executable))
     return here or f"{sys.executable} -m gateway"
@@ -42,7 +42,7 @@ def own_command() -> str:
 
 def pip_command() -> str:
     """Return the pip command for this environment; pipx environments have no pip of their own."""
-    if in_one_file():
+    if is_single_file():
         return "in an installed mount-gateway, since one file cannot be added to: pip"
     if os.path.isfile(os.path.join(sys.prefix, "pipx_metadata.json")):
         return "pipx runpip mount-gateway"
@@ -51,6 +51,6 @@ def pip_command() -> str:
 
 def how_to_add(extra: str) -> str:
     """Return how to install one of the extras of ``pyproject.toml``: what to type, and where."""
-    if in_one_file():
+    if is_single_file():
         return f"install mount-gateway with pip instead of this one file: pip install '.[{extra}]' in its folder"
     return f"type {pip_command()} install '.[{extra}]' in the folder that mount-gateway was installed from"

@@ -1,7 +1,6 @@
 """The names and addresses of this computer, by which a web request shows that it means this computer.
 
-The host name of a malicious web page may resolve to this computer (DNS rebinding): then its requests arrive here, but
-with that host name.
+The host name of a malicious web page may resolve to this computer (DNS rebinding): requests then carry that name.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from functools import lru_cache
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 
-def held() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
+def interface_addresses() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
     """Yield every address of this computer with the name of its interface."""
     import ifaddr  # imported late, because it would delay every start
 
@@ -56,4 +55,4 @@ def _plain(address: str) -> str:
 
 def own_addresses() -> frozenset[str]:
     """Return the present addresses of this computer."""
-    return frozenset(str(address) for _, address in held())
+    return frozenset(str(address) for _, address in interface_addresses())

@@ -26,7 +26,7 @@ def gateways() -> list[Process]:
     """Return all gateways that are visible, except this process; none on systems without ``/proc``."""
     found = []
     for entry in PROC.iterdir() if PROC.is_dir() else ():
-        if entry.name.isdecimal() and int(entry.name) != os.getpid() and serves(_words(int(entry.name))):
+        if entry.name.isdecimal() and int(entry.name) != os.getpid() and serves(_argv(int(entry.name))):
             try:
                 found.append(Process(int(entry.name), entry.stat().st_uid))
             except OSError:
@@ -37,7 +37,7 @@ def gateways() -> list[Process]:
 def is_gateway(pid: int) -> bool:
     """Whether a process is a gateway; without ``/proc``, whether the process exists."""
     if PROC.joinpath(str(os.getpid())).is_dir():
-        return pid == os.getpid() or serves(_words(pid))
+        return pid == os.getpid() or serves(_argv(pid))
     return os.name == "posix" and exists(pid)
 
 
@@ -63,7 +63,7 @@ def suspended(pid: int) -> bool:
     return state in ([b"T"], [b"t"])
 
 
-def _words(pid: int) -> list[str]:
+def _argv(pid: int) -> list[str]:
     """Return the command line of a process; empty if it has ended or is hidden."""
     try:
         return PROC.joinpath(str(pid), "cmdline").read_bytes().decode(errors="replace").split("\0")
@@ -71,13 +71,13 @@ def _words(pid: int) -> list[str]:
         return []
 
 
-def serves(words: list[str]) -> bool:
+def serves(argv: list[str]) -> bool:
     """Whether a command line is a gateway's: the program by any of its names, and a command that serves mounts."""
-    first = os.path.basename(words[0]) if words else ""
+    first = os.path.basename(argv[0]) if argv else ""
     if first != "mount-gateway" and not first.startswith(("python", "pypy")):
         return False
-    for index, word in enumerate(words[:-1]):
-        module = index > 0 and words[index - 1 : index + 1] == ["-m", "gateway"]
-        if module or os.path.basename(word) == "mount-gateway" or word.endswith("gateway/__main__.py"):
-            return words[index + 1] in SERVING
+    for index, argument in enumerate(argv[:-1]):
+        module = index > 0 and argv[index - 1 : index + 1] == ["-m", "gateway"]
+        if module or os.path.basename(argument) == "mount-gateway" or argument.endswith("gateway/__main__.py"):
+            return argv[index + 1] in SERVING
     return False

@@ -3,8 +3,7 @@
 Missing folders are created. They belong to this user and are closed to others, so that no other user can predict,
 occupy or replace a name in them. There may be two: one of the session (``XDG_RUNTIME_DIR``), and one in the temporary
 folder, which every process of the user finds. Files are written to all of them, and searched in all of them. A folder
-of another user is never used, and the reason is reported. If other users have taken both names, a third folder in the
-state folder is used.
+of another user is never used, and the reason is reported. If no other is usable, one in the state folder is used.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from pathlib import Path
 from gateway.system.files import directory
 
 #: The name of the folders, and of the one in the state folder.
-NAME, LAST = "mount-gateway", "run"
+NAME, FALLBACK = "mount-gateway", "run"
 #: Where systemd keeps the runtime folders of sessions.
 SESSIONS = Path("/run/user")
 
@@ -27,10 +26,10 @@ def folders() -> tuple[list[Path], list[str]]:
     """Return the usable folders, and for each other one the reason why it is not usable."""
     usable: list[Path] = []
     reasons: list[str] = []
-    for folder in [*candidates(), directory() / LAST]:
-        if folder.name == LAST and usable:
+    for folder in [*candidates(), directory() / FALLBACK]:
+        if folder.name == FALLBACK and usable:
             break
-        reason = _unfit(folder)
+        reason = _reason_unusable(folder)
         if reason:
             reasons.append(f"{folder}: {reason}")
         else:
@@ -60,7 +59,7 @@ def user() -> int | None:
     return os.getuid() if hasattr(os, "getuid") else None
 
 
-def of_others() -> list[tuple[Path, int]]:
+def folders_of_others() -> list[tuple[Path, int]]:
     """Return the folders of all other users with the users' ids; empty unless this user is root."""
     if user() != 0:
         return []
@@ -69,7 +68,7 @@ def of_others() -> list[tuple[Path, int]]:
     return [(folder, owner) for folder, owner in owned if owner]
 
 
-def occupy(folder: Path) -> int | None:
+def protect_from_cleanup(folder: Path) -> int | None:
     """Protect a temporary folder from being cleaned up by age. Return a descriptor to close at the end, if any.
 
     systemd-tmpfiles(8) skips the content of a directory on which a process holds a lock.
@@ -96,10 +95,10 @@ def _owner(folder: Path) -> int | None:
     return seen.st_uid if stat.S_ISDIR(seen.st_mode) else None
 
 
-def _unfit(folder: Path) -> str:
+def _reason_unusable(folder: Path) -> str:
     """Create a folder if it is missing. Return why it cannot be used; empty if it can."""
     try:
-        if folder.name == LAST:
+        if folder.name == FALLBACK:
             folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             os.mkdir(folder, 0o700)

@@ -21,10 +21,10 @@ ERROR, WARNING, NOTICE, INFO = 3, 4, 5, 6
 #: Control characters except tab and line feed.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 #: Errors of a stream that cannot be written to.
-WRITING = (errno.ENOSPC, errno.EPIPE, errno.EBADF, errno.EIO, errno.EFBIG)
+WRITE_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EBADF, errno.EIO, errno.EFBIG)
 
 
-def take_up() -> None:
+def reopen_closed() -> None:
     """Open closed standard streams, so that writing to them still fails. Must be called first."""
     for number in range(3):
         try:
@@ -42,7 +42,7 @@ def say(text: str) -> None:
     try:
         print(text, flush=True)
     except (OSError, ValueError) as error:
-        give_up(sys.stdout)
+        redirect_to_null(sys.stdout)
         warn(
             f"stdout cannot be written to ({reason(error)}): the addresses for programs cannot be shown; "
             "mount-gateway serves all the same",
@@ -50,7 +50,7 @@ def say(text: str) -> None:
         )
 
 
-def tolerate() -> None:
+def replace_unencodable() -> None:
     """Replace characters that stdout cannot encode (the degree sign) by a question mark instead of failing."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
@@ -58,15 +58,15 @@ def tolerate() -> None:
 
 def warn(text: str, level: int) -> None:
     """Print a message of this program on stderr, if that is open."""
-    tell(message(text, level, sys.stderr))
+    print_to_stderr(message(text, level, sys.stderr))
 
 
-def tell(line: str) -> None:
+def print_to_stderr(line: str) -> None:
     """Print a line on stderr, if that is open."""
     try:
         print(line, file=sys.stderr, flush=True)
     except (OSError, ValueError):
-        give_up(sys.stderr)
+        redirect_to_null(sys.stderr)
 
 
 def in_journal(stream: TextIO) -> bool:
@@ -92,9 +92,9 @@ def message(text: str, number: int, stream: TextIO) -> str:
     return f"<{number}>{text}" if in_journal(stream) else f"mount-gateway: {text}"
 
 
-def of_writing(error: OSError) -> bool:
+def is_write_error(error: OSError) -> bool:
     """Whether this is an error of writing to an open stream, which has no file name."""
-    return error.filename is None and error.errno in WRITING
+    return error.filename is None and error.errno in WRITE_ERRORS
 
 
 def flush() -> Exception | None:
@@ -102,12 +102,12 @@ def flush() -> Exception | None:
     try:
         sys.stdout.flush()
     except (OSError, ValueError) as error:
-        give_up(sys.stdout)
+        redirect_to_null(sys.stdout)
         return error
     return None
 
 
-def give_up(stream: TextIO) -> None:
+def redirect_to_null(stream: TextIO) -> None:
     """Redirect a stream to nowhere, so that Python does not complain about it at the end."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)

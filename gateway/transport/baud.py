@@ -1,8 +1,7 @@
 """The baud rate of a serial line: timing of bytes, the effect of a wrong rate, and a change of rate on trial.
 
 A byte is ten bits: a start bit (0), eight data bits, lowest first, and a stop bit (1); the idle line is 1. Ports in
-memory and on a network deliver any number of bytes at once, at any rate. Times measured without the pace of a real line
-look better than they are.
+memory and on a network deliver bytes at once, at any rate: timings measured there look better than they are.
 """
 
 from __future__ import annotations
@@ -62,8 +61,8 @@ class BaudTrial:
     """Changes the baud rate of a client's port, and changes it back if no command is understood at the new rate.
 
     ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). Without the
-    way back, a client that did not follow, or whose cable cannot, would be lost for good. ``change`` sets the rate and
-    returns the previous one.
+    way back, a client that did not follow would be lost for good. ``change`` sets the rate and returns the previous
+    one.
     """
 
     def __init__(self, change: Callable[[int], int]) -> None:
@@ -98,9 +97,8 @@ class BaudTrial:
 def misread(data: bytes, sent: int, read: int) -> bytes:
     """Return what a receiver at ``read`` baud gets if bytes are sent without gaps at ``sent`` baud.
 
-    The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A
-    missing stop bit is a framing error; a port in its usual raw mode delivers the byte all the same. Therefore rates
-    that differ by a few percent work.
+    The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A byte
+    with a missing stop bit (framing error) is delivered all the same. Rates that differ by a few percent work.
     """
     if sent == read or not sent or not read:
         return data

@@ -12,7 +12,7 @@ import os
 import secrets
 
 from gateway.core.errors import UserError
-from gateway.system.locks import Claim, Taken
+from gateway.system.locks import Claim, LockHeld
 from gateway.system.runtime_folders import user, user_name
 
 #: Folders of pseudo-terminals, on Linux and on macOS.
@@ -44,7 +44,7 @@ class DeviceLink:
         if not old or old == self._target or not os.path.exists(old):
             return
         owner = os.lstat(self.path).st_uid
-        if owner != user() or not self._claim.left:
+        if owner != user() or not self._claim.left_behind:
             whose = "another program" if owner == user() else user_name(owner)
             raise UserError(
                 f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in "
@@ -108,7 +108,7 @@ def _claim(path: str) -> Claim:
     """Lock a link's name, so that no other gateway of this user uses it. Raises UserError."""
     try:
         return Claim(f"link_{hashlib.sha256(os.fsencode(path)).hexdigest()[:32]}")
-    except Taken as by:
+    except LockHeld as by:
         raise UserError(f"cannot make {path}: another gateway holds it ({by})") from None
     except OSError as error:
         raise UserError(f"cannot make {path}: no folder for its lock: {error.strerror}") from None

@@ -150,8 +150,7 @@ class _Connection(asyncio.BufferedProtocol):
     def _hang_up(self, last: bytes) -> None:
         """Send the last bytes, then discard input for a while before closing.
 
-        If a connection is closed while received bytes are unread, the system resets it, and the client might never read
-        the last bytes.
+        If it is closed with unread bytes, the system resets it, and the client might never read the last bytes.
         """
         loop = asyncio.get_running_loop()
         if last:

@@ -1,7 +1,6 @@
 """A listening port of a web server, which is loaded for the first connection.
 
-Loading it takes a quarter of a second, which would delay every start. Connections that arrive meanwhile wait, and are
-served when it is loaded.
+Loading takes a quarter of a second, which would delay every start. Until then connections wait.
 """
 
 from __future__ import annotations

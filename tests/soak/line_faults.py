@@ -81,7 +81,7 @@ class Trial:
             return outcome
 
         line.transaction.exchange = exchanging  # type: ignore[method-assign]
-        order = self.bridge.controller.verifier._order
+        order = self.bridge.controller.verifier._send_order
 
         async def ordering(ask: Send, priority: int) -> Any:
             done = len(self.acknowledged)
@@ -93,7 +93,7 @@ class Trial:
                 self.unsure += 1
             return answer
 
-        self.bridge.controller.verifier._order = ordering  # type: ignore[method-assign]
+        self.bridge.controller.verifier._send_order = ordering  # type: ignore[method-assign]
 
         async def proving() -> bool:
             self.wire.proving = True

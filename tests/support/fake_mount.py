@@ -24,7 +24,7 @@ from gateway.mount.safety.sync_sum import check_sync
 from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.surface import Session
-from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
+from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, ReuseLastReading
 
 
 @cache
@@ -160,9 +160,9 @@ class Talk:
             while True:
                 wanted = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
-                if isinstance(wanted, Speed):
+                if isinstance(wanted, ChangeBaudRate):
                     continue
-                if isinstance(wanted, Possible):
+                if isinstance(wanted, CheckPossible):
                     fault = self.mount.fault if isinstance(self.mount.fault, NoAnswer) else None
                     continue
                 if isinstance(wanted, Defer):

@@ -17,7 +17,7 @@ from gateway.protocols.mechanics.truth import EVERY, Truth, sample
 
 def moving(simulator: Simulated) -> bool:
     """Whether a motor turns for anything but tracking."""
-    simulator.come_to_now()
+    simulator.advance_to_now()
     return simulator.mechanics.moving(simulator.now)
 
 

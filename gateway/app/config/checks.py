@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gateway.app.config.endpoints import nearest, parse_broker, parse_endpoint, right
+from gateway.app.config.endpoints import parse_broker, parse_endpoint, suggest, suggest_address
 from gateway.app.config.keys import MountConfig
 from gateway.app.config.programs import programs
 from gateway.app.config.source import Place
@@ -22,7 +22,7 @@ from gateway.transport.listening import LISTENING, split_address
 from gateway.transport.tcp import exposed
 
 #: The name that stands for all gateways on a broker.
-EVERY = "all"
+ALL = "all"
 _EVERY_ADDRESS = ("0.0.0.0", "::")
 
 
@@ -47,7 +47,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     yield from _access(config)
     yield from _console(config)
     yield from _mqtt(config)
-    yield from _taken_twice(config)
+    yield from _used_twice(config)
     if not config.surface:
         yield Mistake(
             ("surface",), "at least one surface is needed, where programs connect: --surface lx200@tcp://127.0.0.1:4030"
@@ -72,14 +72,14 @@ def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
 
 
 def _endpoints(config: Config) -> Iterator[Mistake]:
-    for place, at in _all(config):
+    for place, at in _all_endpoints(config):
         try:
             where = parse_endpoint(at).where
             if place[0] == "mount" and at.startswith(f"{ANY}@"):
                 listed = " or ".join(f"{name}@" for name in mounts())
                 yield Mistake(place, f"{at}: {ANY} is for surfaces; write {listed} before a mount")
                 continue
-            if meant := right(where, place[0] == "surface"):
+            if meant := suggest_address(where, place[0] == "surface"):
                 yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
                 continue
             spec = PROTOCOLS.get(parse_endpoint(at).protocol)
@@ -93,7 +93,7 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
             yield Mistake(place, str(error))
 
 
-def _all(config: Config) -> Iterator[tuple[Place, str]]:
+def _all_endpoints(config: Config) -> Iterator[tuple[Place, str]]:
     """Yield where every endpoint is written, and its text."""
     yield from ((("mount", number, "at"), mount.at) for number, mount in enumerate(config.mount))
     yield from ((("surface", number, "at"), surface.at) for number, surface in enumerate(config.surface))
@@ -116,7 +116,7 @@ def _names(config: Config) -> Iterator[Mistake]:
                 ("surface", number, "mount"), f"is needed where there are several; write one of {', '.join(known)}"
             )
         elif surface.mount is not None and surface.mount not in known:
-            hint = nearest(surface.mount, known) if known else "the mount has no name"
+            hint = suggest(surface.mount, known) if known else "the mount has no name"
             yield Mistake(("surface", number, "mount"), f"no mount is called {surface.mount!r}; {hint}")
     for number, mount in enumerate(config.mount):
         if config.surface and not config.of(mount):
@@ -130,7 +130,7 @@ def _clients(config: Config) -> Iterator[Mistake]:
         spoke = spoken(parse_endpoint(surface.at).protocol)
         known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
-            words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
+            words = f"{surface.client!r}: no such program is known; {suggest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), words)
 
 
@@ -150,11 +150,11 @@ def _access(config: Config) -> Iterator[Mistake]:
             except UserError as error:
                 yield Mistake(place, str(error))
                 continue
-            if key == "allow" and (words := _nobody(parse_endpoint(surface.at).where, found)):
+            if key == "allow" and (words := _excludes_all(parse_endpoint(surface.at).where, found)):
                 yield Mistake(place, words)
 
 
-def _nobody(where: str, allowed: Networks) -> str:
+def _excludes_all(where: str, allowed: Networks) -> str:
     """Return the message if no host in ``allowed`` can connect to this address; empty if one can."""
     host, port = split_address(where)
     if exposed(where) or Access(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
@@ -195,19 +195,19 @@ def _mqtt(config: Config) -> Iterator[Mistake]:
         return
     if mqtt.ca and not broker.tls:
         yield Mistake(("mqtt", "ca"), f"certificates are for TLS: write mqtts://{broker.host} in at")
-    if mqtt.id == EVERY:
-        yield Mistake(("mqtt", "id"), f"{EVERY!r} means every gateway on the broker; write another name")
+    if mqtt.id == ALL:
+        yield Mistake(("mqtt", "id"), f"{ALL!r} means every gateway on the broker; write another name")
 
 
-def _taken_twice(config: Config) -> Iterator[Mistake]:
+def _used_twice(config: Config) -> Iterator[Mistake]:
     """Check that no port is used twice, by mounts or by surfaces."""
     seen: list[tuple[str, str]] = []
-    for place, at in _all(config):
+    for place, at in _all_endpoints(config):
         where = parse_endpoint(at).where
         if where == "sim":
             continue
         address = _address(where, place[0] == "surface")
-        if any(_meet(address, other) for other in seen):
+        if any(_overlap(address, other) for other in seen):
             yield Mistake(
                 place,
                 f"{where} is taken by another {'mount or surface' if '://' not in where else 'one'} "
@@ -226,7 +226,7 @@ def _address(where: str, listening: bool) -> tuple[str, str]:
     return os.path.abspath(os.path.expanduser(where.removeprefix("pty:"))), ""
 
 
-def _meet(one: tuple[str, str], other: tuple[str, str]) -> bool:
+def _overlap(one: tuple[str, str], other: tuple[str, str]) -> bool:
     if one[1] != other[1] or one[1] == "tcp 0":
         return False
     return one[0] == other[0] or (one[1] != "" and (one[0] in _EVERY_ADDRESS or other[0] in _EVERY_ADDRESS))

@@ -50,7 +50,7 @@ def title(table: str) -> str:
     return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
 
 
-def named(table: str, name: str) -> Key | None:
+def find_key(table: str, name: str) -> Key | None:
     """Return the key of that name in a table; None if there is none."""
     return next((key for key in keys(table) if key.name == name), None)
 
@@ -73,7 +73,7 @@ def _key(field: Any, hint: Any) -> Key:
         example=default if meta.extra["example"] is None else meta.extra["example"],
         flag=meta.extra["flag"],
         required=field.required,
-        several=any(get_origin(part) in (tuple, list) for part, _ in _plain(hint)),
+        several=any(get_origin(part) in (tuple, list) for part, _ in _types(hint)),
     )
 
 
@@ -82,26 +82,26 @@ def _meta(hint: object) -> msgspec.Meta | None:
     return next((item for item in getattr(hint, "__metadata__", ()) if item.extra is not None), None)
 
 
-def _plain(hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
+def _types(hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
     """Yield the types that a value may have, except None, each with its limits."""
     if get_origin(hint) is Annotated:
         inner, *metas = get_args(hint)
-        for kind, more in _plain(inner):
+        for kind, more in _types(inner):
             yield kind, [*metas, *more]
     elif get_origin(hint) in (Union, types.UnionType):
         for part in get_args(hint):
-            yield from _plain(part)
+            yield from _types(part)
     elif hint is not type(None):
         yield hint, []
 
 
 def _choices(hint: object) -> tuple[str, ...]:
-    return tuple(word for kind, _ in _plain(hint) if get_origin(kind) is Literal for word in get_args(kind))
+    return tuple(word for kind, _ in _types(hint) if get_origin(kind) is Literal for word in get_args(kind))
 
 
 def _right(hint: object) -> str:
     """Return in words what a value must be."""
-    return " or ".join(_words(kind, metas) for kind, metas in _plain(hint))
+    return " or ".join(_words(kind, metas) for kind, metas in _types(hint))
 
 
 def _words(kind: object, metas: list[msgspec.Meta]) -> str:

@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from gateway.app.config.called import named, suggestion
+from gateway.app.config.mount_names import resolve_name, suggest_name
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
@@ -47,7 +47,7 @@ def parse_endpoint(text: str) -> Endpoint:
     """Parse an endpoint. Raises UserError for an unknown protocol, model or version."""
     what, at, where = text.partition("@")
     if not at or not where:
-        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_whole(text.strip('@'))}")
+        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'))}")
     return _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where)
 
 
@@ -60,15 +60,15 @@ def _of_any(what: str, where: str) -> Endpoint:
         mount = " or ".join(f"{name}@" for name in mounts())
         raise UserError(
             f"{ANY}@{where}: {ANY} tells programs by the first bytes of a connection, which there is on tcp:// alone; "
-            f"write {ANY}@{right(where, True) or 'tcp://HOST:PORT'}, "
+            f"write {ANY}@{suggest_address(where, True) or 'tcp://HOST:PORT'}, "
             f"or one protocol: {one} where programs connect, {mount} for a mount"
         )
     return Endpoint(ANY, where)
 
 
-def _whole(text: str) -> str:
+def _example(text: str) -> str:
     """Return an example of a whole endpoint, made from the half that was written."""
-    if named(text.partition("/")[0]):
+    if resolve_name(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
         return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(mounts()))
@@ -81,9 +81,9 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     A StarSense hand control may be written as a version or as a model. Raises UserError.
     """
     name, slash, version = what.partition("/")
-    device = named(name)
+    device = resolve_name(name)
     if device is None:
-        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {suggestion(name)}")
+        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {suggest_name(name)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
     if model in spec.version_words:
@@ -92,8 +92,8 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     if (model or version) and not words:
         raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in words:
-        other = named(model)
-        right = f"write {other}" if other else nearest(model, words)
+        other = resolve_name(model)
+        right = f"write {other}" if other else suggest(model, words)
         raise UserError(f"{protocol} has no model {model!r}; {right}")
     return Endpoint(protocol, where, model or None, _version(spec, version) if version else None)
 
@@ -106,7 +106,7 @@ def _version(spec: ProtocolSpec, text: str) -> str:
         raise UserError(f"{text!r} is no version; write it like 4.21") from None
 
 
-def right(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
+def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
     """Return what was probably meant by the address of a surface (``listening``) or a mount; empty if it may be right.
 
     Wrong are an address without its scheme or with the other side's, and a serial port without its folder.
@@ -127,7 +127,7 @@ def right(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
     return ""
 
 
-def nearest(word: str, choices: Sequence[str]) -> str:
+def suggest(word: str, choices: Sequence[str]) -> str:
     """Return a hint for a mistyped word: the choice that is most like it, else all choices."""
     close = similar(word, choices)
     return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
@@ -142,7 +142,7 @@ def parse_site(text: str) -> tuple[float, float]:
         latitude, longitude = (float(part) for part in parts)
     except ValueError:
         latitude, longitude = _as_on_maps(text, parts)
-    if wrong := misplaced(latitude, longitude):
+    if wrong := site_mistake(latitude, longitude):
         raise UserError(f"{text!r}: {wrong}")
     return latitude, longitude
 
@@ -165,7 +165,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
     return round(float(latitude.deg), 9), round(float(longitude.deg), 9)
 
 
-def misplaced(latitude: float, longitude: float) -> str:
+def site_mistake(latitude: float, longitude: float) -> str:
     """Return what is wrong with a latitude and a longitude in degrees; empty if nothing is."""
     if -90 <= latitude <= 90 and -180 <= longitude <= 360:
         return ""

@@ -52,7 +52,7 @@ def programs(protocol: str) -> dict[str, Program]:
     return rows
 
 
-def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
+def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
     """Return the needs of a program (default: the surface's ``client``) for keys that the surface leaves open."""
     endpoint = parse_endpoint(surface.at)
     row = None if endpoint.protocol == ANY else programs(endpoint.protocol).get(program or surface.client)
@@ -76,17 +76,17 @@ def _numbers(endpoint: Endpoint) -> Version:
     return parse_version(version)
 
 
-def settled(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig:
+def with_needs(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig:
     """Return the surface with the needs of the program filled in."""
-    return msgspec.structs.replace(surface, **as_settings(wanted_by(surface, program)))
+    return msgspec.structs.replace(surface, **as_fields(open_needs(surface, program)))
 
 
-def as_settings(needs: list[Need]) -> dict[str, object]:
+def as_fields(needs: list[Need]) -> dict[str, object]:
     """Return the values of needs by the names of the fields of ``SurfaceConfig``."""
     return {need.key.replace("-", "_"): need.value for need in needs}
 
 
-def recognisable(surface: SurfaceConfig) -> dict[bytes, str]:
+def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     """Return first bytes -> program, for the programs whose settings differ from the surface's.
 
     Only for network surfaces, where every program has its own connection: on a serial line one program may follow
@@ -98,5 +98,5 @@ def recognisable(surface: SurfaceConfig) -> dict[bytes, str]:
     return {
         row.first.encode("latin-1"): key
         for key, row in programs(endpoint.protocol).items()
-        if row.first is not None and wanted_by(surface, key)
+        if row.first is not None and open_needs(surface, key)
     }

@@ -12,8 +12,8 @@ import msgspec
 import tomli
 
 from gateway.app.config.checks import Mistake, mistakes
-from gateway.app.config.describing import keys, named, title
-from gateway.app.config.endpoints import misplaced, nearest
+from gateway.app.config.describing import find_key, keys, title
+from gateway.app.config.endpoints import site_mistake, suggest
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, about_file
@@ -57,7 +57,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
             hint = '; the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"'
         raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
     except (RecursionError, ValueError) as error:
-        raise UserError(f"{path}:{_broken_off(text)}: {_BEYOND[type(error)]}") from None
+        raise UserError(f"{path}:{_failing_line(text)}: {_BEYOND[type(error)]}") from None
     source = Source(str(path), text)
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
@@ -66,7 +66,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     return tables, source
 
 
-def _broken_off(text: str) -> int:
+def _failing_line(text: str) -> int:
     """Return the line, from 1, at which the parser fails on a text that TOML allows (``_BEYOND``)."""
     lines = text.split("\n")
 
@@ -82,29 +82,29 @@ def _broken_off(text: str) -> int:
     return bisect_left(range(1, len(lines)), True, key=given_up) + 1
 
 
-def _misspelt(tables: object, place: Place = ()) -> Iterator[Mistake]:
+def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
     """Yield a mistake for every text in the tables that has a control character."""
     if isinstance(tables, str):
         if found := _CONTROL.search(tables):
             yield Mistake(place, f"there is a control character (U+{ord(found.group()):04X}) in it; write it without")
     elif isinstance(tables, dict):
         for key, value in tables.items():
-            yield from _misspelt(value, (*place, key))
+            yield from _control_characters(value, (*place, key))
     elif isinstance(tables, list):
         for number, value in enumerate(tables):
-            yield from _misspelt(value, (*place, number))
+            yield from _control_characters(value, (*place, number))
 
 
 def make_config(tables: dict[str, object], source: Source) -> Config:
     """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key."""
-    for place, words in _misspelt(tables):
-        raise _line(source, Mistake(_whole(place), words))
+    for place, words in _control_characters(tables):
+        raise _located(source, Mistake(_key_place(place), words))
     try:
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
-        raise _mistake(tables, source, *_read_error(str(error))) from None
+        raise _msgspec_error(tables, source, *_read_error(str(error))) from None
     for mistake in mistakes(config):
-        raise _line(source, mistake)
+        raise _located(source, mistake)
     return config
 
 
@@ -117,36 +117,36 @@ def _read_error(message: str) -> tuple[Place, str | None, str]:
     return (place, field.group(2), field.group(1)) if field else (place, None, "")
 
 
-def _mistake(tables: dict[str, object], source: Source, place: Place, field: str | None, what: str) -> UserError:
+def _msgspec_error(tables: dict[str, object], source: Source, place: Place, field: str | None, what: str) -> UserError:
     """Return the error for a value or a key that msgspec did not accept."""
     table = str(place[0]) if place and place[0] in TABLES else ""
     if field is None:
-        return _wrong(tables, source, table, place)
+        return _wrong_value(tables, source, table, place)
     if what == "unknown":
-        home = next((name for name in TABLES if name != table and named(name, field)), None)
+        home = next((name for name in TABLES if name != table and find_key(name, field)), None)
         known = [key.name for key in keys(table)] + ([] if table else ["mount", "surface"])
-        hint = nearest(field, known) if home is None else f"it belongs under {title(home)}"
-        return _line(source, Mistake((*place, field), f"there is no such key; {hint}"))
-    key = named(table, field)
+        hint = suggest(field, known) if home is None else f"it belongs under {title(home)}"
+        return _located(source, Mistake((*place, field), f"there is no such key; {hint}"))
+    key = find_key(table, field)
     if key is None or (table == "mount" and not source.text):
         return UserError(
             f"{source.name}: which mount? Write --mount nexstar@/dev/ttyUSB0 (mount-gateway detect finds "
             "the port), or --config FILE with a gateway.toml"
         )
-    return _line(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
+    return _located(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
 
 
-def _wrong(tables: dict[str, object], source: Source, table: str, place: Place) -> UserError:
+def _wrong_value(tables: dict[str, object], source: Source, table: str, place: Place) -> UserError:
     """Return the error for a value of the wrong type or out of range, or for a value in place of a table."""
-    whole = _whole(place)
-    key = named(table, str(whole[-1]))
+    whole = _key_place(place)
+    key = find_key(table, str(whole[-1]))
     if key is None:
-        return _line(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
+        return _located(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
     value = _value(tables, whole)
-    return _line(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped(key.name, value)}"))
+    return _located(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped_hint(key.name, value)}"))
 
 
-def _whole(place: Place) -> Place:
+def _key_place(place: Place) -> Place:
     """Cut a place after its key: it may lead further, to a part of the key's value."""
     return place[: 3 if place[0] in ("mount", "surface") else 2 if place[0] in TABLES else 1]
 
@@ -157,16 +157,16 @@ def _value(tables: Any, place: Place) -> Any:
     return tables
 
 
-def _swapped(name: str, value: object) -> str:
+def _swapped_hint(name: str, value: object) -> str:
     """Return the hint for a site with latitude and longitude in the wrong order; empty for other keys."""
     if name != "site" or not isinstance(value, list | tuple) or len(value) != 2:
         return ""
     numbers = all(isinstance(part, int | float) for part in value)
-    words = misplaced(value[0], value[1]).partition("; ")[2] if numbers else ""
+    words = site_mistake(value[0], value[1]).partition("; ")[2] if numbers else ""
     return f"; {words}" if words else "; the latitude comes first"
 
 
-def _line(source: Source, mistake: Mistake) -> UserError:
+def _located(source: Source, mistake: Mistake) -> UserError:
     """Return the error for a mistake: ``gateway.toml:12: [mount] lowest: …``."""
     table, key = mistake.place[0], mistake.place[-1]
     where = source.where(mistake.place)

@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.app.config.describing import Key, keys, title
 from gateway.app.config.keys import SurfaceConfig
-from gateway.app.config.programs import settled, wanted_by
+from gateway.app.config.programs import open_needs, with_needs
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import Config
 
@@ -32,8 +32,8 @@ def effective(config: Config, source: Source) -> str:
 def _table(table: str, struct: Any, source: Source, place: Place) -> Iterator[str]:
     by_program: dict[str, str] = {}
     if isinstance(struct, SurfaceConfig):
-        by_program = {need.key: need.why for need in wanted_by(struct)}
-        struct = settled(struct)
+        by_program = {need.key: need.why for need in open_needs(struct)}
+        struct = with_needs(struct)
     for key in keys(table):
         value = getattr(struct, key.name.replace("-", "_"))
         origin = source.origin((*place, key.name))

@@ -23,12 +23,12 @@ class Source(msgspec.Struct):
 
     def where(self, place: Place) -> str:
         """Return ``--lowest``, ``gateway.toml:12``, or only the name. A single mount has number 0 in a place."""
-        ways = [place[:length] for length in range(len(place), 0, -1)]
-        for way in ways:
-            if way in self.flags:
-                return self.flags[way]
-        for way in ways:
-            line = line_of(self.text, self._written(way)) if self.text else None
+        prefixes = [place[:length] for length in range(len(place), 0, -1)]
+        for prefix in prefixes:
+            if prefix in self.flags:
+                return self.flags[prefix]
+        for prefix in prefixes:
+            line = line_of(self.text, self._written(prefix)) if self.text else None
             if line is not None:
                 return f"{self.name}:{line}"
         return self.name

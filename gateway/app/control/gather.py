@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 LATELY, MOST = 60.0, 10
 
 
-def look(controller: MountController, name: str, mount: str, programs: int, rate: Rate | None = None) -> StatusLine:
+def status_line(
+    controller: MountController, name: str, mount: str, programs: int, rate: Rate | None = None
+) -> StatusLine:
     """Return what the status line shows of a mount."""
     now, snapshot = controller.now(), controller.cache
     identity = snapshot.value(op.GetIdentity)
@@ -41,7 +43,7 @@ def gather(controller: MountController, name: str, mount: str, programs: Sequenc
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     who = (identity.product, identity.model, identity.version) if identity else ("", "", "")
     return State(
-        look(controller, name, mount, len(programs)),
+        status_line(controller, name, mount, len(programs)),
         mount,
         *who,
         tuple(_wanted(controller)),

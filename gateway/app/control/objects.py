@@ -57,7 +57,7 @@ def describe(text: str) -> Object:
 
 def beginning(text: str, most: int) -> list[str]:
     """Return at most ``most`` names that begin with a text: planets, catalogue numbers, stars and nebulae."""
-    typed = names.bare(text)
+    typed = names.normalized(text)
     bodies = [body for body in BODIES if typed and body.lower().startswith(typed)]
     return list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.beginning(text, most))))[:most]
 

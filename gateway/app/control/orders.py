@@ -15,13 +15,13 @@ from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
-from gateway.mount.readings.rest import SIGHT, come_to_rest
+from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
 STOPPED, HELD, RELEASED = "stopped", "held", "released"
 #: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
 ACKNOWLEDGED = 5.0
 #: Seconds for which the command waits for the answer.
-LONGEST = ACKNOWLEDGED + SIGHT + 2.0
+LONGEST = ACKNOWLEDGED + TIME_TO_REST + 2.0
 
 
 def orders(controller: MountController, store: StateStore, entrance: Entrance = Entrance()) -> Mapping[str, Order]:

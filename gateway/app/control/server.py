@@ -18,8 +18,8 @@ import msgspec
 
 from gateway.app.control.exchange import ENDING, WAIT, ControlEndpoint, parts, remove_stale, seal, unseal
 from gateway.core.errors import Fault
-from gateway.system.files import write_whole
-from gateway.system.runtime_folders import occupy
+from gateway.system.files import replace_file
+from gateway.system.runtime_folders import protect_from_cleanup
 
 #: Carries out an order and returns the answer. If it raises Fault, the answer is ``failed`` with its words.
 Order = Callable[[], Awaitable[str]]
@@ -68,12 +68,14 @@ class Control(asyncio.DatagramProtocol):
         failed: list[OSError] = []
         for path in self.paths:
             try:
-                write_whole(path, endpoint, flush=False)
+                replace_file(path, endpoint, flush=False)
             except OSError as error:
                 failed.append(error)
         if len(failed) == len(self.paths):
             raise failed[0]
-        self._occupied = [number for path in self.paths[1:] if (number := occupy(path.parent)) is not None]
+        self._occupied = [
+            number for path in self.paths[1:] if (number := protect_from_cleanup(path.parent)) is not None
+        ]
 
     def datagram_received(self, data: bytes, addr: object) -> None:
         """Begin or continue a request; ignore any other datagram."""

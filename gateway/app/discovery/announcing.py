@@ -28,7 +28,7 @@ from gateway.app.discovery.offer import EVERYWHERE, Offer, seen_from
 from gateway.core.about import VERSION
 from gateway.protocols.registry import PROTOCOLS, spoken
 from gateway.system.own_commands import how_to_add
-from gateway.system.own_names import held
+from gateway.system.own_names import interface_addresses
 
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo
@@ -193,6 +193,6 @@ def addresses(offer: Offer) -> Iterator[str]:
     if offer.host not in EVERYWHERE:
         yield offer.host
         return
-    for _, address in held():
+    for _, address in interface_addresses():
         if not address.is_loopback and (address.version == 4 or offer.host == "::"):
             yield str(address)

@@ -9,7 +9,7 @@ from ipaddress import IPv4Address, IPv6Address
 
 from msgspec import Struct
 
-from gateway.system.own_names import held
+from gateway.system.own_names import interface_addresses
 from gateway.transport.listening import split_address
 
 EVERYWHERE = ("0.0.0.0", "::")
@@ -67,7 +67,7 @@ def seen_from(asker: tuple[str, int]) -> str:
 
 
 def to_type(
-    offer: Offer, every: Callable[[], Held] = held, first: Callable[[tuple[str, int]], str] = seen_from
+    offer: Offer, every: Callable[[], Held] = interface_addresses, first: Callable[[tuple[str, int]], str] = seen_from
 ) -> list[str]:
     """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only without IPv4."""
     if offer.host not in EVERYWHERE:

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from gateway.app.state.file import MarkerContent
-from gateway.system.files import write_whole
+from gateway.system.files import replace_file
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
 PATIENCE = 0.02
@@ -85,7 +85,7 @@ class MotionMarker:
         if content is None:
             self.path.unlink(missing_ok=True)
         else:
-            write_whole(self.path, content, flush=False)
+            replace_file(self.path, content, flush=False)
 
     def _watch(self) -> None:
         if self._watching is None or self._watching.done():

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from gateway.app.config import Endpoint
 from gateway.core.errors import UserError
-from gateway.system.locks import Claim, Taken
+from gateway.system.locks import Claim, LockHeld
 
 SCHEMES = ("socket", "rfc2217")
 #: Names and addresses that all mean this computer.
@@ -28,7 +28,7 @@ def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
     name = address(mount.where)
     try:
         return None if name is None else Claim(name)
-    except Taken as by:
+    except LockHeld as by:
         raise UserError(
             f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount "
             "connect to that one's surfaces"

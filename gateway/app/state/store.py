@@ -20,8 +20,8 @@ from gateway.core.operations import Place, Values
 from gateway.mount.controller import MountController
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.protocols.base.session import MountSettings, Shared
-from gateway.system.files import directory, write_whole
-from gateway.system.locks import PidLock, Taken
+from gateway.system.files import directory, replace_file
+from gateway.system.locks import LockHeld, PidLock
 
 #: Seconds between two writes of the file while changes go on.
 PAUSE = 1.0
@@ -103,7 +103,7 @@ class StateStore:
             self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._lock.acquire()
             self.held = True
-        except Taken as by:
+        except LockHeld as by:
             if not self._simulated:
                 self._warn_once(
                     f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "
@@ -194,7 +194,7 @@ class StateStore:
             return False
         self._written = data
         try:
-            await self.in_thread(write_whole, self.path, data)
+            await self.in_thread(replace_file, self.path, data)
         except OSError as error:
             self._written = b""
             self._warn_once(

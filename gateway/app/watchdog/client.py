@@ -17,7 +17,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gateway.system.own_commands import script_words
+from gateway.system.own_commands import script_argv
 
 #: Seconds between two heartbeats.
 BEAT = 0.25
@@ -56,7 +56,7 @@ class Watchdog:
         """Start the process, without an event loop. If that fails, warn and run without a watchdog."""
         here, there = socket.socketpair()
         here.setblocking(False)
-        arguments = [*script_words(str(PROGRAM)), str(THERE), str(os.getpid())]
+        arguments = [*script_argv(str(PROGRAM)), str(THERE), str(os.getpid())]
         files = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_RDWR, 0) for number in (0, 1)]
         try:
             self.pid = os.posix_spawn(

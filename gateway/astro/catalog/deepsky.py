@@ -17,7 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from gateway.astro.catalog.objects import FAINTEST, QUALITIES, Entry, Wanted, data_file, quality
+from gateway.astro.catalog.objects import FAINTEST, QUALITIES, Entry, SearchLimits, data_file, quality
 from gateway.astro.spherical import separation, wrap360
 
 #: The kind letters of OpenNGC's types; nonexistent objects have none.
@@ -32,21 +32,21 @@ _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
 _SEARCHED = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIERS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
 #: OpenNGC regards M102 as a duplicate of M101; hand controls, Meade's included, go to this galaxy in Draco.
-_IN_PLACE_OF = {102: ("NGC", 5866)}
+_REPLACEMENTS = {102: ("NGC", 5866)}
 
 
 #: An object in a search: database row, right ascension, declination. A plain tuple, because there are twelve thousand.
 Candidate = tuple[int, float, float]
 #: Whether the mount may go to a J2000 position (degrees) now.
 Visible = Callable[[float, float], bool]
-_EVERY_ROW = 1 << 60
+_AFTER_ALL_ROWS = 1 << 60
 
 
 def look_up(catalog: str, number: int) -> Entry | None:
     """Return the object of ``M``, ``NGC``, ``IC``, ``C`` or ``UGC`` with this number, or None. Raises NotInstalled."""
     called = f"{catalog}{number}"
     if catalog == "M":
-        catalog, number = _IN_PLACE_OF.get(number, (catalog, number))
+        catalog, number = _REPLACEMENTS.get(number, (catalog, number))
     if catalog == "M":
         found = _rows("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
     else:
@@ -98,22 +98,22 @@ def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, 
 # --- searching --------------------------------------------------------------------------------------------------------
 
 
-def matching(wanted: Wanted) -> list[Candidate]:
+def matching(limits: SearchLimits) -> list[Candidate]:
     """Return all candidates within the limits, sorted by ``order``; callers must not change it. Raises NotInstalled."""
-    return _matching(data_file("pyongc", "ongc.db"), wanted)
+    return _matching(data_file("pyongc", "ongc.db"), limits)
 
 
 @lru_cache(maxsize=2)
-def _matching(_: Path, wanted: Wanted) -> list[Candidate]:
-    types = [name for name, kinds in _KINDS.items() if set(kinds) & set(wanted.kinds)]
-    least = QUALITIES.index(wanted.quality)
-    faintest = min(wanted.faintest, FAINTEST[least]) if least < len(FAINTEST) else wanted.faintest
+def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
+    types = [name for name, kinds in _KINDS.items() if set(kinds) & set(limits.kinds)]
+    least = QUALITIES.index(limits.quality)
+    faintest = min(limits.faintest, FAINTEST[least]) if least < len(FAINTEST) else limits.faintest
     judged = ", coalesce(vmag, bmag), majax, minax" if least < len(FAINTEST) else ""
     rows = _rows(
         f"type IN ({', '.join('?' * len(types))}) AND ra IS NOT NULL "
         f"AND coalesce(vmag, bmag, {_UNMEASURED}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
         "ORDER BY CAST(right / 15.0 AS INTEGER), up DESC, id",
-        *types, wanted.brightest, faintest, wanted.smallest, wanted.largest, columns=_SEARCHED + judged,
+        *types, limits.brightest, faintest, limits.smallest, limits.largest, columns=_SEARCHED + judged,
     )  # fmt: skip
     if judged:
         rows = [row[:3] for row in rows if QUALITIES.index(quality(*row[3:])) <= least]
@@ -129,17 +129,17 @@ def order(candidate: Candidate) -> tuple[int, float, int]:
 def first(candidates: Sequence[Candidate], visible: Visible, meridian: float) -> Candidate | None:
     """Return the first candidate of a search; ``meridian`` is the right ascension on the meridian now."""
     west = int(wrap360(meridian + 180.0) / 15.0), -90.0, 0
-    return _walk(candidates, bisect_left(candidates, west, key=order), 1, visible)
+    return _next_visible(candidates, bisect_left(candidates, west, key=order), 1, visible)
 
 
-def beside(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
+def neighbour(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
     """Return the next candidate after a position (``step`` 1) or before it (-1), not one exactly at it."""
-    after = bisect_left(candidates, order((_EVERY_ROW, ra, dec)), key=order)
+    after = bisect_left(candidates, order((_AFTER_ALL_ROWS, ra, dec)), key=order)
     before = bisect_left(candidates, order((0, ra, dec)), key=order) - 1
-    return _walk(candidates, after if step > 0 else before, step, visible)
+    return _next_visible(candidates, after if step > 0 else before, step, visible)
 
 
-def _walk(candidates: Sequence[Candidate], start: int, step: int, visible: Visible) -> Candidate | None:
+def _next_visible(candidates: Sequence[Candidate], start: int, step: int, visible: Visible) -> Candidate | None:
     """Return the next visible candidate, going once around the sky."""
     count = len(candidates)
     for offset in range(count):

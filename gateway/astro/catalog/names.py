@@ -30,24 +30,24 @@ def by_number(number: int, year: float) -> tuple[float, float] | None:
     return None if place is None else stars.moved(*place, year)
 
 
-def bare(name: str) -> str:
+def normalized(name: str) -> str:
     """Return a name without case, punctuation, spaces and a leading "the", for comparing spellings."""
     letters = "".join(letter for letter in name.casefold() if letter.isalnum())
     return letters.removeprefix("the")
 
 
-_STARS = {bare(name): HIPPARCOS[ALSO.get(name, name)] for name in (*HIPPARCOS, *ALSO)}
+_STARS = {normalized(name): HIPPARCOS[ALSO.get(name, name)] for name in (*HIPPARCOS, *ALSO)}
 
 
 def star(name: str) -> int | None:
-    return _STARS.get(bare(name))
+    return _STARS.get(normalized(name))
 
 
 def look_up(name: str, year: float) -> Entry | None:
     """Return the star or deep sky object with this name, or None. Raises NotInstalled without the star catalogue."""
     number = star(name)
     if number is None:
-        row = {bare(known): row for known, row in _deep_sky().items()}.get(bare(name))
+        row = {normalized(known): row for known, row in _deep_sky().items()}.get(normalized(name))
         return None if row is None else deepsky.by_row(row)
     try:
         return stars.hipparcos(number, year)
@@ -60,16 +60,16 @@ def look_up(name: str, year: float) -> Entry | None:
 
 def beginning(text: str, most: int) -> list[str]:
     """Return names that begin with a text: alignment stars first, other spellings last, shorter names before longer."""
-    typed = bare(text)
-    spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
-    longer = [known for bared, known in spelled.items() if typed and bared.startswith(typed)]
+    typed = normalized(text)
+    spelled = {normalized(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
+    longer = [known for spelling, known in spelled.items() if typed and spelling.startswith(typed)]
     return sorted(longer, key=lambda known: (known in ALSO, known not in PLACES, len(known)))[:most]
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     """Return known names that begin with an unknown one or are similar to it; ``more`` are additional known names."""
-    spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS, *more)}
-    typed = bare(name)
+    spelled = {normalized(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS, *more)}
+    typed = normalized(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
     close = [*longer, *similar(typed, spelled, SUGGESTED, ALIKE)]
     return [spelled[known] for known in dict.fromkeys(close)][:SUGGESTED]

@@ -20,7 +20,7 @@ from gateway.core.errors import Unsupported
 QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 #: The faintest magnitude of each quality except the last.
 FAINTEST = (5.0, 7.0, 9.0, 11.0, 12.5, 14.0)
-_THIN = 14.0
+_FAINT_SURFACE = 14.0
 _WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "OPEN CLUS", "*": "STAR"}
 
 
@@ -53,7 +53,7 @@ class Entry(Struct, frozen=True):
     width: float | None = None
 
 
-class Wanted(Struct, frozen=True):
+class SearchLimits(Struct, frozen=True):
     """The limits of a search: magnitudes, sizes in arcminutes, kinds, least quality."""
 
     brightest: float
@@ -70,7 +70,7 @@ def quality(magnitude: float | None, size: float | None, width: float | None) ->
         return QUALITIES[-1]
     step = sum(magnitude > limit for limit in FAINTEST)
     area = math.pi / 4.0 * (size or 0.0) * (width or size or 0.0)
-    if area > 1.0 and magnitude + 2.5 * math.log10(area) > _THIN:
+    if area > 1.0 and magnitude + 2.5 * math.log10(area) > _FAINT_SURFACE:
         step += 1
     return QUALITIES[min(step, len(QUALITIES) - 1)]
 

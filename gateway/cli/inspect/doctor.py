@@ -48,7 +48,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
     results = examine(gather(arguments.state))
     well = all(result.state != BAD for result in results)
-    streams.tolerate()
+    streams.replace_unencodable()
     if arguments.json:
         told = {"version": __version__, "good": well, "checks": msgspec.to_builtins(results)}
         print(json.dumps(told, indent=2))

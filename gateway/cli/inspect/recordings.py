@@ -36,7 +36,7 @@ def _decode(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.log.conversation import Side
     from gateway.diagnostics.recorded_sides import RecordedSides
 
-    streams.tolerate()
+    streams.replace_unencodable()
     path = arguments.file
     capture = Capture(path)
     recording = capture.recording
@@ -94,7 +94,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
     recording = read(arguments.file)
     if arguments.sim:
-        streams.tolerate()
+        streams.replace_unencodable()
         replay_on_simulator(recording, print)
         if recording.cut:
             print(recording.cut)

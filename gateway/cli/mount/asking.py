@@ -103,7 +103,7 @@ def report(answer: str) -> int:
     if how == "failed":
         streams.warn(plain, streams.ERROR)
         return 1
-    streams.tolerate()
+    streams.replace_unencodable()
     streams.say(plain)
     return 0
 

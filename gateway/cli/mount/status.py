@@ -75,7 +75,7 @@ async def _show_once(arguments: argparse.Namespace) -> int:
     for endpoint, answer in zip(endpoints, answers, strict=True):
         if isinstance(answer, str):
             streams.warn(f"{endpoint.name or endpoint.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
-    streams.tolerate()
+    streams.replace_unencodable()
     if arguments.json:
         streams.say(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:
@@ -89,7 +89,7 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen, rate = Screen(find_terminal()), Rate()
-    streams.tolerate()
+    streams.replace_unencodable()
     now = asyncio.get_running_loop().time
     try:
         while (answer := await unless(done, _state(endpoint))) is not None:

@@ -13,7 +13,7 @@ from gateway.app.config.describing import keys
 from gateway.app.config.source import Place
 from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import serve_mounts, with_loop
-from gateway.cli.serve.settings import add_flag, add_shown, put_shown
+from gateway.cli.serve.settings import add_flag, add_table_flags, put_table_flags
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
 
@@ -47,7 +47,7 @@ def add_demo(commands: Commands) -> None:
     for key in keys(""):
         if key.name in SHOWN:
             add_flag(demo, key)
-    add_shown(demo, "console")
+    add_table_flags(demo, "console")
     demo.set_defaults(run=_demo)
 
 
@@ -77,7 +77,7 @@ def _demo(arguments: argparse.Namespace) -> int:
         ("log",): "--log",
     }
     source = Source("demo", flags=flags)
-    put_shown(arguments, "console", tables, source)
+    put_table_flags(arguments, "console", tables, source)
     config = make_config(tables, source)
     speed = "" if arguments.speed == 1 else f"\nIt slews {arguments.speed:g} times as fast as a real one."
     banner = "\n".join(

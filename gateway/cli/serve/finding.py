@@ -60,17 +60,17 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
             break
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
-            warn(waiting(gateway))
-    return gateway.controller.context.met.is_set()  # a device that reports a position is a mount
+            warn(waiting_message(gateway))
+    return gateway.controller.context.found.is_set()  # a device that reports a position is a mount
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
     """Wait for the mount. Raises UserError that says what was found instead."""
     if await _found(gateway, warn):
         return
-    line, words = gateway.controller.line, not_found(gateway)
+    line, words = gateway.controller.line, not_found_message(gateway)
     if line.reason.startswith(CANNOT_OPEN):
-        raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway, line.reason)}")
+        raise UserError(f"{gateway.title}: {line.reason}; {_port_advice(gateway, line.reason)}")
     await line.close()
     from gateway.diagnostics.detect import who_answers
 
@@ -91,10 +91,10 @@ async def _answers_at(where: str, baud: int) -> bool:
     return bool(await who_answers(where, baud) or await who_answers(where, baud))
 
 
-def _instead(gateway: Gateway, reason: str) -> str:
+def _port_advice(gateway: Gateway, reason: str) -> str:
     """Return what to do about a mount's port that cannot be opened."""
     if "in use" not in reason:
-        return where_else(gateway.mount.where)
+        return port_advice(gateway.mount.where)
     from gateway.diagnostics.detect.ports import holder
     from gateway.system.locks import read_pid
 
@@ -107,11 +107,11 @@ def _instead(gateway: Gateway, reason: str) -> str:
     return f"{holder(gateway.mount.where) or 'it'} has to be ended first"
 
 
-def waiting(gateway: Gateway) -> str:
+def waiting_message(gateway: Gateway) -> str:
     """Return the message that says what the gateway waits for, and how long it may take."""
     spec = PROTOCOLS[gateway.mount.protocol]
-    takes = spec.takes[gateway.mount.model is None]
-    if gateway.controller.context.met.is_set():
+    takes = spec.first_answer_seconds[gateway.mount.model is None]
+    if gateway.controller.context.found.is_set():
         return (
             f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "
             "model"
@@ -119,7 +119,7 @@ def waiting(gateway: Gateway) -> str:
     return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest} may take {takes} s"
 
 
-def not_found(gateway: Gateway) -> str:
+def not_found_message(gateway: Gateway) -> str:
     """Return why no mount was found, and what to do; suspect the cable only if no byte was received."""
     transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
@@ -136,7 +136,7 @@ def not_found(gateway: Gateway) -> str:
     )
 
 
-def where_else(where: str) -> str:
+def port_advice(where: str) -> str:
     """Return what to check if a mount's port or address cannot be opened."""
     if where.startswith(("socket://", "rfc2217://")):
         return "is it switched on, in the same network, and is the number of its port right?"

@@ -50,7 +50,7 @@ class Screen:
 
     def show(self, text: str) -> None:
         """Rewrite the status line, unless another program is in the terminal's foreground."""
-        if self.terminal is not None and _in_front(self.terminal):
+        if self.terminal is not None and _in_foreground(self.terminal):
             from gateway.diagnostics.log.layout import painted
 
             rest = min(self._shown, self.columns) - len(text)
@@ -79,7 +79,7 @@ class Screen:
         """Print a warning on stderr; ignore errors, because a closed terminal must not keep a mount moving."""
         self.clear()
         if self._as_json:
-            streams.tell(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
+            streams.print_to_stderr(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
         else:
             streams.warn(text, streams.WARNING)
 
@@ -91,14 +91,14 @@ def find_terminal() -> TextIO | None:
     return next((stream for stream in (sys.stderr, sys.stdout) if stream.isatty()), None)
 
 
-def _in_front(terminal: TextIO) -> bool:
+def _in_foreground(terminal: TextIO) -> bool:
     """Whether this program is in the terminal's foreground, not started with ``&``."""
     with contextlib.suppress(OSError, ValueError, AttributeError):  # not our terminal; Windows has no such thing
         return os.tcgetpgrp(terminal.fileno()) == os.getpgrp()
     return True
 
 
-class Onlooker:
+class StatusLines:
     """Makes the status line of gateways, with their rates of exchanges."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
@@ -107,7 +107,7 @@ class Onlooker:
     def line(self, columns: int | None = None) -> str:
         """Return the status of all gateways on one line."""
         try:
-            return status([look(gateway, rate) for gateway, rate in self._gateways], columns)
+            return status([status_line(gateway, rate) for gateway, rate in self._gateways], columns)
         except ValueError as error:  # a mount may report any value, and systemd's watchdog must be fed
             return str(error)[:columns]
 
@@ -117,42 +117,42 @@ class Onlooker:
         return all(gateway.controller.line.served for gateway, _ in self._gateways)
 
 
-def look(gateway: Gateway, rate: Rate) -> StatusLine:
+def status_line(gateway: Gateway, rate: Rate) -> StatusLine:
     """Return what is known of a mount, without asking it."""
     from gateway.app.control import gather
 
     here = len(gateway.programs())
-    return gather.look(gateway.controller, gateway.config.name or "", str(gateway.mount), here, rate)
+    return gather.status_line(gateway.controller, gateway.config.name or "", str(gateway.mount), here, rate)
 
 
-def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:
+def start_status_updates(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:
     """Begin to update the terminal and systemd, if there are any; the caller must cancel the tasks at the end."""
     work: list[Coroutine[object, object, None]] = []
     if screen.terminal is not None:
-        work.append(_show(Onlooker(gateways), screen))
+        work.append(_show(StatusLines(gateways), screen))
     if wanted():
-        work.append(_report(Onlooker(gateways), screen))
+        work.append(_report(StatusLines(gateways), screen))
     return [asyncio.ensure_future(one) for one in work]
 
 
-async def _show(onlooker: Onlooker, screen: Screen) -> None:
+async def _show(status_lines: StatusLines, screen: Screen) -> None:
     while True:
         await asyncio.sleep(EVERY)
-        screen.show(onlooker.line(screen.columns))
+        screen.show(status_lines.line(screen.columns))
 
 
-async def _report(onlooker: Onlooker, screen: Screen) -> None:
+async def _report(status_lines: StatusLines, screen: Screen) -> None:
     """Feed systemd's watchdog as long as this event loop and the I/O task of every line run, and report the status."""
     patience = watchdog()
     said, served = "", True
     while True:
         states = []
-        if patience is not None and onlooker.served:
+        if patience is not None and status_lines.served:
             states.append("WATCHDOG=1")
-        if served and not onlooker.served:
+        if served and not status_lines.served:
             served = False
             screen.warn("internal error: the mount I/O task has ended; restart the gateway and please report it")
-        if (line := onlooker.line()) != said:
+        if (line := status_lines.line()) != said:
             said = line
             states.append(f"STATUS={line}")
         if states:

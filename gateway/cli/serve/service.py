@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 from gateway.system import streams
-from gateway.system.own_commands import in_one_file, own_words
+from gateway.system.own_commands import gateway_argv, is_single_file
 
 if TYPE_CHECKING:
     from gateway.app.config import Config
@@ -181,14 +181,14 @@ def word(text: str, variables: bool = True) -> str:
 
 def program() -> list[str]:
     """Return the words that start this program from any folder."""
-    if in_one_file():
-        return own_words()
+    if is_single_file():
+        return gateway_argv()
     given, beside = sys.argv[0], str(Path(sys.executable).with_name("mount-gateway"))
     for name in (given, beside):
         found = shutil.which(name) if os.path.basename(name) == "mount-gateway" else None
         if found is not None:
             return [os.path.abspath(found)]  # not resolved: a link into a virtual environment says which one it is
-    return own_words()
+    return gateway_argv()
 
 
 def _user() -> str:

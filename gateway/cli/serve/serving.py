@@ -17,15 +17,22 @@ from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
-from gateway.cli.serve.elsewhere import announced, answered_there, let_in, open_broker, open_console, to_be_found
+from gateway.cli.serve.console_and_broker import (
+    broker_access,
+    console_offers,
+    http_offers,
+    http_surfaces,
+    open_broker,
+    open_console,
+)
 from gateway.cli.serve.finding import serve
-from gateway.cli.serve.live import Screen, find_terminal, look_on
+from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import before_suspension, unless, until_signal
 from gateway.core.errors import Fault
 from gateway.core.wire_log import SKY_READY, Sink
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
-from gateway.system.file_limits import make_room
+from gateway.system.file_limits import raise_limit
 from gateway.system.systemd import notify
 
 if TYPE_CHECKING:
@@ -72,7 +79,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     from gateway.clients.any_protocol.web import Web
     from gateway.core.wire_log import WireLog
 
-    access = let_in(config)
+    access = broker_access(config)
     done, sky = until_signal(), Sky()
     # no status line together with the output of --log, which would be disturbed by it
     terminal = find_terminal() if config.status and not config.log else None
@@ -81,7 +88,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []
     recorders: list[Recorder] = []
-    onlookers: list[asyncio.Task[None]] = []
+    status_tasks: list[asyncio.Task[None]] = []
     console = broker = None
     web = Web(asyncio.get_running_loop().call_later) if config.page is not None else Web()
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
@@ -92,7 +99,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     def offers() -> list[Offer]:
         return [offer for offer in surfaces() if offer.wide]
 
-    if words := make_room(_programs(config), len(config.mount) + len(config.surface)):
+    if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
         screen.warn(words)
     for mount in config.mount:
         wire_log = WireLog(time.time)
@@ -108,14 +115,14 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         gateways[-1].open_store()
         if mount.record:
             recorders.append(record_whole(Path(mount.record), gateways[-1]))
-    before_suspension(lambda: _stand_still(gateways, screen))
+    before_suspension(lambda: _stop_before_suspension(gateways, screen))
     try:
         for gateway in gateways:
             await gateway.open()
         await announcement.answer(offers())
         if banner:
             screen.say(banner)
-        onlookers = look_on(gateways, screen)
+        status_tasks = start_status_updates(gateways, screen)
         broker = open_broker(config, access, gateways, screen)
         patient = config.wait or len(gateways) > 1
 
@@ -126,15 +133,15 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
                 gateway.wire_log.note("mount", SKY_READY)
 
         # only once, when the first mount is found or is not waited for
-        start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))
+        start_sky = cache(lambda: sky.start(_from_thread(sky_ready)))
         to_be_ready = list(gateways)
 
         def ready(gateway: Gateway) -> None:
             for name in gateway.names():
                 screen.say(f"ready {name}")
-            for line in _from_elsewhere(gateway.names()):
+            for line in _phone_lines(gateway.names()):
                 screen.say(line)
-            onlookers.append(asyncio.ensure_future(_introduce(gateway, screen, len(gateways) > 1)))
+            status_tasks.append(asyncio.ensure_future(_print_first_messages(gateway, screen, len(gateways) > 1)))
             to_be_ready.remove(gateway)
             if not to_be_ready:
                 notify("READY=1")
@@ -150,14 +157,14 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
                 web.open(console.serve)
             else:
                 web.close()
-        pages = announced(console) if config.discovery else []
+        pages = console_offers(console) if config.discovery else []
         if config.discovery:
-            await announcement.let_find([*surfaces(), *to_be_found(console)])
+            await announcement.let_find([*surfaces(), *http_offers(console)])
         announcement.publish([*offers(), *pages])  # only now, when the presented model is known
         await done.wait()
     finally:
         notify("STOPPING=1")
-        for task in onlookers:
+        for task in status_tasks:
             task.cancel()
         screen.clear()
         web.close()
@@ -169,7 +176,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             await broker.close()
         if done.is_set():
             for gateway, busy in zip(gateways, moved, strict=True):
-                _part(gateway, busy, screen, len(gateways) > 1)
+                _print_last_message(gateway, busy, screen, len(gateways) > 1)
         if watchdog is not None:
             watchdog.close()
         for recorder in recorders:
@@ -177,34 +184,34 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     return 0
 
 
-def _from_elsewhere(names: Sequence[str]) -> list[str]:
+def _phone_lines(names: Sequence[str]) -> list[str]:
     """Return lines with the addresses of surfaces for phones and other computers; none for local surfaces."""
     from gateway.app.discovery.offer import in_words, offered, to_type
 
     return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
 
 
-async def _introduce(gateway: Gateway, screen: Screen, several: bool) -> None:
+async def _print_first_messages(gateway: Gateway, screen: Screen, several: bool) -> None:
     """Print the first messages, once the mount has reported its identity, site and clock."""
-    from gateway.app.control.first_words import first_words
+    from gateway.app.control.user_messages import first_messages
 
     await gateway.controller.settled.wait()
-    for said in first_words(gateway.controller, gateway.mount.model, gateway.mount.version):
-        (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
+    for message in first_messages(gateway.controller, gateway.mount.model, gateway.mount.version):
+        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several + message.text)
 
 
-def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
+def _print_last_message(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
     """Print the last message: what was done at the end, and how the mount was left."""
-    from gateway.app.control.first_words import last_words
+    from gateway.app.control.user_messages import last_message
 
-    said = last_words(gateway.controller, moved) if gateway.prepared else None
-    if said is not None:
-        (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
+    message = last_message(gateway.controller, moved) if gateway.prepared else None
+    if message is not None:
+        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several + message.text)
 
 
 def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     """Return the surfaces of a mount, in the order in which they are numbered."""
-    return [*config.of(mount), *answered_there(config, mount)]
+    return [*config.of(mount), *http_surfaces(config, mount)]
 
 
 def _log(config: Config, mount: MountConfig) -> Sink:
@@ -218,7 +225,7 @@ def _log(config: Config, mount: MountConfig) -> Sink:
     return printer(rows, sys.stderr, config.night)
 
 
-async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
+async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -> None:
     """Stop all moving mounts before this process is suspended, and print what was done."""
     moving = [gateway for gateway in gateways if gateway.busy]
     try:
@@ -233,12 +240,12 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway continues (fg, or bg)")
 
 
-def _programs(config: Config) -> int:
+def _max_programs(config: Config) -> int:
     """Return how many programs may be connected at a time."""
     return sum(surface.max_clients if "://" in parse_endpoint(surface.at).where else 1 for surface in config.surface)
 
 
-def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
+def _from_thread(work: Callable[[], object]) -> Callable[[], None]:
     """Return a function that another thread calls to run ``work`` on this event loop, unless it is closed."""
     loop = asyncio.get_running_loop()
     todo = (lambda: loop.enter(work)) if isinstance(loop, TurnLoop) else work

@@ -40,12 +40,12 @@ GROUPS = {
 MOUNT = "about the mount"
 SURFACE = "about the surface, where there is one (where there are several: in the file)"
 #: Keys that only apply to surfaces on a network.
-OF_NETWORK = ("allow", "max-clients")
+NETWORK_KEYS = ("allow", "max-clients")
 #: The value that means true for a flag that may be true or a list.
 ALL = "all"
 #: Tables with flags of their own: the title of the group, and the key of each flag. Their other keys can only be set in
 #: the file.
-SHOWN = {
+TABLE_FLAGS = {
     "console": ("the console, a page in the browser", {"console": "at"}),
     "mqtt": (
         "an MQTT broker on which the mounts are shown, and from which they are stopped",
@@ -53,10 +53,10 @@ SHOWN = {
     ),
 }
 #: The file that is read if none is named.
-HERE = Path("gateway.toml")
+DEFAULT_FILE = Path("gateway.toml")
 
 
-def of_surface() -> list[Key]:
+def surface_keys() -> list[Key]:
     """Return the keys of a surface that have flags: those whose names no other table uses for flags."""
     others = {key.name for key in (*keys("mount"), *keys(""))} | {"mount"}
     return [key for key in keys("surface") if key.name not in others]
@@ -93,15 +93,15 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     for key in (*keys("mount"), *keys("")):
         group = groups[next((title for title, names in GROUPS.items() if key.name in names), MOUNT)]
         add_flag(group, key)
-    for key in of_surface():
+    for key in surface_keys():
         add_flag(groups[SURFACE], key)
-    for table in SHOWN:
-        add_shown(parser, table)
+    for table in TABLE_FLAGS:
+        add_table_flags(parser, table)
 
 
-def add_shown(parser: argparse.ArgumentParser, table: str) -> None:
-    """Add the flags of a table of ``SHOWN``."""
-    about, flags = SHOWN[table]
+def add_table_flags(parser: argparse.ArgumentParser, table: str) -> None:
+    """Add the flags of a table of ``TABLE_FLAGS``."""
+    about, flags = TABLE_FLAGS[table]
     group, known = parser.add_argument_group(about), {key.name: key for key in keys(table)}
     for flag, name in flags.items():
         group.add_argument(f"--{flag}", metavar=known[name].shown, help=known[name].help)
@@ -109,9 +109,9 @@ def add_shown(parser: argparse.ArgumentParser, table: str) -> None:
         group.add_argument("--no-console", dest="console", action="store_const", const=OFF, help="no console")
 
 
-def put_shown(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
-    """Put the values of the flags of a table of ``SHOWN`` into the tables."""
-    for flag, name in SHOWN[table][1].items():
+def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
+    """Put the values of the flags of a table of ``TABLE_FLAGS`` into the tables."""
+    for flag, name in TABLE_FLAGS[table][1].items():
         value, there = getattr(arguments, flag.replace("-", "_")), tables.get(table, {})
         if value is not None and isinstance(there, dict):
             tables[table] = {**there, name: value}
@@ -133,7 +133,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
 
 
 @contextlib.contextmanager
-def of_flag(flag: str) -> Iterator[None]:
+def naming_flag(flag: str) -> Iterator[None]:
     """Put the name of a flag before the message of a UserError about its value."""
     try:
         yield
@@ -169,13 +169,13 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
         tables, source = read_tables(path)
     _put_flags(arguments, tables, source)
     config = make_config(tables, source)
-    if path is HERE:
-        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", streams.INFO)
+    if path is DEFAULT_FILE:
+        streams.warn(f"using {DEFAULT_FILE} from this folder; --config FILE reads another one", streams.INFO)
     return config, source
 
 
 def _file(arguments: argparse.Namespace) -> Path | None:
-    """Return the file to read: the named one, else ``HERE`` if it exists and no mount is named. Raises UserError."""
+    """Return the file to read: the named one, or ``DEFAULT_FILE`` if no mount is named. Raises UserError."""
     given: Path | None = arguments.config
     alone: Path | None = arguments.file
     if alone is not None:
@@ -184,7 +184,7 @@ def _file(arguments: argparse.Namespace) -> Path | None:
         if "@" in str(alone) and not alone.exists():
             raise UserError(f"{alone}: write --mount before the mount, and --surface before where programs connect")
         given = alone
-    return given or (HERE if not arguments.mount and HERE.is_file() else None)
+    return given or (DEFAULT_FILE if not arguments.mount and DEFAULT_FILE.is_file() else None)
 
 
 def _given(arguments: argparse.Namespace, known: Iterable[Key]) -> dict[str, Any]:
@@ -212,8 +212,8 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
         tables["surface"] = [{"at": surface} for surface in arguments.surface]
         source.flags |= {("surface", number): "--surface" for number in range(len(arguments.surface))}
     _put_surface_flags(arguments, tables, source)
-    for table in SHOWN:
-        put_shown(arguments, table, tables, source)
+    for table in TABLE_FLAGS:
+        put_table_flags(arguments, table, tables, source)
     for key in keys(""):
         value = getattr(arguments, key.name)
         if value is not None:
@@ -223,7 +223,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
 
 def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     """Put the flags of a surface into the only table they can be meant for. Raises UserError if there are several."""
-    given = _given(arguments, of_surface())
+    given = _given(arguments, surface_keys())
     surfaces = tables.get("surface", [])
     if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):
         return  # ``make_config`` reports it
@@ -231,7 +231,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
         meant = [
             number
             for number, surface in enumerate(surfaces)
-            if len(surfaces) == 1 or name not in OF_NETWORK or _on_network(surface)
+            if len(surfaces) == 1 or name not in NETWORK_KEYS or _on_network(surface)
         ]
         if len(meant) > 1:
             raise UserError(
@@ -254,7 +254,7 @@ def _on_network(surface: dict[str, object]) -> bool:
 def _value(key: Key, text: Any) -> Any:
     """Convert a flag's text to the value that the file would have. Raises UserError."""
     if key.name == "site":
-        with of_flag("--site"):
+        with naming_flag("--site"):
             return list(parse_site(text))
     if text == ALL and isinstance(key.default, bool):
         return True

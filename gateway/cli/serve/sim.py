@@ -9,10 +9,10 @@ from math import inf
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.config import parse_device, parse_site
-from gateway.app.config.endpoints import right
+from gateway.app.config.endpoints import suggest_address
 from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import with_loop
-from gateway.cli.serve.settings import of_flag
+from gateway.cli.serve.settings import naming_flag
 from gateway.cli.serve.signals import unless, until_signal
 from gateway.core.errors import UserError, about_file
 from gateway.protocols.registry import PROTOCOLS
@@ -98,7 +98,7 @@ def models() -> str:
     ]
     for spec in PROTOCOLS.values():
         for name, row in spec.commands.models.items():
-            lines.append(f"  {spec.name}:{name:<16} {' '.join(spec.made_with(row))}".rstrip())
+            lines.append(f"  {spec.name}:{name:<16} {' '.join(spec.versions_of(row))}".rstrip())
     return "\n".join(lines)
 
 
@@ -110,14 +110,14 @@ def _sim(arguments: argparse.Namespace) -> int:
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
     places = arguments.at or ["tcp://127.0.0.1:0"]
     for place in places:
-        if meant := right(place, True):
+        if meant := suggest_address(place, True):
             raise UserError(f"sim: --at {place}: write --at {meant}")
     if arguments.baud is not None and arguments.baud <= 0:
         raise UserError("sim: --baud is a rate like 9600")
     settings = _switches(arguments, endpoint.protocol)
-    with of_flag("--time"):
+    with naming_flag("--time"):
         start = parse_time(arguments.time) if arguments.time else None
-    with of_flag("--site"):
+    with naming_flag("--site"):
         site = parse_site(arguments.site)
     simulator = make_simulator(
         endpoint,

@@ -1,1 +1,1 @@
-"""A port for every protocol: each connection is told by its first bytes."""
+"""A port for every protocol: the first bytes of a connection decide which one its client speaks."""

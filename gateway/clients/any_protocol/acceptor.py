@@ -84,17 +84,19 @@ class AnyConnection:
         """Answer a silent client in the protocol whose clients wait for a greeting."""
         protocol = protocol_that_waits()
         if protocol is not None:
-            self._answer_in(protocol, f"because the program has said nothing for {GREET_AFTER:g} s")
+            self._answer_in(protocol, f"because the program has sent nothing for {GREET_AFTER:g} s")
 
     def _recognise(self, data: bytes) -> None:
         self._silence.cancel()
         now = self._controller.now()
         if now - self._last_received >= INCOMPLETE_FOR and (half := self.sent.lstrip(IDLE)):
-            self._controller.wire_log.put(self._name, "x", half, "half a command, whose rest did not come in a second")
+            self._controller.wire_log.put(
+                self._name, "x", half, "an incomplete command that was not continued within a second"
+            )
             self.sent = b""
         self._last_received = now
         self.sent += data
-        waits = self._handler is not None and PROTOCOLS[self._protocol].waits
+        waits = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
         while rest := self.sent.lstrip(IDLE):
             verdict = decide(rest)
             if verdict is None:
@@ -125,7 +127,7 @@ class AnyConnection:
         self._protocol = protocol
         self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
         self._handler = self._acceptors[protocol].create_silently(
-            self._name, self._host, self._write, said=self._answered_bytes
+            self._name, self._host, self._write, first_bytes=self._answered_bytes
         )
         if self._hang_up is not None:
             self._handler.network(self._hang_up)
@@ -147,7 +149,7 @@ class AnyConnection:
     def _pass_to_web(self, sent: bytes) -> None:
         self._close_handler()
         self.sent, self.feed, self._waits_for_web = sent, self._wait_for_web, True
-        words = "speaks HTTP: for the console, the mount hears nothing of it"
+        words = "speaks HTTP: passed to the console, nothing of it reaches the mount"
         self._controller.wire_log.note_once(self._name, words, of=self._host)
         self._web.enter(self)
 

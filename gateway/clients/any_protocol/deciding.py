@@ -2,8 +2,7 @@
 
 The decision follows from the protocols' specifications and command tables: a whole command of a protocol has arrived,
 or the bytes can only become a command of one protocol. HTTP is recognised by its methods; bytes that may become a
-method are not decided yet. Bytes of no protocol, or of more than one, count as the first protocol's, and the log says
-why.
+method are not decided yet. Bytes of no protocol, or of several, count as the first protocol's, which the log explains.
 """
 
 from __future__ import annotations
@@ -40,12 +39,12 @@ def decide(sent: bytes) -> Verdict | None:
     begun = begun or [name for name in spoken if load(name).may_begin(sent[:1])]
     if len(begun) > 1:
         return None
-    return Verdict(begun[0]) if begun else Verdict(spoken[0], "because no protocol's commands begin so")
+    return Verdict(begun[0]) if begun else Verdict(spoken[0], "because no protocol has a command that begins like this")
 
 
 def shared_prefix(protocol: str, sent: bytes) -> int:
     """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
-    pattern = PROTOCOLS[protocol].also_others
+    pattern = PROTOCOLS[protocol].shared_openings
     found = pattern.match(sent) if pattern is not None else None
     return found.end() if found is not None else 0
 
@@ -53,16 +52,16 @@ def shared_prefix(protocol: str, sent: bytes) -> int:
 def may_change(protocol: str, sent: bytes) -> bool:
     """Whether a client that was taken for this protocol by these bytes may still turn out to speak another one."""
     rest = sent.lstrip(IDLE)
-    return PROTOCOLS[protocol].waits or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
+    return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 
 
 def protocol_that_waits() -> str | None:
     """Return the protocol whose clients wait for a greeting."""
-    return next((name for name in streams() if PROTOCOLS[name].waits), None)
+    return next((name for name in streams() if PROTOCOLS[name].mount_speaks_first), None)
 
 
 def _ambiguous(protocols: list[str]) -> str:
-    return f"which {' and '.join(PROTOCOLS[name].title for name in protocols)} programs may begin so"
+    return f"because {' and '.join(PROTOCOLS[name].title for name in protocols)} programs may begin like this"
 
 
 @cache

@@ -24,7 +24,7 @@ NONE = (
 )
 LATE = (
     "503 Service Unavailable",
-    "mount-gateway is still starting, or waits for its mount; the console opens then. Load this page again.\n",
+    "mount-gateway is starting or waiting for its mount. Load this page again in a moment.\n",
 )
 
 

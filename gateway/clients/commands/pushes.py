@@ -1,8 +1,7 @@
 """Runs the subscriptions of one connection: readings are sent to the client without a request.
 
 Each subscription has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot
-give now is skipped. A client that does not read gets nothing more while sent bytes are pending; when it reads again, it
-gets the newest reading.
+give now is skipped, and so is one that falls due while earlier bytes are unread: then the newest follows.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ class Inbox(deque[Turn]):
         """Remove the commands that would begin what ``by`` ends."""
         for turn in [turn for turn in self if turn.frame in frames]:
             self.remove(turn)
-            self._log.put("x", turn.frame, f"taken back by {by!r}, which came before its turn")
+            self._log.put("x", turn.frame, f"cancelled by {by!r}, which arrived before its turn")
 
 
 Kinds = list[type[Operation]]

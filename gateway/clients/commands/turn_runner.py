@@ -22,7 +22,7 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
-from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
+from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, ReuseLastReading
 
 #: Operations of one connection that may run without a reply; beyond that only those that end a motion are started.
 MAX_BACKGROUND = 16
@@ -79,13 +79,13 @@ class TurnRunner:
             answer, fault, turn.lasting = None, None, isinstance(wanted, LASTING)
             if isinstance(wanted, FireAndForget):
                 self._start(turn, wanted.operation)
-            elif isinstance(wanted, Possible):
+            elif isinstance(wanted, CheckPossible):
                 turn.reusable = False
                 fault = self._refused(wanted.operation, turn.arrived) or self._impossible(wanted.operation)
             elif isinstance(wanted, Defer):
                 turn.reusable = False
                 self._defer(wanted)
-            elif isinstance(wanted, Speed):
+            elif isinstance(wanted, ChangeBaudRate):
                 turn.reusable, turn.baud = False, wanted.baud
             else:
                 if isinstance(wanted, ReuseLastReading):
@@ -157,10 +157,10 @@ class TurnRunner:
 
     def _recent_reading(self, operation: Operation, turn: Turn) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
-        told = self.cache.recent_reading(operation, self._controller.now())
-        if told is None:
+        sent = self.cache.recent_reading(operation, self._controller.now())
+        if sent is None:
             return None
-        value, version = told
+        value, version = sent
         if version == self._controller.version:
             turn.readings.append(type(operation))
         else:

@@ -31,7 +31,7 @@ BODIES_FRESH, BODIES_MISSING, PROGRAMS_FRESH = 10.0, 1.0, 1.0
 AT_ONCE, TURN = 10, 0.001
 
 
-class Pulse:
+class AnswerTimes:
     """Collects answer times and faults from the mount's side of a wire log."""
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class Pulse:
         return round(self._rate.per_second(now, answers), 1)
 
 
-class Programs:
+class ConnectedPrograms:
     """Collects the last commands and their rates from the clients' side of a wire log."""
 
     def __init__(self, gateway: Gateway) -> None:
@@ -87,7 +87,7 @@ class Programs:
             self._last[side] = entry.data
             self._counts[side] = self._counts.get(side, 0) + 1
 
-    def told(self, now: float) -> Iterator[dict[str, Any]]:
+    def connections(self, now: float) -> Iterator[dict[str, Any]]:
         """Yield every connection: name, surface, profile, last command, commands a second, whether it is read-only."""
         acceptors = zip(self._gateway.names(), self._gateway.acceptors, strict=False)
         here = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
@@ -107,32 +107,32 @@ def _spoken(surface: str, protocol: str) -> str:
     return f"{protocol}{at}{where}" if what == ANY else surface
 
 
-async def turn() -> None:
+async def let_others_run() -> None:
     """Let other tasks run. The pause covers several iterations of the event loop, because a stop needs several to reach
     the mount's line and must not wait for more than one step of this work."""
     await asyncio.sleep(TURN)
 
 
 class ShownMount:
-    """The state of one mount. It collects data between ``look`` and ``look_away``, while pages are open."""
+    """The state of one mount. It collects data between ``start`` and ``stop``, while pages are open."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self.gateway, self._index = gateway, index
-        self.pulse, self.talk, self._programs = Pulse(), Talk(gateway, index), Programs(gateway)
-        self._told: list[dict[str, Any]] = []
+        self.answer_times, self.talk, self._programs = AnswerTimes(), Talk(gateway, index), ConnectedPrograms(gateway)
+        self._program_list: list[dict[str, Any]] = []
         self._bodies: list[dict[str, Any]] = []
-        self._told_at = self._bodies_at = -1e9
-        self._bodies_by: Any = None
+        self._programs_at = self._bodies_at = -1e9
+        self._bodies_basis: Any = None
         self._loop = asyncio.get_running_loop()
 
-    def look(self) -> None:
+    def start(self) -> None:
         """Begin to collect data from the wire log."""
-        self.gateway.wire_log.sinks += [self.pulse.put, self._programs.put]
-        self._told_at = -1e9
+        self.gateway.wire_log.sinks += [self.answer_times.put, self._programs.put]
+        self._programs_at = -1e9
 
-    def look_away(self) -> None:
+    def stop(self) -> None:
         """Stop collecting data."""
-        for sink in (self.pulse.put, self._programs.put):
+        for sink in (self.answer_times.put, self._programs.put):
             self.gateway.wire_log.remove(sink)
 
     async def state(self) -> dict[str, Any]:
@@ -141,28 +141,28 @@ class ShownMount:
         state: dict[str, Any] = {}
         for part in view.parts(self.gateway, self._index):
             state |= part
-            await turn()
-        rate = self.pulse.rate(controller.now(), controller.line.answers)
-        state["line"] |= {"rate": rate, "faults": self.pulse.faults}
-        state["programs"] = await self._who_is_here()
-        state["bodies"] = await self._on_the_sky()
+            await let_others_run()
+        rate = self.answer_times.rate(controller.now(), controller.line.answers)
+        state["line"] |= {"rate": rate, "faults": self.answer_times.faults}
+        state["programs"] = await self._connected()
+        state["bodies"] = await self._sky_bodies()
         return state
 
-    async def _who_is_here(self) -> list[dict[str, Any]]:
+    async def _connected(self) -> list[dict[str, Any]]:
         """Return the clients; refresh the cached list when it is stale or the number of connections has changed."""
         now, many = self._loop.time(), sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
-        if now - self._told_at >= PROGRAMS_FRESH or many != len(self._told):
-            self._told_at = now
-            self._told = await _gathered(self._programs.told(now), AT_ONCE)
-        return self._told
+        if now - self._programs_at >= PROGRAMS_FRESH or many != len(self._program_list):
+            self._programs_at = now
+            self._program_list = await _gathered(self._programs.connections(now), AT_ONCE)
+        return self._program_list
 
-    async def _on_the_sky(self) -> list[dict[str, Any]]:
+    async def _sky_bodies(self) -> list[dict[str, Any]]:
         """Return the bodies; refresh the cached list when it is stale, the site changes or astropy gets ready."""
         controller = self.gateway.controller
         now, by = self._loop.time(), (controller.sources.site(), controller.astrometry.sky.ready)
         fresh = BODIES_FRESH if len(self._bodies) == len(view.BODIES) else BODIES_MISSING
-        if now - self._bodies_at >= fresh or by != self._bodies_by:
-            self._bodies_at, self._bodies_by = now, by
+        if now - self._bodies_at >= fresh or by != self._bodies_basis:
+            self._bodies_at, self._bodies_basis = now, by
             self._bodies = await _gathered(view.bodies(controller), 1)
         return self._bodies
 
@@ -173,5 +173,5 @@ async def _gathered(found: Iterable[dict[str, Any]], at_once: int) -> list[dict[
     for count, one in enumerate(found, 1):
         kept.append(one)
         if count % at_once == 0:
-            await turn()
+            await let_others_run()
     return kept

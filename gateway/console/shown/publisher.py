@@ -15,7 +15,7 @@ from typing import Any
 
 from gateway.app.gateway import Gateway
 from gateway.console.shown.frame import Content, Frame, changes
-from gateway.console.shown.mount import ShownMount, turn
+from gateway.console.shown.mount import ShownMount, let_others_run
 from gateway.console.shown.talk import MOST
 
 #: Seconds between two frames, and at least between the end of one and the beginning of the next.
@@ -47,7 +47,7 @@ class Publisher:
         self._pages.add(page)
         if self._task is None:
             for mount in self.mounts:
-                mount.look()
+                mount.start()
             self._task = self._loop.create_task(self._publish())
             self._task.add_done_callback(self._failed)
         return page
@@ -64,7 +64,7 @@ class Publisher:
         self._content = Content()
         self.frame = Frame(0, self._content, "")
         for mount in self.mounts:
-            mount.look_away()
+            mount.stop()
 
     def listen(self, by: int) -> None:
         """Count one page more (1) or less (-1) that shows the conversation."""
@@ -87,8 +87,8 @@ class Publisher:
             began = self._loop.time()
             self.frame = await self._next()
             for page in list(self._pages):
-                page.tell(self.frame)
-                await turn()
+                page.deliver(self.frame)
+                await let_others_run()
             await asyncio.sleep(max(began + EVERY - self._loop.time(), PAUSE))
 
     async def _next(self) -> Frame:
@@ -96,10 +96,10 @@ class Publisher:
         first = self.count
         if self._listening:
             await self._take_rows()
-        new = {str(index): mount.pulse.take() for index, mount in enumerate(self.mounts)}
-        kept = {str(index): list(mount.pulse.samples) for index, mount in enumerate(self.mounts)}
+        new = {str(index): mount.answer_times.take() for index, mount in enumerate(self.mounts)}
+        kept = {str(index): list(mount.answer_times.samples) for index, mount in enumerate(self.mounts)}
         self._content = after = Content(states, self._recordings(), kept)
-        await turn()
+        await let_others_run()
         changed = changes(before, after, new) if before.mounts else ""
         return Frame(self.frame.number + 1, after, changed, self.since(first), first)
 
@@ -113,7 +113,7 @@ class Publisher:
                 if self.count >= end:
                     return
                 if time.perf_counter() - began > PIECE:
-                    await turn()
+                    await let_others_run()
                     began = time.perf_counter()
 
     def _failed(self, task: asyncio.Task[None]) -> None:
@@ -146,7 +146,7 @@ class Subscription:
         self._waiting = self._loop.create_future()
         return await self._waiting
 
-    def tell(self, frame: Frame) -> None:
+    def deliver(self, frame: Frame) -> None:
         """Deliver a new frame to a waiting page."""
         if self._waiting is not None and not self._waiting.done():
             self._waiting.set_result(frame)

@@ -31,7 +31,7 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
     state = gather(controller, gateway.config.name or "", str(gateway.mount), ())
     look = state.look
     yield {}  # gathering is a step of its own
-    here = None if look.position is None else place(controller, look.position)
+    here = None if look.position is None else coordinates(controller, look.position)
     yield {"position": here and {**here, "age": round(look.age, 1)}}
     snapshot = controller.cache
     status: op.Status | None = snapshot.value(op.GetStatus)
@@ -47,11 +47,11 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "dead_man": controller.policy.silence, "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
     }  # fmt: skip
-    yield {**_sky(controller, look.position), **_where_and_when(controller), "limits": _limits(controller)}
+    yield {**_sky(controller, look.position), **_site_and_clock(controller), "limits": _limits(controller)}
     yield _goal(controller, here)
 
 
-def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
+def coordinates(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
     """Return a position of date, also as J2000 and as altitude and azimuth (None while the site is unknown)."""
     derived = controller.astrometry
     ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.site_clock.unix())
@@ -70,7 +70,7 @@ def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
     for name in BODIES:
         where = _body(controller, name)
         if where is not None:
-            told = place(controller, where)
+            told = coordinates(controller, where)
             yield {"name": name, **{key: told[key] for key in ("ra2000", "dec2000", "alt", "az")}}
 
 
@@ -103,14 +103,14 @@ def _goal(controller: MountController, here: Mapping[str, Any] | None) -> dict[s
         operation = motion.operation
         if isinstance(operation, op.Goto):
             seen = controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
-            goal = {**place(controller, seen), "words": on_the_sky(seen)}
+            goal = {**coordinates(controller, seen), "words": on_the_sky(seen)}
         elif isinstance(operation, op.GotoHorizontal):
             words = f"azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"
             goal = {"ra": None, "dec": None, "alt": operation.alt, "az": operation.az, "words": words}
-    return {"target": goal, "way": way(controller, here, goal) if goal else []}
+    return {"target": goal, "way": expected_path(controller, here, goal) if goal else []}
 
 
-def way(
+def expected_path(
     controller: MountController, here: Mapping[str, Any] | None, goal: Mapping[str, Any]
 ) -> list[tuple[float, float]]:
     """Return azimuth and altitude step by step. Both axes turn at once: in azimuth and altitude on an alt-az fork,
@@ -132,7 +132,7 @@ def way(
     return found
 
 
-def _where_and_when(controller: MountController) -> dict[str, Any]:
+def _site_and_clock(controller: MountController) -> dict[str, Any]:
     """Return the site and the clock in force, their sources, and contradictions between sources."""
     sources = controller.sources
     sites, time = sources.sites(), sources.best_time()

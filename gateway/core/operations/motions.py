@@ -31,9 +31,7 @@ class GotoHorizontal(Operation[None], frozen=True):
 
 
 class GotoAxes(Operation[None], frozen=True):
-    """Slew both motor axes to these readings, degrees; they are azimuth and altitude only on a fork. ``fastest`` is as
-    in ``Goto``.
-    """
+    """Slew both motor axes to these readings, degrees (azimuth, altitude only on a fork). ``fastest`` as in Goto."""
 
     az: float
     alt: float

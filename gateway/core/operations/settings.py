@@ -18,9 +18,7 @@ class SetSite(Operation[None], frozen=True):
 
 
 class SetClock(Operation[None], frozen=True):
-    """Set UTC (Unix seconds) and the offset local minus UTC in hours; ``dst`` hours of it are daylight saving, None if
-    unknown.
-    """
+    """Set UTC (Unix seconds) and the offset, local minus UTC in hours, of which ``dst`` hours are daylight saving."""
 
     unix: float
     offset: float

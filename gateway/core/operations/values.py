@@ -185,9 +185,7 @@ class Chosen(Struct, frozen=True):
 
 
 class Pulsed(Struct, frozen=True):
-    """A guide pulse was begun: seconds until it ends, whether the motor ``ends`` it by itself, milliseconds ``left``
-    to be sent as further pulses.
-    """
+    """A guide pulse began: seconds until its end, whether the motor ``ends`` it, milliseconds ``left`` to send."""
 
     seconds: float
     ends: bool

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.config.endpoints import Endpoint, parse_endpoint, right
+from gateway.app.config.endpoints import Endpoint, parse_endpoint, suggest_address
 from gateway.core.errors import UserError
 from gateway.protocols.registry import mounts
 
@@ -46,12 +46,12 @@ def named(text: str) -> SerialPortInfo:
     UserError."""
     what, at, where = text.partition("@")
     if at and "://" not in what and not what.startswith(("/", ".", "~")):
-        endpoint = parse_endpoint(f"{what}@{right(where, listening=False) or where}")
+        endpoint = parse_endpoint(f"{what}@{suggest_address(where, listening=False) or where}")
         if endpoint.protocol not in mounts():
             listed = " or ".join(f"{name}@{where}" for name in mounts())
             raise UserError(f"{text}: programs speak {endpoint.protocol}, and no mount does; write {where} or {listed}")
         return SerialPortInfo(endpoint.where, endpoint.where, named=endpoint)
-    port = right(text, listening=False) or text
+    port = suggest_address(text, listening=False) or text
     return SerialPortInfo(port, port)
 
 

@@ -187,7 +187,7 @@ def next_steps(findings: Sequence[Finding]) -> list[str]:
     if silent:
         specs = [spec for spec in reversed(PROTOCOLS.values()) if spec.make_driver is not None]
         cables = "; ".join(f"{spec.makers[0].title()}: {spec.cable}" for spec in specs if spec.makers and spec.cable)
-        deaf = [spec.deaf for spec in specs if spec.deaf]
+        deaf = [spec.detect_warning for spec in specs if spec.detect_warning]
         steps += [step.format(port=silent[0]) for step in (SWITCHED_OFF, cables, *SILENT, *deaf)]
     steps += [
         OF_OTHERS[finding.state].format(port=finding.place.url)

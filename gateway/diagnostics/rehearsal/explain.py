@@ -105,13 +105,13 @@ def traits(face: Endpoint, command: Command) -> frozenset[str]:
 def before(face: Endpoint, row: SurfaceRow) -> Before:
     """Return what a program sends before this command, and just before it."""
     spec = PROTOCOLS[face.protocol]
-    after = (*spec.hello, *spec.target, *row.after)
+    after = (*spec.required_requests, *spec.target, *row.after)
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
 def greeted(face: Endpoint) -> Before:
     """Return what a program must send before it gets any reply."""
-    return Before(tuple(map(unescape, PROTOCOLS[face.protocol].hello)))
+    return Before(tuple(map(unescape, PROTOCOLS[face.protocol].required_requests)))
 
 
 def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, str]:

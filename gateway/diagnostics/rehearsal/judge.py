@@ -153,5 +153,5 @@ def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> boo
     forms = [form for answer, form in command.replies if answer.fault]
     if not reply:
         return False
-    told = any(form.matcher.fullmatch(reply) for form in forms) or surface.denies(reply)
+    told = any(form.matcher.fullmatch(reply) for form in forms) or surface.is_refusal(reply)
     return told or reply == _no_form(surface, frame)

@@ -22,13 +22,13 @@ from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import (
+    ChangeBaudRate,
+    CheckPossible,
     Defer,
     FireAndForget,
     Handling,
-    Possible,
     ReuseLastReading,
-    Speed,
-    Want,
+    SurfaceStep,
     relayed,
 )
 from gateway.protocols.registry import PROTOCOLS
@@ -196,11 +196,11 @@ class Player:
             self._before = self._kept()
         return relayed(steps, self._ask)
 
-    def _ask(self, wanted: Want) -> bool:
+    def _ask(self, wanted: SurfaceStep) -> bool:
         """Note a request; return False, as it is carried out as well."""
-        if isinstance(wanted, Speed):
+        if isinstance(wanted, ChangeBaudRate):
             self._events.append(Event("baud", str(wanted.baud)))
-        elif not isinstance(wanted, Defer | Possible):
+        elif not isinstance(wanted, Defer | CheckPossible):
             operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
             self._events.append(Event("means", meaning(operation)))
         return False

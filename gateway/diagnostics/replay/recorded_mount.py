@@ -128,17 +128,17 @@ class RecordedQueue(RequestQueue):
         self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
     ) -> Request | None:
         if answered:
-            await self._what_follows()
+            await self._let_clients_follow_up()
         if self._recorded.granted > self._recorded.written and self._recorded.script:
-            for request in self.in_turn():  # of two candidates, the one whose bytes were recorded goes first
-                if not request.future.done() and self._bytes(request.ask) == self._recorded.script[0]:
+            for request in self.by_turn():  # of two candidates, the one whose bytes were recorded goes first
+                if not request.future.done() and self._bytes(request.command) == self._recorded.script[0]:
                     self.take(request)
                     return request
-        await self.news()
+        await self.wait_for_change()
         return None
 
-    def _bytes(self, ask: Send) -> bytes:
+    def _bytes(self, command: Send) -> bytes:
         try:
-            return self._reply_rules.encode(ask)
+            return self._reply_rules.encode(command)
         except Fault:
             return b""

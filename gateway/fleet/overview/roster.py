@@ -11,14 +11,14 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from gateway.fleet.topics import ONLINE, Heard, Topics
+from gateway.fleet.topics import ONLINE, Received, Topics
 
 #: Gateway and mount.
 _Name = tuple[str, str]
 #: The maximum number of mounts; the maximum length of a text that is shown.
 MOST, LONGEST = 5000, 200
 #: Kinds of events that report the result of an order.
-ENDS = ("done", "failed", "refused")
+RESULTS = ("done", "failed", "refused")
 
 
 class State(Struct, frozen=True):
@@ -52,7 +52,7 @@ class Roster:
         self._topics, self._clock = Topics(prefix, "+"), clock
         self._available: dict[str, bool] = {}
         self._states: dict[_Name, tuple[State, float]] = {}
-        self._ends: dict[_Name, tuple[Event, float]] = {}
+        self._results: dict[_Name, tuple[Event, float]] = {}
 
     @property
     def subscriptions(self) -> list[str]:
@@ -60,35 +60,35 @@ class Roster:
         topics = self._topics
         return [topics.availability, topics.of("+", "state"), topics.of("+", "event")]
 
-    def hear(self, heard: Heard) -> None:
+    def receive(self, received: Received) -> None:
         """Take a message of the broker."""
-        match self._topics.parts(heard.topic):
+        match self._topics.parts(received.topic):
             case [gateway, "availability"] if gateway in self._available or len(self._available) < MOST:
-                self._available[gateway] = heard.payload == ONLINE
+                self._available[gateway] = received.payload == ONLINE
             case [gateway, mount, "state"]:
-                self._put(self._states, (gateway, mount), heard, State)
-            case [gateway, mount, "event"] if not heard.retained:
-                self._put(self._ends, (gateway, mount), heard, Event)
+                self._put(self._states, (gateway, mount), received, State)
+            case [gateway, mount, "event"] if not received.retained:
+                self._put(self._results, (gateway, mount), received, Event)
 
-    def _put(self, known: dict[_Name, tuple[Any, float]], of: _Name, heard: Heard, kind: Any) -> None:
-        if not heard.payload:
+    def _put(self, known: dict[_Name, tuple[Any, float]], of: _Name, received: Received, kind: Any) -> None:
+        if not received.payload:
             known.pop(of, None)  # an empty payload deletes a retained message
             return
         try:
-            value = msgspec.json.decode(heard.payload, type=kind)
+            value = msgspec.json.decode(received.payload, type=kind)
         except (ValueError, RecursionError):
             return
-        if isinstance(value, Event) and (value.kind not in ENDS or value.who != "mqtt"):
+        if isinstance(value, Event) and (value.kind not in RESULTS or value.who != "mqtt"):
             return
         if of in known or len(known) < MOST:
-            then = value.time if heard.retained and isinstance(value, State) else self._clock()
+            then = value.time if received.retained and isinstance(value, State) else self._clock()
             known[of] = value, then
 
     def mounts(self) -> list[dict[str, Any]]:
         """Return the mounts as the page shows them, sorted by name. ``age`` is that of the state, in seconds."""
         now, found = self._clock(), []
         for (gateway, mount), (state, then) in sorted(self._states.items()):
-            event, at = self._ends.get((gateway, mount), (None, 0.0))
+            event, at = self._results.get((gateway, mount), (None, 0.0))
             found.append({
                 "gateway": gateway[:LONGEST], "mount": mount[:LONGEST],
                 "available": self._available.get(gateway, False), "online": state.online,

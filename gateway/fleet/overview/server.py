@@ -16,21 +16,21 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.console.pages import Pages, guarded, listen, of_the_page, runner_of, same_token
+from gateway.console.pages import Pages, from_own_page, guarded, listen, runner_of, same_token
 from gateway.console.server import PAGE
 from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
-from gateway.fleet.topics import Heard, Message, Topics
+from gateway.fleet.topics import Message, Received, Topics
 from gateway.system.own_names import known_host
 
 OWN = Path(__file__).parent / "page"
 #: Files that are shared with the console's page.
 SHARED = ("css/tokens.css", "css/base.css", "js/first.js", "js/core/dom.js", "icon.svg")
 #: Seconds within which a broker passes a message on; messages per second, more than 1,000 mounts send.
-PASSED_ON, FLOOD = 3.0, 5000
+ECHO_TIMEOUT, FLOOD = 3.0, 5000
 #: The message if a stop was not passed on.
-UNSENT = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
+NOT_SENT = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True):
@@ -51,15 +51,17 @@ class Overview:
         told: Callable[[bool, str], None],
         connect: Connect | None = None,
     ) -> None:
-        self._roster, self._prefix, self._tell = Roster(prefix, clock), prefix, told
+        self._roster, self._prefix, self._on_change = Roster(prefix, clock), prefix, told
         self._commands = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").everyone]
         subscriptions = [*self._roster.subscriptions, *self._commands]
-        self._link = BrokerLink(access, subscriptions, self._hear, self._told, connect=connect, flood=FLOOD)
+        self._link = BrokerLink(
+            access, subscriptions, self._on_message, self._on_connection, connect=connect, flood=FLOOD
+        )
         self._token = secrets.token_urlsafe(24)
         own = {path.name: path for path in OWN.iterdir()}
         self._files = Pages(own | {name: PAGE / name for name in SHARED})
-        self._there, self._why = False, "the broker has not answered yet"
-        self._passed_on: dict[str, asyncio.Event] = {}
+        self._connected, self._why = False, "the broker has not answered yet"
+        self._waiting_for_echo: dict[str, asyncio.Event] = {}
         self._runner: web.AppRunner | None = None
         self.where = ""
 
@@ -87,32 +89,32 @@ class Overview:
 
     # --- the broker -------------------------------------------------------------------------------------------------
 
-    def _told(self, there: bool, why: str) -> None:
-        self._there, self._why = there, why
-        self._tell(there, why)
+    def _on_connection(self, there: bool, why: str) -> None:
+        self._connected, self._why = there, why
+        self._on_change(there, why)
 
-    def _hear(self, heard: Heard) -> None:
-        if heard.topic in self._passed_on and not heard.retained:
-            self._passed_on[heard.topic].set()
+    def _on_message(self, heard: Received) -> None:
+        if heard.topic in self._waiting_for_echo and not heard.retained:
+            self._waiting_for_echo[heard.topic].set()
         else:
-            self._roster.hear(heard)
+            self._roster.receive(heard)
 
     async def send_stop(self, stop: Stop) -> str:
         """Send a stop to one mount or all; return why it was not sent, or an empty text."""
         topics = Topics(self._prefix, stop.gateway)
         topic = topics.of(stop.mount, "command") if stop.mount else topics.everyone
-        if not self._there:
+        if not self._connected:
             return f"the broker is not there ({self._why})"
-        heard = self._passed_on.setdefault(topic, asyncio.Event())
+        heard = self._waiting_for_echo.setdefault(topic, asyncio.Event())
         self._link.publish(Message(topic, b"stop"))
         try:
-            async with asyncio.timeout(PASSED_ON):
+            async with asyncio.timeout(ECHO_TIMEOUT):
                 await heard.wait()
         except TimeoutError:
             return "the broker has not passed it on"
         finally:
-            if self._passed_on.get(topic) is heard:
-                del self._passed_on[topic]
+            if self._waiting_for_echo.get(topic) is heard:
+                del self._waiting_for_echo[topic]
         return ""
 
     # --- the gate ---------------------------------------------------------------------------------------------------
@@ -120,7 +122,7 @@ class Overview:
     def _refused(self, request: web.Request) -> str:
         """Return why a request is refused (it is not from the page, or lacks the token), or an empty text."""
         headers = request.headers
-        ours = known_host(headers.get("Host"), "127.0.0.1") and of_the_page(headers, request.path)
+        ours = known_host(headers.get("Host"), "127.0.0.1") and from_own_page(headers, request.path)
         private = request.path in ("/fleet.json", "/stop")
         if ours and (not private or same_token(headers.get("X-Token"), self._token)):
             return ""
@@ -132,7 +134,7 @@ class Overview:
         return self._files.index(token=self._token)
 
     async def _mounts(self, request: web.Request) -> web.StreamResponse:
-        told = {"there": self._there, "why": self._why, "mounts": self._roster.mounts()}
+        told = {"there": self._connected, "why": self._why, "mounts": self._roster.mounts()}
         return web.Response(body=msgspec.json.encode(told), content_type="application/json")
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:
@@ -143,5 +145,5 @@ class Overview:
         if bool(stop.gateway) != bool(stop.mount) or set(stop.gateway + stop.mount) & set("/+#\0"):
             raise web.HTTPBadRequest(reason="This names no mount.")
         why = await self.send_stop(stop)
-        told = {"sent": not why, "words": UNSENT.format(why=why) if why else "stop sent"}
+        told = {"sent": not why, "words": NOT_SENT.format(why=why) if why else "stop sent"}
         return web.Response(body=msgspec.json.encode(told), content_type="application/json")

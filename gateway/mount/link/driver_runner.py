@@ -35,7 +35,7 @@ class HibernationGate:
         self._driver, self._now, self._wanted = context.driver, context.now, context.wanted
         self._next = 0.0
 
-    def begun(self) -> None:
+    def hibernation_began(self) -> None:
         """Start waiting: the mount has just been sent to hibernate."""
         self._next = self._now() + TRY_AGAIN
 
@@ -48,20 +48,20 @@ class HibernationGate:
         """Whether a read would be refused now."""
         return self._driver.asleep and self._now() < self._next and not self._wanted.waking
 
-    def admit(self, ask: Send, priority: int) -> None:
+    def admit(self, command: Send, priority: int) -> None:
         """Check that a command may be sent to the hibernating mount now. Raises Asleep if not."""
-        if priority == STOP or self._answered_asleep(ask) or self._wanted.waking:
+        if priority == STOP or self._answered_asleep(command) or self._wanted.waking:
             return
         if self.closed or priority != POSITION:
             raise Asleep
         self._next = self._now() + TRY_AGAIN
 
-    def _answered_asleep(self, ask: Send) -> bool:
-        return bool(self._driver.protocol.commands[ask.command].while_asleep)
+    def _answered_asleep(self, command: Send) -> bool:
+        return bool(self._driver.protocol.commands[command.command].while_asleep)
 
-    def answered(self, ask: Send) -> None:
+    def answered(self, command: Send) -> None:
         """Note a reply of a mount that was thought to hibernate; most replies show that it is awake."""
-        if not self._answered_asleep(ask):
+        if not self._answered_asleep(command):
             self._driver.asleep = False
 
 
@@ -99,20 +99,20 @@ class DriverRunner:
         if priority == MOTION:
             self.may_move.emit(None)
 
-        async def exchange(ask: Send) -> Mapping[str, Any]:
+        async def exchange(command: Send) -> Mapping[str, Any]:
             nonlocal exchanges, late
-            if late and (ask.prompt or not exchanges):
+            if late and (command.prompt or not exchanges):
                 raise Busy(LATE)
             began = now()
             if driver.asleep:
-                self._gate.admit(ask, priority)
-            heard, times = await self._verifier.exchange(ask, priority)
+                self._gate.admit(command, priority)
+            reply, times = await self._verifier.exchange(command, priority)
             late = late or now() - began > AT_ONCE
             if driver.asleep:
-                self._gate.answered(ask)
+                self._gate.answered(command)
             exchanges += times
-            asked.append(heard.asked)
-            return heard.values
+            asked.append(reply.asked)
+            return reply.values
 
         try:
             value = await run_driver(steps, exchange, self.scheduled.emit, self._context.note_once)
@@ -133,9 +133,7 @@ async def run_driver(
     plan: Callable[[Schedule], object],
     remark: Callable[[str], object] = lambda text: None,
 ) -> _T:
-    """Run a driver's generator to its end and return its value. A Fault of an exchange is thrown into the generator;
-    ``plan`` receives what it schedules, ``remark`` its remarks. Raises the Fault that the generator raises.
-    """
+    """Run a driver's generator and return its value. Faults of exchanges are thrown into it. Raises Fault."""
     answer: Mapping[str, object] | None = None
     fault: Fault | None = None
     try:

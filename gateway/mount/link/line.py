@@ -30,7 +30,7 @@ OVERDUE = 2.0
 #: Seconds before each further attempt to open the port; the last one repeats.
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: How often the line is checked before it counts as down, and the factor by which the quiet before each check grows.
-PROOFS, QUIETER = 3, 3.0
+CHECKS, QUIETER = 3, 3.0
 
 
 class MountLink:
@@ -52,8 +52,8 @@ class MountLink:
         self.reopened: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time
-        self._spoken_on = False
-        self._proofs = 0
+        self._used_by_others = False
+        self._checks = 0
         #: Loop time of the first request since the last reply; None if every request was answered.
         self._silent_since: float | None = None
         self._task: asyncio.Task[None] | None = None
@@ -118,16 +118,16 @@ class MountLink:
         self._state = "down"
         self.queue.fail_all()
 
-    def distrust(self) -> None:
+    def check_again(self) -> None:
         """Check that the line is in step before it is used again: another process has written to the wire."""
-        self._spoken_on = True
+        self._used_by_others = True
         self.queue.wake()
 
-    async def exchange(self, ask: Send, priority: int = READ) -> dict[str, Any]:
+    async def exchange(self, command: Send, priority: int = READ) -> dict[str, Any]:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
-        return (await self.timed(ask, priority))[0]
+        return (await self.timed(command, priority))[0]
 
-    async def timed(self, ask: Send, priority: int) -> tuple[dict[str, Any], float]:
+    async def timed(self, command: Send, priority: int) -> tuple[dict[str, Any], float]:
         """Like `exchange`, and return the seconds that the reply took too. Raises Fault with ``took`` set."""
         if self.state == "down":
             unheard = NoAnswer()
@@ -135,7 +135,7 @@ class MountLink:
             raise unheard
         if self.state == "busy" and priority != STOP:
             raise Busy
-        outcome = self.queue.add(ask, priority)
+        outcome = self.queue.add(command, priority)
         if priority == STOP or self.transaction.long:
             self.transaction.wake(priority == STOP)
         return await outcome
@@ -170,9 +170,7 @@ class MountLink:
             await self.wire.close()
 
     async def _reopened(self) -> None:
-        """Send an owed stop first, then check that the line is in step. Half a command may wait on the other side: it
-        is closed by ``reply_rules.closing``, or the mount gets time to forget it.
-        """
+        """Send an owed stop, then resynchronise. Half a command sent before is closed, or the mount forgets it."""
         words: list[bytes] = []
         self.reopened.emit(words)
         half, self.transaction.half = self.transaction.half, False
@@ -187,8 +185,8 @@ class MountLink:
     async def _serve(self) -> None:
         answered = False
         while not self.transaction.lost:
-            if self._spoken_on:
-                self._spoken_on = False
+            if self._used_by_others:
+                self._used_by_others = False
                 await self._recover()
             request = await self.queue.next(self.typical_rtt, self.transaction.quiet_needed, answered)
             answered = False
@@ -196,7 +194,7 @@ class MountLink:
                 continue
             self._silent_since = self._silent_since or self._now()
             try:
-                outcome = await self.transaction.carry_out(request.ask, request.priority == STOP)
+                outcome = await self.transaction.carry_out(request.command, request.priority == STOP)
             except BaseException:  # the worker is ending: let the caller not wait for ever
                 request.fail(NoAnswer())
                 raise
@@ -210,7 +208,7 @@ class MountLink:
                 else:
                     request.future.set_result((outcome, self.transaction.times.last_rtt))
                 answered = True
-            if isinstance(outcome, Silence) and self.reply_rules.expected(request.ask).leaves_open:
+            if isinstance(outcome, Silence) and self.reply_rules.expected(request.command).leaves_open:
                 self.transaction.send(self.reply_rules.closing)
                 await self.transaction.drain(max(QUIET, 2.0 * self.transaction.times.typical_rtt))
             if isinstance(outcome, NoAnswer | Silence):
@@ -221,7 +219,7 @@ class MountLink:
         """Bring the line into step again, however long that takes; return early if the wire is lost."""
         began = self._now()
         while not self.transaction.lost:
-            if await self._prove():
+            if await self._resync():
                 self._up()
                 return
             self._down("the mount does not answer")
@@ -230,9 +228,9 @@ class MountLink:
             else:
                 await asyncio.sleep(1.0)
 
-    async def _prove(self) -> bool:
+    async def _resync(self) -> bool:
         """Drain the wire, then check that the line is in step, several times if need be; return whether it is."""
-        for attempt in range(PROOFS):
+        for attempt in range(CHECKS):
             await self.transaction.drain(QUIET * QUIETER**attempt)
             if not self.transaction.lost and await self.in_step():
                 return True
@@ -244,13 +242,13 @@ class MountLink:
 
     async def in_step(self) -> bool:
         """Whether every check command is answered as it should be, and nothing follows the last reply."""
-        self._proofs += 1
-        for ask in self.reply_rules.resync_commands(self._proofs):
-            await asyncio.sleep(self.transaction.quiet_needed(ask))
-            outcome = await self.transaction.exchange(ask, resync=True)
+        self._checks += 1
+        for command in self.reply_rules.resync_commands(self._checks):
+            await asyncio.sleep(self.transaction.quiet_needed(command))
+            outcome = await self.transaction.exchange(command, resync=True)
             if isinstance(outcome, Busy):
                 continue  # this is a reply as well
-            if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(ask, outcome):
+            if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(command, outcome):
                 return False
         return not await self.transaction.drain(QUIET)
 

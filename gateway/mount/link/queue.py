@@ -35,7 +35,7 @@ PASSED_OVER = 4
 BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request: the second half of a position, a
 #: motion that waited for one, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
-TURNS = 8
+FOLLOW_UP_ITERATIONS = 8
 
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 
@@ -43,10 +43,10 @@ Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 class Request:
     """A command that waits for its turn; ``number`` is its sequence number."""
 
-    __slots__ = ("ask", "asked", "chosen", "future", "number", "priority")
+    __slots__ = ("asked", "chosen", "command", "future", "number", "priority")
 
-    def __init__(self, ask: Send, priority: int, number: int, future: Outcome) -> None:
-        self.ask, self.priority, self.number, self.future = ask, priority, number, future
+    def __init__(self, command: Send, priority: int, number: int, future: Outcome) -> None:
+        self.command, self.priority, self.number, self.future = command, priority, number, future
         self.asked = future.get_loop().time()
         #: It was this request's turn and it only waits for quiet on the line: a read that comes now goes after it.
         self.chosen = False
@@ -70,10 +70,10 @@ class RequestQueue:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def add(self, ask: Send, priority: int) -> Outcome:
+    def add(self, command: Send, priority: int) -> Outcome:
         """Queue a command and return the future of its outcome."""
         future: Outcome = self._loop.create_future()
-        self._waiting.append(Request(ask, priority, next(self._numbers), future))
+        self._waiting.append(Request(command, priority, next(self._numbers), future))
         self._wake.set()
         return future
 
@@ -92,13 +92,13 @@ class RequestQueue:
                 return True
         return False
 
-    async def news(self) -> None:
+    async def wait_for_change(self) -> None:
         """Wait until a request is added or ``wake`` is called."""
         self._wake.clear()
         await self._wake.wait()
 
-    async def woken(self, seconds: float) -> bool:
-        """Like `news`, but for so many seconds at most; return whether it happened."""
+    async def wait_within(self, seconds: float) -> bool:
+        """Like `wait_for_change`, but for so many seconds at most; return whether it happened."""
         self._wake.clear()
         return await self._wake.within(seconds)
 
@@ -111,31 +111,31 @@ class RequestQueue:
         seconds. If a client was ``answered`` just now, it may queue its next request first.
         """
         if answered:
-            await self._what_follows()
+            await self._let_clients_follow_up()
         now = self._loop.time()
-        self._waiting = [request for request in self._waiting if not self._over(request, now)]
+        self._waiting = [request for request in self._waiting if not self._is_settled(request, now)]
         if not self._waiting:
-            await self.news()
-            await self._what_follows()  # the event that queued a read may queue a stop as well
+            await self.wait_for_change()
+            await self._let_clients_follow_up()  # the event that queued a read may queue a stop as well
             return None
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        first = self.in_turn()[0]
+        first = self.by_turn()[0]
         pause = held_back(first, now, self._urgent[0] if self._urgent else None, typical_rtt)
         if pause is not None:
-            if not await self.woken(pause):
+            if not await self.wait_within(pause):
                 heapq.heappop(self._urgent)
             return None
-        quiet = 0.0 if first.priority == STOP else quiet_needed(first.ask)
+        quiet = 0.0 if first.priority == STOP else quiet_needed(first.command)
         if quiet > 0:
             first.chosen = True
-            await self.woken(quiet)
+            await self.wait_within(quiet)
             return None
         self.take(first)
         return first
 
-    def in_turn(self) -> list[Request]:
-        return in_turn(self._waiting, self._loop.time(), self._motions, self._passed_over)
+    def by_turn(self) -> list[Request]:
+        return by_turn(self._waiting, self._loop.time(), self._motions, self._passed_over)
 
     def take(self, first: Request) -> None:
         self._waiting.remove(first)
@@ -143,14 +143,14 @@ class RequestQueue:
         self._passed_over = 0 if first.priority == SETTING else self._passed_over + 1
 
     @types.coroutine
-    def _what_follows(self) -> Iterator[None]:
+    def _let_clients_follow_up(self) -> Iterator[None]:
         """Let clients that just got a reply queue their next request, unless the queue is empty or holds a stop."""
-        for _ in range(TURNS):
+        for _ in range(FOLLOW_UP_ITERATIONS):
             if not self._waiting or self.stop_waits:
                 return
             yield  # one event loop iteration, cheaper than asyncio.sleep(0)
 
-    def while_it_works(self, busy: bool, send: Callable[[Send], bool | None]) -> int:
+    def during_long_operation(self, busy: bool, send: Callable[[Send], bool | None]) -> int:
         """During a long operation of the mount, send the stops that need no reply; return how many were sent.
 
         ``send`` returns whether a stop was sent, or None if it needs a reply. Once the mount counts as ``busy``, all
@@ -161,7 +161,7 @@ class RequestQueue:
         for request in waiting:
             if request.future.done():
                 continue
-            if request.priority == STOP and (there := send(request.ask)) is not None:
+            if request.priority == STOP and (there := send(request.command)) is not None:
                 sent += there
                 request.future.set_result(({}, 0.0))
             elif busy:
@@ -176,14 +176,14 @@ class RequestQueue:
             request.fail(NoAnswer())
         self._waiting.clear()
 
-    def _over(self, request: Request, now: float) -> bool:
+    def _is_settled(self, request: Request, now: float) -> bool:
         """Whether the request was cancelled, or has waited too long and was refused here."""
         if not request.future.done() and too_late(request, now):
             request.future.set_exception(Busy(LATE))
         return request.future.done()
 
 
-def in_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: int) -> list[Request]:
+def by_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: int) -> list[Request]:
     """Return the waiting requests in the order in which they will be sent.
 
     ``motions`` is how many exchanges in a row were motions, ``passed_over`` how many there were since the last setting.
@@ -213,4 +213,4 @@ def held_back(first: Request, now: float, urgent: float | None, typical_rtt: flo
 
 def too_late(one: Request, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
-    return one.ask.prompt and now - one.asked > AT_ONCE
+    return one.command.prompt and now - one.asked > AT_ONCE

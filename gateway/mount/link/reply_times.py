@@ -64,28 +64,26 @@ class ReplyTimes:
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered. ``ambiguous_with`` says whether a reply to one request
-    could be mistaken for a reply to the other.
-    """
+    """Requests that timed out and may still be answered; ``ambiguous_with``: one reply could be taken for the other."""
 
     def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
         self._ambiguous_with = ambiguous_with
         self._open: list[tuple[float, Send]] = []
 
-    def add(self, ask: Send, until: float) -> None:
+    def add(self, command: Send, until: float) -> None:
         """Keep an unanswered request open until this time of the line's clock, in seconds."""
-        self._open.append((until, ask))
+        self._open.append((until, command))
 
-    def until(self, ask: Send, now: float) -> float:
-        """Return the time from which no late reply can be mistaken for the reply to ``ask``; ``now`` if none can."""
-        return max([end for end, _ in self._like(ask, now)], default=now)
+    def until(self, command: Send, now: float) -> float:
+        """Return the time from which no late reply can be mistaken for that of this command; ``now`` if none can."""
+        return max([end for end, _ in self._like(command, now)], default=now)
 
-    def count(self, ask: Send, now: float) -> int:
-        """Return how many late replies could be mistaken for the reply to ``ask``; one reply more must be its own."""
-        return len(self._like(ask, now))
+    def count(self, command: Send, now: float) -> int:
+        """Return how many late replies could be mistaken for that of this command; one more must be its own."""
+        return len(self._like(command, now))
 
-    def _like(self, ask: Send, now: float) -> list[tuple[float, Send]]:
+    def _like(self, command: Send, now: float) -> list[tuple[float, Send]]:
         if not self._open:
             return []
         self._open = [(end, other) for end, other in self._open if end > now]
-        return [(end, other) for end, other in self._open if self._ambiguous_with(ask, other)]
+        return [(end, other) for end, other in self._open if self._ambiguous_with(command, other)]

@@ -125,100 +125,101 @@ class Transaction:
 
     # --- one exchange -----------------------------------------------------------------------------------------------
 
-    def quiet_needed(self, ask: Send) -> float:
-        """Return the seconds of quiet still needed before a command, so that the rest of the last reply is not taken
-        for its own.
-        """
+    def quiet_needed(self, command: Send) -> float:
+        """Return the seconds of quiet needed before a command, so that no late bytes are taken for its reply."""
         now = self._now()
         left = self._heard + GAP - now
         if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
         if not self._buffer:
-            if self._last is None or not self.reply_rules.ambiguous_with(self._last, ask):
+            if self._last is None or not self.reply_rules.ambiguous_with(self._last, command):
                 return 0.0
-            if now > self._stray + UNRULY and not self.reply_rules.expected(ask).unterminated:
+            if now > self._stray + UNRULY and not self.reply_rules.expected(command).unterminated:
                 return 0.0
         return left
 
-    async def carry_out(self, ask: Send, stop: bool) -> Answer:
-        """Carry out one exchange. If the exchange before cut its pause short for a stop, keep the pause after this one,
-        and send a stop twice.
-        """
+    async def carry_out(self, command: Send, stop: bool) -> Answer:
+        """Carry out one exchange. After a pause that was cut short, keep the full pause and send a stop twice."""
         hurried, self._cut_short = self._cut_short, False
         try:
-            outcome = await self.exchange(ask, firm=hurried, stop=stop)
-            if hurried and stop and self.reply_rules.expected(ask).delay_after:
-                outcome = await self.exchange(ask, stop=True)  # without the pause the mount may have missed the first
+            outcome = await self.exchange(command, firm=hurried, stop=stop)
+            if hurried and stop and self.reply_rules.expected(command).delay_after:
+                outcome = await self.exchange(
+                    command, stop=True
+                )  # without the pause the mount may have missed the first
             return outcome
         finally:
             self.busy = False
 
-    async def exchange(self, ask: Send, firm: bool = False, resync: bool = False, stop: bool = False) -> Answer:
+    async def exchange(self, command: Send, firm: bool = False, resync: bool = False, stop: bool = False) -> Answer:
         """Send a request and return the fields of its reply, or the Fault that came instead. A ``firm`` pause after it
         is not cut short; a ``resync`` has the full timeout of the protocol. A ``stop`` does not wait for quiet.
         """
         try:
-            request = self.reply_rules.encode(ask)
+            request = self.reply_rules.encode(command)
         except Fault as fault:
             return fault
-        expected = self.reply_rules.expected(ask)
+        expected = self.reply_rules.expected(command)
         settle = (
-            GAP if stop and self.quiet_needed(ask) else SETTLE
+            GAP if stop and self.quiet_needed(command) else SETTLE
         )  # a request that skipped the quiet must wait after the reply
         self.discard("unsolicited")
         self._arrived.clear()
-        self._last = ask
+        self._last = command
         began = self.wrote = self._now()
-        self.long, self._stops, self._hurried = ask.long, 0, False
-        taken = await self._reply(ask, expected, began, settle, resync) if self.send(request) else None
-        self.long, self.long_until = False, self._now() if ask.long else self.long_until
+        self.long, self._stops, self._hurried = command.long, 0, False
+        taken = await self._reply(command, expected, began, settle, resync) if self.send(request) else None
+        self.long, self.long_until = False, self._now() if command.long else self.long_until
         if taken is None:
-            return self._unanswered(ask, expected, began)
+            return self._unanswered(command, expected, began)
         outcome, length = taken
         if len(self._buffer) > length + self._stops:  # each stop sent meanwhile may have been refused with one byte
             outcome = Garbled()
         if isinstance(outcome, Garbled):
-            self._distrust(ask, expected, began)
+            self._distrust(command, expected, began)
             self.discard("garbled")
             return outcome
-        if ask.raw and isinstance(outcome, dict):
+        if command.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length]}
         self._cut(length)
-        self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not ask.long)
+        self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not command.long)
         if expected.delay_after and await self._pause(expected.delay_after, firm):
-            outcome = self._objection(ask) or outcome
+            outcome = self._objection(command) or outcome
         return outcome
 
-    def _send_unanswered(self, ask: Send) -> bool | None:
+    def _send_unanswered(self, command: Send) -> bool | None:
         """Send a command if it needs no reply, and return whether it was sent; return None if it needs a reply."""
-        return self.send(self.reply_rules.encode(ask)) if self.reply_rules.expected(ask).silent else None
+        return self.send(self.reply_rules.encode(command)) if self.reply_rules.expected(command).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Give the mount time after a command without a reply. Return False if a stop cut the pause short, which it
-        cannot if the pause is ``firm``.
-        """
+        """Pause after a command without a reply. A stop cuts it short unless it is ``firm``; return False then."""
         until = self._now() + seconds
         while not self.lost and (left := until - self._now()) > 0:
             if not firm and self._queue.stop_waits:
                 self._cut_short = True
                 return False
-            await self._queue.woken(left)
+            await self._queue.wait_within(left)
         return True
 
-    async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, resync: bool) -> Taken | None:
+    async def _reply(
+        self, command: Send, expected: Expected, began: float, settle: float, resync: bool
+    ) -> Taken | None:
         """Return the reply and its length when it is complete; None if it is not in time, or the wire was lost.
 
         A reply without a terminator is complete when nothing follows it for ``settle`` seconds.
         """
         position = expected.answer_kind == "position" and not resync
-        deadline, busy_at = began + (ask.patience or self.times.timeout(expected.timeout, position)), began + BUSY_AFTER
+        deadline, busy_at = (
+            began + (command.patience or self.times.timeout(expected.timeout, position)),
+            began + BUSY_AFTER,
+        )
         while not self.lost:
             now = self._now()
             self._arrived.clear()
-            if ask.long:
+            if command.long:
                 self.busy = self.busy or now >= busy_at
-                self._stops += self._queue.while_it_works(self.busy, self._send_unanswered)
-            taken = self._take(ask) if self._buffer or expected.silent else None
+                self._stops += self._queue.during_long_operation(self.busy, self._send_unanswered)
+            taken = self._take(command) if self._buffer or expected.silent else None
             if taken is not None and self._stops and isinstance(taken[0], Busy):
                 self._stops -= 1  # the busy reply to a stop; nothing moves during a long operation
                 self._cut(taken[1], "busy: the mount refused the stop")
@@ -227,43 +228,43 @@ class Transaction:
                 if taken[1] and expected.unterminated and not self._hurried:
                     self._settling = True
                     if await self._arrived.within(settle):
-                        taken = self._take(ask) or taken
+                        taken = self._take(command) or taken
                     self._settling = False
                 return taken
             elif now >= deadline:
                 return None
-            await self._arrived.within((busy_at if ask.long and now < busy_at else deadline) - now)
+            await self._arrived.within((busy_at if command.long and now < busy_at else deadline) - now)
         return None
 
-    def _unanswered(self, ask: Send, expected: Expected, began: float) -> Fault:
+    def _unanswered(self, command: Send, expected: Expected, began: float) -> Fault:
         self.times.unanswered(self._now() - began)
         if self.lost:
             self.half = True
-        elif ask.patience is not None and not ask.long and not self._buffer:
+        elif command.patience is not None and not command.long and not self._buffer:
             return Silence()
-        self._distrust(ask, expected, began)
+        self._distrust(command, expected, began)
         half = bool(self._buffer)
         self.discard("no complete answer")
-        return Garbled() if half and ask.patience is not None else NoAnswer()
+        return Garbled() if half and command.patience is not None else NoAnswer()
 
-    def _distrust(self, ask: Send, expected: Expected, began: float) -> None:
+    def _distrust(self, command: Send, expected: Expected, began: float) -> None:
         """Note that the reply to a request may still arrive."""
-        self.late.add(ask, began + max(expected.timeout, ask.patience or 0.0) + LATEST)
+        self.late.add(command, began + max(expected.timeout, command.patience or 0.0) + LATEST)
         self._unanswered_since = began
         self.trouble = self.request, self._buffer
 
-    def _objection(self, ask: Send) -> Fault | None:
+    def _objection(self, command: Send) -> Fault | None:
         """Return the Fault with which the mount objected to a command that has no reply; None if it did not."""
-        taken = self._take(ask) if self._buffer else None
+        taken = self._take(command) if self._buffer else None
         if taken is None or not isinstance(taken[0], Fault):
             return None
         self._cut(taken[1])
         return taken[0]
 
-    def _take(self, ask: Send) -> Taken | None:
+    def _take(self, command: Send) -> Taken | None:
         """Return the reply if it is complete. Bytes that the parser fails on are a garbled reply."""
         try:
-            return self.reply_rules.take(ask, self._buffer)
+            return self.reply_rules.take(command, self._buffer)
         except Exception:  # a parser's defect must not end the line
             return Garbled(), len(self._buffer)
 

@@ -36,9 +36,9 @@ TRIES, GARBLED_TRIES = 9, 3
 #: Shortest sleep in seconds: timers may fire this much too early.
 TICK = 0.001
 #: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
-DOUBTFUL = 12.0
+LATE_REPLY_WAIT = 12.0
 #: How many late replies are taken into account at most: if one reply more agrees, one must be the request's own.
-MOST_STRANGERS = 4
+MOST_LATE = 4
 #: How many requests have their last reply remembered: clients may ask for any number of devices.
 KNOWN = 100
 DAY = 86400.0
@@ -48,7 +48,7 @@ _FORM = ("length", "raw")
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 
 
-class Heard(Struct):
+class Reply(Struct):
     """A reply, or a fault that counts as one (silence, no such device); the loop times of the request and the reply."""
 
     values: Mapping[str, Any]
@@ -58,132 +58,134 @@ class Heard(Struct):
 
 
 class ReplyVerifier:
-    """Sends requests to the line and verifies the replies for the drivers. A simulated mount slews ``speed_factor``
-    times faster than a real one.
-    """
+    """Verifies replies for the drivers. A simulated mount slews ``speed_factor`` times faster than a real one."""
 
     def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
-        self._late = line.transaction.late
-        self._known: dict[tuple[Any, ...], Heard] = {}
+        self._late_replies = line.transaction.late
+        self._known: dict[tuple[Any, ...], Reply] = {}
         self._latitudes: dict[str, float] = {}
 
-    async def exchange(self, ask: Send, priority: int) -> tuple[Heard, int]:
+    async def exchange(self, command: Send, priority: int) -> tuple[Reply, int]:
         """Return a verified reply, and how many exchanges that took. Raises Fault."""
-        kind = self._line.reply_rules.expected(ask).answer_kind
+        kind = self._line.reply_rules.expected(command).answer_kind
         if kind is None:
             asked = self._now()
-            return Heard(await self._order(ask, priority), None, asked, self._now()), 1
-        key = (ask.command, ask.raw, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
-        row: list[Heard] = []
-        longest = slow = strangers = 0
+            return Reply(await self._send_order(command, priority), None, asked, self._now()), 1
+        key = (
+            command.command,
+            command.raw,
+            *sorted((name, value) for name, value in command.values.items() if name != "low"),
+        )
+        agreeing: list[Reply] = []
+        longest = slow = late_count = 0
         times = 0
         while times < TRIES:
             times += 1
-            strangers = max(strangers, self._late.count(ask, self._now()))
-            heard = await self._hear(ask, priority)
-            mute = isinstance(heard.fault, Silence)  # which always takes its whole timeout
-            if mute and not ask.raw:
+            late_count = max(late_count, self._late_replies.count(command, self._now()))
+            reply = await self._ask(command, priority)
+            mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
+            if mute and not command.raw:
                 break  # the driver asked for this answer by ``patience``
-            if ask.light:
+            if command.unverified:
                 break
-            took = heard.came - heard.asked
+            took = reply.came - reply.asked
             if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical_rtt:
                 slow += 1
                 continue
-            if not (row and self._agree(kind, row[-1], heard)):
-                row.clear()
-            row.append(heard)
-            longest = max(longest, len(row))
-            if len(row) >= self._wanted(kind, self._known.get(key), heard, strangers):
+            if not (agreeing and self._agree(kind, agreeing[-1], reply)):
+                agreeing.clear()
+            agreeing.append(reply)
+            longest = max(longest, len(agreeing))
+            if len(agreeing) >= self._replies_needed(kind, self._known.get(key), reply, late_count):
                 break
         else:
-            if len(row) < 2 and not (kind == "position" and longest == 1):  # only a position may change so fast
+            if len(agreeing) < 2 and not (kind == "position" and longest == 1):  # only a position may change so fast
                 raise Garbled
-        self._remember(key, heard)
-        self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
-        if heard.fault is not None:
-            raise type(heard.fault)(str(heard.fault))  # a copy: a raised exception keeps its callers' frames alive
-        return heard, times
+        self._remember(key, reply)
+        self._latitudes |= {name: reply.values[name] for name in _LATITUDE.values() if name in reply.values}
+        if reply.fault is not None:
+            raise type(reply.fault)(str(reply.fault))  # a copy: a raised exception keeps its callers' frames alive
+        return reply, times
 
-    def _remember(self, key: tuple[Any, ...], heard: Heard) -> None:
+    def _remember(self, key: tuple[Any, ...], reply: Reply) -> None:
         """Remember the last reply; if there are too many, forget the oldest."""
         self._known.pop(key, None)
-        self._known[key] = heard
+        self._known[key] = reply
         if len(self._known) > KNOWN:
             del self._known[next(iter(self._known))]
 
-    async def _order(self, ask: Send, priority: int) -> Mapping[str, Any]:
+    async def _send_order(self, command: Send, priority: int) -> Mapping[str, Any]:
         """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
 
         A stop never waits: it is sent until one of its acknowledgements must be its own.
         """
         if priority != STOP:
             try:
-                async with asyncio.timeout(AT_ONCE if ask.prompt else DOUBTFUL):
-                    while (left := self._late.until(ask, self._now()) - self._now()) > 0:
+                async with asyncio.timeout(AT_ONCE if command.prompt else LATE_REPLY_WAIT):
+                    while (left := self._late_replies.until(command, self._now()) - self._now()) > 0:
                         await asyncio.sleep(max(left, TICK))
             except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
                 raise NoAnswer from None
-            return await self._line.exchange(ask, priority)
+            return await self._line.exchange(command, priority)
         times = 0
         while True:
-            strangers = self._late.count(ask, self._now())
-            answer = await self._line.exchange(ask, priority)
+            late_count = self._late_replies.count(command, self._now())
+            answer = await self._line.exchange(command, priority)
             times += 1
-            if times > min(strangers, MOST_STRANGERS):
+            if times > min(late_count, MOST_LATE):
                 return answer
 
-    async def _hear(self, ask: Send, priority: int) -> Heard:
+    async def _ask(self, command: Send, priority: int) -> Reply:
         """Return one reply; if it is garbled, ask again. Raises NoAnswer and Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Mapping[str, Any] = {}
             fault: Fault | None = None
             try:
-                values, took = await self._line.timed(ask, priority)
+                values, took = await self._line.timed(command, priority)
             except Garbled:
                 if attempt == GARBLED_TRIES - 1:
                     raise
                 continue
             except (NoAnswer, Busy):  # neither is an answer to the request
                 raise
-            except Fault as said:
-                fault, took = said.with_traceback(None), said.took
+            except Fault as fault_reply:
+                fault, took = fault_reply.with_traceback(None), fault_reply.took
             came = self._now()
-            return Heard(values, fault, came - took, came)
+            return Reply(values, fault, came - took, came)
         raise NoAnswer
 
-    def _wanted(self, kind: str, known: Heard | None, heard: Heard, strangers: int) -> int:
+    def _replies_needed(self, kind: str, known: Reply | None, reply: Reply, late_count: int) -> int:
         """Return how many replies in a row must agree, this one included, for it to be accepted."""
-        least = min(strangers, MOST_STRANGERS) + 1
+        least = min(late_count, MOST_LATE) + 1
         if known is None:
             return max(2, least)
         if kind != "position":
-            return least if self._agree(kind, known, heard) else max(3, least)
-        if known.values.get("length") != heard.values.get("length"):  # the precision was switched
+            return least if self._agree(kind, known, reply) else max(3, least)
+        if known.values.get("length") != reply.values.get("length"):  # the precision was switched
             return max(2, least)
-        gone = self._distance(known, heard)
-        if gone <= NEAR:
+        moved = self._distance(known, reply)
+        if moved <= NEAR:
             return least
-        return max(2, least) if gone <= self._reach(known, heard) else max(3, least)
+        return max(2, least) if moved <= self._possible_motion(known, reply) else max(3, least)
 
-    def _agree(self, kind: str, before: Heard, after: Heard) -> bool:
+    def _agree(self, kind: str, before: Reply, after: Reply) -> bool:
         """Whether both replies can be correct."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
         if kind == "position":
-            reach = self._reach(before, after)
-            return self._distance(before, after, min(POLEWARD, reach)) <= reach
+            possible = self._possible_motion(before, after)
+            return self._distance(before, after, min(POLEWARD, possible)) <= possible
         if kind == "clock":
-            return _runs_on(before, after)
+            return _clock_agrees(before, after)
         return before.values == after.values
 
-    def _reach(self, before: Heard, after: Heard) -> float:
+    def _possible_motion(self, before: Reply, after: Reply) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
         took = min(before.came - before.asked, 2.5 * self._line.typical_rtt)
         return NEAR + self._fastest * (after.came - before.came + took)
 
-    def _distance(self, before: Heard, after: Heard, poleward: float = 0.0) -> float:
+    def _distance(self, before: Reply, after: Reply, poleward: float = 0.0) -> float:
         """Return the degrees between two replies; infinite if they differ in form.
 
         If the latitude is read by a request of its own, it may have grown by ``poleward`` degrees since.
@@ -212,10 +214,10 @@ def _seconds(values: Mapping[str, Any]) -> float:
     return float(values["hour"] * 3600 + values["minute"] * 60 + values["second"])
 
 
-def _runs_on(before: Heard, after: Heard) -> bool:
+def _clock_agrees(before: Reply, after: Reply) -> bool:
     """Whether two readings of a clock fit together; its date may change at midnight only."""
     then, now = _seconds(before.values), _seconds(after.values)
-    gone = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
+    drift = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
     slack = CLOCK + (before.came - before.asked) + (after.came - after.asked)
     others = [name for name in after.values if name not in ("time", "hour", "minute", "second", *_FORM)]
-    return abs(gone) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))
+    return abs(drift) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))

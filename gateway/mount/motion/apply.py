@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, survives_abort
+from gateway.core.motion_kinds import ENDS, GOTOS, RESTARTED_AFTER_END, axis_moved, ends_focus, survives_abort
 from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
 from gateway.protocols.base.driver import Schedule
 
@@ -60,7 +60,7 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
         at=now + later.seconds,
         follow_up=True,
         urgent=later.urgent,
-        heard=later.heard,
+        heard=later.not_while_busy,
     )
     others = tuple(
         one
@@ -86,7 +86,11 @@ def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
 def interrupted(wanted: Wanted, halt: Order) -> Wanted:
     """Let a halt interrupt the active order, if that can be begun again after it."""
     active = next((order for order in wanted.pending if order.number == wanted.active), None)
-    if halt.rank != FIRST or active is None or not (isinstance(active.operation, BEGUN_ANEW) or active.keeps_repeating):
+    if (
+        halt.rank != FIRST
+        or active is None
+        or not (isinstance(active.operation, RESTARTED_AFTER_END) or active.keeps_repeating)
+    ):
         return wanted
     pending = tuple(replace(order, rank=RESUMED) if order is active else order for order in wanted.pending)
     return replace(wanted, pending=pending, active=0)
@@ -197,9 +201,7 @@ def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Put an end before all pending orders, but behind a goto that it may have to end, and in order of arrival if
-    clients keep repeating it.
-    """
+    """Put an end first, but behind a goto that it may have to end, and in order if a client keeps repeating it."""
     axis = axis_ended(order.operation)
     wanted = without_superseded(
         replace(wanted, pulses=tuple(one for one in wanted.pulses if one.axis != axis)), order.operation

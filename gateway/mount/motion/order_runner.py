@@ -44,9 +44,7 @@ class OrderRunner:
         self.admitted = 0
 
     async def carry_out(self, order: Order, stop: Callable[[], Awaitable[None]]) -> tuple[op.Operation, Any]:
-        """Return the operation as it was admitted, and its answer. ``stop`` ends all motion before hibernation. Raises
-        Fault.
-        """
+        """Carry out an order; return the operation as admitted, and its answer. ``stop`` ends motion. Raises Fault."""
         operation = order.operation
         if order.follow_up:
             special = self._follow_ups.get(type(operation))
@@ -84,22 +82,27 @@ class Consequences:
     """Updates the cache and the watches once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
-        self, context: Context, gate: HibernationGate, told: ClientReadings, watch: LimitWatch, ends: EndWatch
+        self,
+        context: Context,
+        gate: HibernationGate,
+        client_readings: ClientReadings,
+        watch: LimitWatch,
+        ends: EndWatch,
     ) -> None:
         self._context, self._now, self._cache = context, context.now, context.cache
-        self._gate, self._told, self._watch, self._ends = gate, told, watch, ends
+        self._gate, self._client_readings, self._watch, self._ends = gate, client_readings, watch, ends
 
     def stop_sent(self, _: None) -> None:
         self._ends.sent((1, 2), self._watch.fastest)
 
     def at_rest(self, _: None) -> None:
-        self._told.ordered(op.AbortMotion(), self._watch.moved_by_others)
+        self._client_readings.ordered(op.AbortMotion(), self._watch.moved_by_others)
         self._watch.motion_ended()
         self._cache.put(op.Slewing, False, self._now())
 
     def begins(self, operation: op.Operation) -> None:
         """Handle an operation that the mount has acknowledged, before ``Wanted`` shows it."""
-        self._told.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
+        self._client_readings.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.began(operation)
 
@@ -123,7 +126,7 @@ class Consequences:
             cache.forget(op.GetStatus)
             if isinstance(operation, op.Hibernate):
                 self.at_rest(None)
-                self._gate.begun()
+                self._gate.hibernation_began()
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:

@@ -33,7 +33,7 @@ from gateway.mount.motion.outcomes import (
     may_wait,
     postponed,
 )
-from gateway.mount.motion.stopping import Stopping
+from gateway.mount.motion.stopping import StopSender
 from gateway.mount.motion.wanted import RESUMED, NotOrdered, Order, Wanted
 from gateway.protocols.base.driver import Schedule
 
@@ -63,7 +63,7 @@ class Reconciler:
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         #: The number of the order that is being carried out.
         self._active = 0
-        self._stopping = Stopping(context, runner)
+        self._stopping = StopSender(context, runner)
         self.stop_sent, self.at_rest = self._stopping.sent, self._stopping.at_rest
         self.at_rest.connect(lambda _: self._want(outcomes.at_rest(self.wanted)))
         self._stopping.ended.connect(lambda _: self._start_next())
@@ -85,9 +85,7 @@ class Reconciler:
     # --- orders -----------------------------------------------------------------------------------------------------
 
     def take(self, order: Order, after: Wanted) -> Outcome:
-        """Take an order; ``after`` is what is wanted with it. Return its outcome, or that of a pending order that
-        serves for it as well.
-        """
+        """Take an order; ``after`` is what is wanted with it. Return its outcome, or that of an equal pending halt."""
         asked = any(one.number == order.number for one in after.pending)
         if asked:
             self._outcomes[order.number] = waiting.new_outcome()

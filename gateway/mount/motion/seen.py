@@ -48,8 +48,8 @@ class Seen(Struct, frozen=True):
     """``before`` and ``last`` are the last two positions, ``changes`` the speeds between them, ``earlier`` the speeds
     before that.
 
-    ``began`` is when the last motion began and ``told`` its ordered speed, if known. ``across`` is the speed on the
-    sky. ``farthest`` are the distances from which each Sun is being approached. ``upright`` is False from the time when
+    ``began`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the sky.
+    ``farthest`` are the distances from which each Sun is being approached. ``upright`` is False from the time when
     the tube sank although it was lifted, beyond the pole or the zenith, until the end of the next goto.
     """
 
@@ -58,7 +58,7 @@ class Seen(Struct, frozen=True):
     changes: Changes | None = None
     earlier: Changes | None = None
     began: float = NEVER
-    told: float = 0.0
+    ordered_speed: float = 0.0
     across: float = 0.0
     farthest: tuple[float, ...] = ()
     upright: bool = True
@@ -69,10 +69,10 @@ class Seen(Struct, frozen=True):
         return self.last.at - self.before.at if self.last is not None and self.before is not None else 0.0
 
 
-def begin(seen: Seen, now: float, told: float, at_rest: bool) -> Seen:
+def begin(seen: Seen, now: float, ordered_speed: float, at_rest: bool) -> Seen:
     """Note that a motion has begun: at the last position, if the mount was at rest."""
     last = replace(seen.last, at=now) if seen.last is not None and at_rest else seen.last
-    return replace(seen, last=last, changes=None, earlier=None, began=now, told=told)
+    return replace(seen, last=last, changes=None, earlier=None, began=now, ordered_speed=ordered_speed)
 
 
 def first(seen: Seen, sample: PositionSample) -> Seen:
@@ -107,10 +107,8 @@ def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
     return seen
 
 
-def at_once(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
-    """Return the position at the time of its second half: the right ascension, read ``lag`` seconds earlier, is
-    extrapolated.
-    """
+def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
+    """Return the position at the time of its second half; the right ascension was read ``lag`` seconds earlier."""
     turned = wrap180(place.ra - before.place.ra)
     if not lag or abs(turned) > JUMP:
         return place

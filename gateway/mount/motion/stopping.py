@@ -26,7 +26,7 @@ TRIES = 3
 AGAIN = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 
-class Stopping:
+class StopSender:
     """Sends stops. ``sent`` is emitted when the commands of a stop were sent, ``at_rest`` when the mount has
     acknowledged them, and ``ended`` when an attempt has ended, with or without success.
     """
@@ -45,9 +45,7 @@ class Stopping:
         self._timer: asyncio.TimerHandle | None = None
 
     def send(self, given_up: asyncio.Task[Any] | None) -> asyncio.Task[None]:
-        """Send a stop when the cancelled task has ended. A stop that is being sent serves as well, because no motion
-        can have begun since.
-        """
+        """Send a stop when the cancelled task has ended. If one is being sent already, that serves as well."""
         if self.task is None or self.task.done():
             self.task = self._loop.create_task(self._send(given_up))
             self.task.add_done_callback(self._attempt_ended)

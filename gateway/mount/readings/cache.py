@@ -70,15 +70,13 @@ class ReadingsCache:
         return None if cached is None else cached.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
-        """Return the reading if it is fresh, else NOT_CACHED. It is fresh for longer if the line is slow (``patience``,
-        seconds) or ``down``.
-        """
+        """Return the reading if fresh, else NOT_CACHED; ``patience`` (seconds) or a line ``down`` extend its life."""
         cached = self._values.get(kind)
         if cached is None or now - cached.at > (LAST_POSITION if down else max(MAX_AGE[kind], patience)):
             return NOT_CACHED
         return cached.value
 
-    def asked(self, kind: Kind, now: float) -> Any:
+    def poll(self, kind: Kind, now: float) -> Any:
         """Note that a client asks, and return the reading if it is fresh whatever the line, else NOT_CACHED."""
         self._asked[kind] = now
         cached = self._values.get(kind)

@@ -48,7 +48,7 @@ def cached_reading(context: Context, kind: Kind) -> Any:
     if kind is op.Slewing and context.wanted.goto_waits:
         return True
     now, link = context.now(), context.link
-    value = context.cache.asked(kind, now)
+    value = context.cache.poll(kind, now)
     if value is not NOT_CACHED:
         return value
     return context.cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
@@ -77,9 +77,7 @@ class ClientReadings:
     # --- input ------------------------------------------------------------------------------------------------------
 
     def take(self, kind: Kind, value: Any, asked: float, at: Pair) -> None:
-        """Take a position that the mount reported; ``asked`` is the loop time of the request, ``at`` the loop times at
-        which its two angles were true.
-        """
+        """Take a reported position; ``asked`` is the loop time of the request, ``at`` the times of its two angles."""
         self._sources.pop(kind, None)
         _, last = self._taken.get(kind, (None, None))
         taken = Reported(value, Reading(_pair(value), at), asked)

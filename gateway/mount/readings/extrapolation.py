@@ -162,9 +162,7 @@ def over_the_horizon(context: Context) -> Inside:
 
 
 def on_the_sky(context: Context) -> Inside:
-    """Return the test for a right ascension and a declination of date: altitude, Sun, and the hour angle if the pier
-    side is known. While the site is unknown only the Sun counts.
-    """
+    """Return the test for a right ascension and declination of date; without a site, only the Sun counts."""
     limits, astrometry, suns = _limits(context), context.astrometry, context.suns
     meridian = _meridian(context, limits.hour_angle)
 

@@ -25,7 +25,7 @@ LASTS = {"fixed": math.inf, "state": 1.0, "site": 1.0}
 REMEMBERED = 200
 
 
-class _Heard(Struct, frozen=True):
+class _CachedReply(Struct, frozen=True):
     """The mount's reply, or the fault that it was, and the loop time until which it is fresh."""
 
     answer: bytes | Fault
@@ -37,7 +37,7 @@ class OwnAnswers:
 
     def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
         self._context, self._runner, self._fair = context, runner, fair
-        self._heard: dict[op.Own, _Heard] = {}
+        self._cached: dict[op.Own, _CachedReply] = {}
         self._asking: dict[op.Own, asyncio.Task[bytes]] = {}
 
     def forget(self, everything: bool = False) -> None:
@@ -46,33 +46,33 @@ class OwnAnswers:
         The replies to requests that are under way are not shared with clients that ask from now on, either.
         """
         self._asking = {}
-        self._heard = (
-            {} if everything else {key: heard for key, heard in self._heard.items() if math.isinf(heard.until)}
+        self._cached = (
+            {} if everything else {key: cached for key, cached in self._cached.items() if math.isinf(cached.until)}
         )
 
     def peek(self, operation: op.Own) -> bytes:
         """Return the cached reply of the mount; NOT_CACHED if it must be requested."""
-        heard = self._fresh(operation)
-        told: bytes = NOT_CACHED
-        if heard is not None and isinstance(heard.answer, bytes) and not self._stands_against(operation):
-            told = heard.answer
-        return told
+        cached = self._fresh(operation)
+        reply: bytes = NOT_CACHED
+        if cached is not None and isinstance(cached.answer, bytes) and not self._is_overridden(operation):
+            reply = cached.answer
+        return reply
 
     async def read(self, operation: op.Own) -> bytes:
         """Return the mount's reply, cached or by an exchange that all waiting clients share. Raises Fault."""
-        if self._stands_against(operation):
+        if self._is_overridden(operation):
             raise Unsupported
-        heard = self._fresh(operation)
-        if heard is None:
+        cached = self._fresh(operation)
+        if cached is None:
             task = self._asking.get(operation)
             if task is None:
                 task = self._asking[operation] = self._context.tasks.spawn(self._ask(operation))
                 task.add_done_callback(lambda done: self._asked(operation, done))
             answer: bytes = await self._fair.shared_result(task)
             return answer
-        if isinstance(heard.answer, Fault):
-            raise type(heard.answer)(str(heard.answer))
-        return heard.answer
+        if isinstance(cached.answer, Fault):
+            raise type(cached.answer)(str(cached.answer))
+        return cached.answer
 
     def _asked(self, operation: op.Own, task: asyncio.Task[bytes]) -> None:
         if self._asking.get(operation) is task:
@@ -93,16 +93,16 @@ class OwnAnswers:
 
     def _remember(self, operation: op.Own, answer: bytes | Fault, lasts: float) -> None:
         if lasts and operation in self._asking:
-            self._heard.pop(operation, None)
-            self._heard[operation] = _Heard(answer, self._context.now() + lasts)
-        if len(self._heard) > REMEMBERED:
-            del self._heard[next(iter(self._heard))]
+            self._cached.pop(operation, None)
+            self._cached[operation] = _CachedReply(answer, self._context.now() + lasts)
+        if len(self._cached) > REMEMBERED:
+            del self._cached[next(iter(self._cached))]
 
-    def _fresh(self, operation: op.Own) -> _Heard | None:
-        heard = self._heard.get(operation)
-        return heard if heard is not None and self._context.now() < heard.until else None
+    def _fresh(self, operation: op.Own) -> _CachedReply | None:
+        cached = self._cached.get(operation)
+        return cached if cached is not None and self._context.now() < cached.until else None
 
-    def _stands_against(self, operation: op.Own) -> bool:
+    def _is_overridden(self, operation: op.Own) -> bool:
         """Whether clients get another site or clock from the gateway than the mount's own."""
         site_clock = self._context.site_clock
         if operation.keep == "clock":

@@ -53,7 +53,7 @@ class Poller:
         self._context, self._link, self._cache = context, context.link, context.cache
         self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
         self._axes_refused = -1e9
-        self._news = {kind: TimedEvent() for kind in POLL_PERIOD}
+        self._wake_events = {kind: TimedEvent() for kind in POLL_PERIOD}
         self._cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
@@ -62,18 +62,18 @@ class Poller:
 
     def start(self) -> None:
         for kind in POLL_PERIOD:
-            self._context.tasks.spawn(self._for_ever(kind))
+            self._context.tasks.spawn(self._run(kind))
 
     def _changed(self, kind: Kind) -> None:
         """Wake the tasks that must calculate their pause again, after a reading has changed or a motion has begun."""
-        if kind in self._news:
-            self._news[kind].set()
+        if kind in self._wake_events:
+            self._wake_events[kind].set()
             if kind is op.Slewing:
-                self._news[op.Position].set()
+                self._wake_events[op.Position].set()
             elif kind is op.Position:
-                self._news[op.AxisPosition].set()
+                self._wake_events[op.AxisPosition].set()
 
-    async def _for_ever(self, kind: Kind) -> None:
+    async def _run(self, kind: Kind) -> None:
         await self._context.known.wait()
         while True:
             try:
@@ -92,31 +92,29 @@ class Poller:
                 await self.renew(kind)
                 pause = self._pause(kind, self._context.now())
             if kind is op.Position:
-                await self._now_and_then(self._context.now())
+                await self._heartbeat(self._context.now())
                 pause = min(
                     self._pause(kind, self._context.now()), HEARTBEAT - self._cache.age(kind, self._context.now())
                 )
-            self._news[kind].clear()
-            await self._news[kind].within(max(0.005, pause))
+            self._wake_events[kind].clear()
+            await self._wake_events[kind].within(max(0.005, pause))
 
-    async def _now_and_then(self, now: float) -> None:
-        """Read the position as a heartbeat, and while nothing moves the mount's own clock and site, which the limits
-        depend on.
-        """
+    async def _heartbeat(self, now: float) -> None:
+        """Read the position as a heartbeat, and at rest the mount's own clock and site, which the limits need."""
         if self._cache.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
         clock = self._context.site_clock.mount_clock
         asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
-        if now - asked <= (OWN_AGE if self._wanted(op.Position, now) else OWN_AGE_ALONE) or self._watched:
+        if now - asked <= (OWN_AGE if self._needed(op.Position, now) else OWN_AGE_ALONE) or self._watched:
             return
         if self._reading_own is None or self._reading_own.done():  # in a task, so that the position does not wait
             self._asked_own, self._own = now, self._own[::-1]
-            told = self._context.site_clock
-            known = told.mount_clock if self._own[0] is op.GetClock else told.mount_site
+            site_clock = self._context.site_clock
+            known = site_clock.mount_clock if self._own[0] is op.GetClock else site_clock.mount_site
             if known is not None:
                 self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
 
-    def _wanted(self, kind: Kind, now: float) -> bool:
+    def _needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
         if kind is op.Position and self._watched:
             return True
@@ -131,7 +129,7 @@ class Poller:
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
-        if not self._wanted(kind, now):
+        if not self._needed(kind, now):
             return IDLE
         ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical_rtt
         every = POLL_PERIOD[kind]
@@ -140,7 +138,7 @@ class Poller:
         return max(every - ahead, BREATH) - self._cache.age(kind, now)
 
     async def renew(self, kind: Kind) -> None:
-        """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
+        """Ask the mount again. The log records the decision, so that a replay asks at the same moments."""
         self._context.log.put("hub", "r", note=kind.__name__)
         if kind is op.GetSite or kind is op.GetClock:
             await self._settings.renew(kind)

@@ -41,11 +41,13 @@ class Reader:
     ``goto_over`` when the mount reports that a goto has ended.
     """
 
-    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, told: ClientReadings) -> None:
+    def __init__(
+        self, context: Context, runner: DriverRunner, fair: FairScheduler, client_readings: ClientReadings
+    ) -> None:
         self._context, self._driver, self._now, self._link, self._cache = (
             context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
-        self._runner, self._fair, self._told = runner, fair, told
+        self._runner, self._fair, self._client_readings = runner, fair, client_readings
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
         self._exchanges: dict[Kind, int] = {}
         self.position: Signal[op.Equatorial] = Signal()
@@ -62,14 +64,12 @@ class Reader:
         """Return the number of exchanges that the last read of this kind took."""
         return self._exchanges.get(kind, 1)
 
-    def _there(self, operation: op.Operation) -> asyncio.Event:
+    def _precondition(self, operation: op.Operation) -> asyncio.Event:
         """Return the event to wait for before this read: for the position a mount was found, else identified."""
-        return self._context.met if isinstance(operation, op.Position) else self._context.known
+        return self._context.found if isinstance(operation, op.Position) else self._context.known
 
     async def answer(self, operation: op.Operation) -> Any:
-        """Return the answer for a client, the last one if no new one arrives in time, and for an unknown status a
-        harmless default. Raises Fault if there is no answer.
-        """
+        """Return the answer for a client, the last one if no new one arrives in time. Raises Fault if there is none."""
         fault: Fault
         try:
             async with asyncio.timeout(WAITS_MOVING if self._movement.anything else WAITS):
@@ -81,9 +81,9 @@ class Reader:
         except TimeoutError:
             fault = NoAnswer()
         else:
-            self._told.answered(type(operation))
+            self._client_readings.answered(type(operation))
             return answer
-        last = self._told.last(type(operation))
+        last = self._client_readings.last(type(operation))
         if last is NOT_CACHED:
             raise fault
         return last
@@ -93,31 +93,31 @@ class Reader:
 
         A position that was requested before the last motion order is outdated: the mount is asked again.
         """
-        kind, told = type(operation), self._told
-        value = told.peek(operation)
+        kind, client_readings = type(operation), self._client_readings
+        value = client_readings.peek(operation)
         answer: Any = NOT_CACHED
         for _ in range(TRIES):
-            if value is NOT_CACHED and (source := told.source(kind)) is not None:
+            if value is NOT_CACHED and (source := client_readings.source(kind)) is not None:
                 await self.answer(source())
-                value = told.peek(operation)
+                value = client_readings.peek(operation)
             if value is not NOT_CACHED:
                 return value
-            answer = await self.asked(operation)
+            answer = await self.shared_answer(operation)
             if kind not in POSITIONS:
                 return answer
-            value = told.peek(operation)
+            value = client_readings.peek(operation)
         return answer if value is NOT_CACHED else value
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """Return a reading from the cache, or by an exchange that all callers share. Raises Fault."""
         value = cached_reading(self._context, type(operation))
-        return cast(_T, await self.asked(operation) if value is NOT_CACHED else value)
+        return cast(_T, await self.shared_answer(operation) if value is NOT_CACHED else value)
 
-    async def asked(self, operation: op.Operation) -> Any:
+    async def shared_answer(self, operation: op.Operation) -> Any:
         """Return the answer of the exchange under way, or of a new one. Raises Fault; NoAnswer if a mount that is not
         identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
         """
-        first = not self._there(operation).is_set()
+        first = not self._precondition(operation).is_set()
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else UNTIL_KNOWN if slews else None):
@@ -128,9 +128,7 @@ class Reader:
             return True
 
     async def read_now(self, operation: op.Operation[_T]) -> _T:
-        """Read from the mount, however fresh the last reading is. Cancelling one caller does not cancel the exchange.
-        Raises Fault.
-        """
+        """Read from the mount, even if the last reading is fresh. A cancelled caller does not end it. Raises Fault."""
         return cast(_T, await result_of(self.shared(operation)))
 
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
@@ -147,10 +145,10 @@ class Reader:
         mark_retrieved(task)
 
     async def _ask(self, operation: op.Operation) -> Any:
-        if not self._there(operation).is_set():
-            await self._there(operation).wait()
-            if (met := cached_reading(self._context, type(operation))) is not NOT_CACHED:
-                return met  # identification has read it meanwhile
+        if not self._precondition(operation).is_set():
+            await self._precondition(operation).wait()
+            if (known := cached_reading(self._context, type(operation))) is not NOT_CACHED:
+                return known  # identification has read it meanwhile
         kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None
         if isinstance(operation, op.AxisPosition) and not self._driver.implementation(op.AxisPosition):
@@ -158,7 +156,7 @@ class Reader:
         elif isinstance(operation, op.HorizontalPosition) and self._driver.position_reads > 1:
             value = await self._while_it_rests(operation)
         else:
-            value = await self._hear(operation)
+            value = await self._request(operation)
         if isinstance(operation, op.Slewing):
             if self._movement.slewing and not value:
                 await self._settled()
@@ -166,8 +164,8 @@ class Reader:
         if isinstance(operation, op.HorizontalPosition) and value is None:
             source, value = op.Position, self._astrometry.horizon(await self.read(op.Position()))
         if source is not None:
-            self._told.calculated_from(kind, source)
-        self._fold(kind, value)
+            self._client_readings.calculated_from(kind, source)
+        self._publish(kind, value)
         return value
 
     async def _axes_from_the_sky(self) -> tuple[Kind, Any]:
@@ -178,7 +176,7 @@ class Reader:
         seen = await self.read(op.Position())
         return op.Position, self._astrometry.axes(seen, wedge=not self._driver.german)
 
-    def _fold(self, kind: Kind, value: Any) -> None:
+    def _publish(self, kind: Kind, value: Any) -> None:
         """Store a reading, and pass it to the limits by signals."""
         self._cache.put(kind, value, self._now())
         if isinstance(value, op.Status):
@@ -188,11 +186,11 @@ class Reader:
         elif kind is op.AxisPosition:
             self.axes.emit(value)
 
-    def told(self, operation: op.Operation, value: Any) -> None:
+    def take(self, operation: op.Operation, value: Any) -> None:
         """Take a reading that the mount reported in an exchange of another part."""
-        self._fold(type(operation), self._taken(operation, value))
+        self._publish(type(operation), self._converted(operation, value))
 
-    async def _hear(self, operation: op.Operation) -> Any:
+    async def _request(self, operation: op.Operation) -> Any:
         """Ask the mount and return its answer. Raises Fault."""
         priority = POSITION if isinstance(operation, op.Position) else READ
         try:
@@ -202,23 +200,21 @@ class Reader:
                 self.unseen.emit(None)
             raise
         self._exchanges[type(operation)] = self._runner.exchanges
-        return self._taken(operation, value)
+        return self._converted(operation, value)
 
-    def _taken(self, operation: op.Operation, value: Any) -> Any:
+    def _converted(self, operation: op.Operation, value: Any) -> Any:
         """Convert an answer that has just arrived to the equinox of date, and pass on positions with their times."""
         if isinstance(operation, op.Position):
             value = self._astrometry.from_mount(value)
         if isinstance(value, op.Equatorial | op.Horizontal):
             half = self._link.typical_rtt / 2.0
             first, second = self._driver.read_at or (self._now(), self._now())
-            self._told.take(type(operation), value, self._runner.asked_at, (first - half, second - half))
+            self._client_readings.take(type(operation), value, self._runner.asked_at, (first - half, second - half))
         return value
 
     async def _while_it_rests(self, operation: op.Operation) -> Any:
-        """Return the answer, or None if the mount begins to move: the line is then too slow for two positions of two
-        requests each.
-        """
-        reading = self._context.tasks.spawn(self._hear(operation))
+        """Return the answer, or None once the mount moves: then two positions of two requests each take too long."""
+        reading = self._context.tasks.spawn(self._request(operation))
         try:
             while not self._movement.anything:
                 if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:
@@ -232,7 +228,7 @@ class Reader:
         slew = self._wanted.value.motion
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
-        self._told.outdate()
+        self._client_readings.outdate()
         here = await self.answer(op.Position())
         if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self._wanted.axes:
             goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))

@@ -19,7 +19,7 @@ from gateway.mount.context import Context
 from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
-SIGHT = 8.0
+TIME_TO_REST = 8.0
 #: Seconds between two samples that are compared, at least, and from one sample to the next.
 APART, BREATH = 0.7, 0.2
 ARCSECOND = 1.0 / 3600.0
@@ -28,42 +28,42 @@ ARCSECOND = 1.0 / 3600.0
 SKY, CREEP, DRIVES = 15.041 * ARCSECOND, 30.0 * ARCSECOND, 3.0 * ARCSECOND
 #: Degrees a second that an axis at rest may turn by tracking; the azimuth of a fork near the zenith, ZENITH times the
 #: rate that the sky needs there, but no faster than FASTEST.
-TURNS, ZENITH, FASTEST = 0.1, 3.0, 2.5
+TRACKING_SPEED, ZENITH, FASTEST = 0.1, 3.0, 2.5
 
 
-class Look(NamedTuple):
+class Sample(NamedTuple):
     """A sample: position and axes in degrees, and how fast the first axis may turn by tracking, degrees a second."""
 
     at: float
-    seen: op.Equatorial
+    position: op.Equatorial
     axes: tuple[float, float]
-    turns: float
+    tracking_speed: float
 
 
-async def come_to_rest(context: Context, reader: Reader, seconds: float = SIGHT) -> None:
+async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_TO_REST) -> None:
     """Sample the mount until it is at rest. Raises Fault with what the samples showed, or why there were none.
 
     A mount that hibernates is at rest and is not asked.
     """
-    looks: deque[Look] = deque()
-    rate, trouble = None, Fault("it has not told where it is")
+    samples: deque[Sample] = deque()
+    rate, trouble = None, Fault("the mount has not reported its position")
     apart = max(APART, context.driver.resolution / CREEP)
     try:
         async with asyncio.timeout(seconds):
             while True:
                 try:
-                    looks.append(await _look(context, reader))
+                    samples.append(await _sample(context, reader))
                 except Asleep:
                     return
                 except NoAnswer as fault:
-                    looks.clear()
+                    samples.clear()
                     trouble = fault
                 except Fault as fault:
                     trouble = fault
-                while len(looks) > 1 and looks[-1].at - looks[1].at >= apart:
-                    looks.popleft()
-                if len(looks) > 1 and looks[-1].at - looks[0].at >= apart:
-                    rate = _unexplained(looks[0], looks[-1], 1.25 * context.driver.resolution)
+                while len(samples) > 1 and samples[-1].at - samples[1].at >= apart:
+                    samples.popleft()
+                if len(samples) > 1 and samples[-1].at - samples[0].at >= apart:
+                    rate = _unexplained(samples[0], samples[-1], 1.25 * context.driver.resolution)
                     if rate == 0.0 and not context.movement.anything:
                         return
                 await asyncio.sleep(BREATH)
@@ -76,30 +76,30 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = SIGHT)
     raise Fault(f"it acknowledged the stop and still moves after {seconds:.0f} s, {rate:.3f} degrees a second")
 
 
-async def _look(context: Context, reader: Reader) -> Look:
+async def _sample(context: Context, reader: Reader) -> Sample:
     """Take a sample by new requests to the mount. Raises Fault."""
     status: op.Status = await reader.read(op.GetStatus())
-    seen: op.Equatorial = await reader.read_now(op.Position())
+    position: op.Equatorial = await reader.read_now(op.Position())
     at = context.now()
     if context.driver.implementation(op.AxisPosition) or not status.equatorial:
         kind = op.AxisPosition if context.driver.implementation(op.AxisPosition) else op.HorizontalPosition
         there: op.Horizontal = await reader.read_now(kind())
         axes = (there.az, there.alt)
     else:
-        axes = (seen.ra, seen.dec)
-    turns = TURNS
+        axes = (position.ra, position.dec)
+    tracking_speed = TRACKING_SPEED
     if not status.equatorial and status.tracking is not op.Tracking.OFF:
-        turns = min(FASTEST, max(TURNS, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
-    return Look(at, seen, axes, turns)
+        tracking_speed = min(FASTEST, max(TRACKING_SPEED, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
+    return Sample(at, position, axes, tracking_speed)
 
 
-def _unexplained(before: Look, after: Look, fine: float) -> float:
+def _unexplained(before: Sample, after: Sample, fine: float) -> float:
     """Return the speed beyond what tracking explains, degrees a second; 0 if the motion is below ``fine`` degrees."""
     elapsed = after.at - before.at
-    (ra, dec), (last_ra, last_dec) = (before.seen.ra, before.seen.dec), (after.seen.ra, after.seen.dec)
+    (ra, dec), (last_ra, last_dec) = (before.position.ra, before.position.dec), (after.position.ra, after.position.dec)
     kept, passed = separation(ra, dec, last_ra, last_dec), separation(ra + SKY * elapsed, dec, last_ra, last_dec)
     moved = min(kept, passed) - DRIVES * elapsed
-    first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.turns, after.turns) * elapsed
-    second = abs(wrap180(after.axes[1] - before.axes[1])) - TURNS * elapsed
+    first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.tracking_speed, after.tracking_speed) * elapsed
+    second = abs(wrap180(after.axes[1] - before.axes[1])) - TRACKING_SPEED * elapsed
     most = max(moved, first, second)
     return most / elapsed if most > fine else 0.0

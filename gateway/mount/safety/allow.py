@@ -2,8 +2,7 @@
 
 A rule is a pure function of a ``View``, evaluated at every position. It may only restrict motion, and it never forbids
 a motion that leads out of a forbidden region. A moving mount must not pass an altitude limit, come near the Sun, or go
-past the meridian, where the tube of an equatorial mount meets its pier. The path of a goto is also checked before it
-begins (``admission/``).
+past the meridian, where the tube of an equatorial mount meets its pier. Gotos are checked beforehand, too.
 """
 
 from __future__ import annotations

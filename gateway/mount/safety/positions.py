@@ -36,7 +36,7 @@ def blind(moving: Moving, age: float, since_stop: float) -> str:
     but it is not moved by hand meanwhile.
     """
     if moving.by_hand and age > BLIND and since_stop > BLIND:
-        return "it moves and does not tell where it is"
+        return "it moves but does not report its position"
     return ""
 
 

@@ -65,16 +65,15 @@ class StopTiming(Struct, frozen=True):
         return BETWEEN_AXES * self.exchange if axes > 1 else 0.0
 
 
-def ahead(rate: float, earlier: float | None, told: float, first: float, last: float) -> float:
+def ahead(rate: float, earlier: float | None, commanded: float, first: float, last: float) -> float:
     """Return how fast the mount may approach a limit from now on, degrees a second.
 
-    ``rate`` was seen between the last two positions, ``earlier`` before that in the same motion. ``first`` and ``last``
-    are the seconds from the beginning of the motion to the two positions. ``told`` is the commanded speed, 0 if
-    unknown.
+    ``rate`` was seen between the last two positions, ``earlier`` before that in the same motion; ``first`` and ``last``
+    are the seconds from the beginning of the motion to the two. ``commanded`` is the speed ordered, 0 if unknown.
     """
     grown = max(0.0, rate - earlier) if earlier is not None else 0.0
-    if first < RUN_UP and rate > APPROACH * told * _run_up(first, last):
-        return max(rate + grown, told)
+    if first < RUN_UP and rate > APPROACH * commanded * _run_up(first, last):
+        return max(rate + grown, commanded)
     return rate + grown
 
 

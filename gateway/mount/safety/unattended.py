@@ -113,8 +113,7 @@ def abandoned(
 class TrackingAtLimit:
     """Turns tracking off when ``watch`` reports that it carries the mount to a limit.
 
-    ``perform`` carries out an operation. ``must_stop`` is emitted if tracking cannot be turned off, so that all motion
-    must stop.
+    ``perform`` carries out an operation. ``must_stop`` is emitted if tracking cannot be turned off: all must stop.
     """
 
     def __init__(

@@ -37,8 +37,7 @@ class View(Struct, frozen=True):
     """The state of a mount that the rules judge.
 
     ``sun`` is the smallest allowed distance from the Sun, degrees. ``side`` is the side of the pier (E, W) that the
-    tube is on. ``german`` and ``side`` are None if unknown. ``astray``: the goto does not follow the path that was
-    checked.
+    tube is on. ``german`` and ``side`` are None if unknown. ``astray``: the goto may pass a limit on its path.
     """
 
     seen: Seen
@@ -69,7 +68,7 @@ class View(Struct, frozen=True):
         seen = self.seen
         assert seen.before is not None
         assert seen.last is not None
-        return ahead(rate, earlier, seen.told, seen.before.at - seen.began, seen.last.at - seen.began)
+        return ahead(rate, earlier, seen.ordered_speed, seen.before.at - seen.began, seen.last.at - seen.began)
 
     def margin(self, rate: float) -> float:
         """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto."""

@@ -98,11 +98,13 @@ class LimitWatch:
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.path_leaves_limits
         self._parked = False
         self.motion_began.emit(None)
-        told = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
+        ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
             self.altitude_axis.forget(synced=True)
-        self.seen = fold.begin(self.seen, mount.now(), told, at_rest=not (moving.anything or self.moved_by_others))
+        self.seen = fold.begin(
+            self.seen, mount.now(), ordered_speed, at_rest=not (moving.anything or self.moved_by_others)
+        )
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
         elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
@@ -189,7 +191,7 @@ class LimitWatch:
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
-        here = place if before is None else fold.at_once(now, place, before, mount.timing.lag)
+        here = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
         altitude, hour_angle = astrometry.altitude(here.ra, here.dec), None
         if altitude is not None:
             altitude += self.altitude_axis.tilt or 0.0

@@ -1,1 +1,1 @@
-"""Where the mount stands and what time it is: the sources of both, and which of them the limits go by."""
+"""The site of the mount and the time: the sources of both, and which of them the limits use."""

@@ -90,7 +90,7 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
     return min((one.due for one in pending.values()), default=None)
 
 
-def site_is_ours(sent: Sequence[Setting], before: Place | None, told: Place) -> bool:
+def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place) -> bool:
     """Whether the site that the mount reports may result from what the gateway sent it.
 
     Each half is as it was before or as the gateway sent it; the mount may have received only one of them.
@@ -101,15 +101,15 @@ def site_is_ours(sent: Sequence[Setting], before: Place | None, told: Place) -> 
     if before is None or not values:
         return False
     return (
-        min(abs(told.latitude - one) for one in (before.latitude, *latitudes)) <= SITE_EQUAL
-        and min(abs(wrap180(told.longitude - one)) for one in (before.longitude, *longitudes)) <= SITE_EQUAL
+        min(abs(reported.latitude - one) for one in (before.latitude, *latitudes)) <= SITE_EQUAL
+        and min(abs(wrap180(reported.longitude - one)) for one in (before.longitude, *longitudes)) <= SITE_EQUAL
     )
 
 
-def clock_is_ours(sent: Sequence[Setting], before: Moment | None, told: Moment, now: float) -> bool:
+def clock_is_ours(sent: Sequence[Setting], before: Moment | None, reported: Moment, now: float) -> bool:
     """Like ``site_is_ours``, for the clock: the mount may have received zone, time and date only in part."""
     values = [value for one in sent if isinstance(value := one.running(now), SetClock)]
     if before is None or not values:
         return False
     times = (before.unix, *(value.unix for value in values))
-    return min(abs((told.unix - unix + ZONES / 2) % ZONES - ZONES / 2) for unix in times) <= CLOCK_EQUAL
+    return min(abs((reported.unix - unix + ZONES / 2) % ZONES - ZONES / 2) for unix in times) <= CLOCK_EQUAL

@@ -75,9 +75,9 @@ class SiteAndClock:
         async with self._reading_gps:
             seen = self._site_clock.gps()
             if seen is None:
-                told: op.Gps = await self._runner.perform(operation, READ)
-                self._site_clock.take_gps(told)
-                return told
+                reported: op.Gps = await self._runner.perform(operation, READ)
+                self._site_clock.take_gps(reported)
+                return reported
         return seen
 
     # --- setting ----------------------------------------------------------------------------------------------------

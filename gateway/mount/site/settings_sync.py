@@ -95,14 +95,16 @@ class SyncSettings:
 
     def take_value(self, value: op.Place | op.Moment) -> bool:
         """Take the mount's site or clock. Return whether it was changed at the mount; it replaces the client's."""
-        told, clock = self._site_clock, isinstance(value, op.Moment)
+        site_clock, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         unsent, sent = self.pending.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
-            ours = pending_settings.clock_is_ours(sent, told.running(told.mount_clock), value, self._now())
-            changed = told.take_mount_clock(value, ours)
+            ours = pending_settings.clock_is_ours(sent, site_clock.running(site_clock.mount_clock), value, self._now())
+            changed = site_clock.take_mount_clock(value, ours)
         else:
-            changed = told.take_mount_site(value, pending_settings.site_is_ours(sent, told.mount_site, value))
+            changed = site_clock.take_mount_site(
+                value, pending_settings.site_is_ours(sent, site_clock.mount_site, value)
+            )
         if kind != self._sending:
             self._sent.pop(kind, None)
         if changed:
@@ -228,8 +230,8 @@ class SyncSettings:
         elif isinstance(running, op.SetClock):
             self._site_clock.take_mount_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
             with contextlib.suppress(Fault):  # it is read again when needed
-                told: op.Moment = await self._runner.perform(op.GetClock(), READ)
-                self._site_clock.take_mount_clock(told, ours=True)
+                shown: op.Moment = await self._runner.perform(op.GetClock(), READ)
+                self._site_clock.take_mount_clock(shown, ours=True)
         self._finish(setting)
 
     def _finish(self, setting: Setting) -> None:

@@ -57,7 +57,7 @@ SPEC = ProtocolSpec(
     opening=re.compile(rb"(?:(?:get|put) [^\n]*\n)*"),
     make_surface=_make_surface,
     web=_web,
-    hello=("put connected Connected=true\\x0a",),
+    required_requests=("put connected Connected=true\\x0a",),
     hint=_hint,
     recognises=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,
 )

@@ -35,7 +35,7 @@ class Send(NamedTuple):
                other commands are refused as busy, and no reply at the end is a fault of the line
     prompt     it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
     raw        return the bytes of the reply too, as the field ``raw``
-    light      accept the first reply without verification: nothing depends on it
+    unverified accept the first reply without verification: nothing depends on it
     once       accept the reply as it is: it concerns the command just before it, or only the client that asked
     """
 
@@ -45,7 +45,7 @@ class Send(NamedTuple):
     long: bool = False
     prompt: bool = False
     raw: bool = False
-    light: bool = False
+    unverified: bool = False
     once: bool = False
 
 
@@ -58,14 +58,14 @@ class Wait(NamedTuple):
 class Schedule(NamedTuple):
     """Perform an operation after some seconds; a newer ``Schedule`` of an equal operation replaces this one.
 
-    An ``urgent`` operation has the priority of a stop (used to repeat the end of a motion). A ``heard`` operation waits
+    An ``urgent`` operation has the priority of a stop (to repeat the end of a motion). A ``not_while_busy`` one waits
     while the mount is busy with a long command, during which it accepts nothing but a stop.
     """
 
     seconds: float
     operation: op.Operation
     urgent: bool = False
-    heard: bool = False
+    not_while_busy: bool = False
 
 
 class Remark(NamedTuple):

@@ -64,13 +64,13 @@ class WholeFramer:
     def __init__(self) -> None:
         self._pending = bytearray()
         #: Whether the next bytes are dropped, because they may belong to what was dropped before.
-        self._lost = False
+        self._dropping = False
         self.dropped = Dropped()
 
     @property
     def idle(self) -> bool:
-        """Whether the next byte begins a new command."""
-        return not (self._pending or self._lost)
+        """Whether the next byte begins a command that does not depend on earlier bytes."""
+        return not (self._pending or self._dropping)
 
     def end(self) -> list[Unterminated]:
         """Handle the end of the connection: half a command is dropped."""
@@ -86,25 +86,25 @@ class LengthFramer(WholeFramer, ABC):
     noise: str
     half: str
     #: Whether the bytes after a dropped half command may be its other half, and are dropped until the next pause.
-    wary = False
+    drops_after_half = False
 
     def __init__(self) -> None:
         super().__init__()
-        self._heard = 0.0
+        self._last_byte_at = 0.0
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
         if not data:
             return []
         self.dropped.clear()
-        quiet, self._heard = now - self._heard, now
+        quiet, self._last_byte_at = now - self._last_byte_at, now
         if quiet >= RESYNC_GAP:
-            self._lost = False
+            self._dropping = False
         if quiet >= QUIET_GAP and self._pending:
             self.dropped.add(bytes(self._pending), self.half)
             self._pending.clear()
-            self._lost = self.wary
-        if self._lost:
+            self._dropping = self.drops_after_half
+        if self._dropping:
             self.dropped.add(data, self.noise)
             return []
         return self._cut(data)
@@ -115,7 +115,7 @@ class LengthFramer(WholeFramer, ABC):
 
 
 class Framer(Protocol):
-    """Cuts a protocol's commands out of a byte stream. It is ``idle`` while the next byte begins a new command."""
+    """Cuts a protocol's commands out of a byte stream. ``idle``: the next byte does not depend on earlier ones."""
 
     dropped: Dropped
 

@@ -51,7 +51,7 @@ UNNAMED = NamedSite()
 class MountSettings(Struct, frozen=True):
     """The settings that all clients of a mount share. The first five are stored in the state file.
 
-    ``zone`` is the UTC offset in hours, and how many of them are daylight saving; ``motors`` are values of the motors
+    ``zone``: hours of the time zone, and of daylight saving, whose sum is the UTC offset; ``motors``: values of motors
     by name (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends``: Unix time when the last guide pulse of an axis ends.
     """
 

@@ -150,7 +150,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Normalises a version text. Raises ValueError if it is not a version, UserError if none was ever released.
     check_version: Callable[[str], str] = _checked
     #: A row of models.toml -> the versions of that model.
-    made_with: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
+    versions_of: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
     #: Words that may replace a model and name a version: (word, version or None) -> version.
     version_words: Mapping[str, Callable[[str | None], str]] = {}
     #: The version that is presented to programs if the user names none.
@@ -163,8 +163,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     greeting: bytes = b""
     #: Whether its programs wait for the mount to speak first: on a port for all protocols a silent client is one of
     #: them; and commands that programs of other protocols send first too: there they are answered and decide nothing.
-    waits: bool = False
-    also_others: re.Pattern[bytes] | None = None
+    mount_speaks_first: bool = False
+    shared_openings: re.Pattern[bytes] | None = None
     questions: tuple[Question, ...] = ()
     #: Other states that an answer to a question may show, with their descriptions.
     states: Mapping[str, str] = {}
@@ -174,7 +174,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     night: NightRows = NightRows()
     #: Where to plug in the cable; which mount may not hear the questions that are sent to every port (at ``{port}``).
     cable: str = ""
-    deaf: str = ""
+    detect_warning: str = ""
     #: The source for the statement that mounts of a version use J2000.
     j2000_by: str = "its maker"
     #: What the user should know of a mount of an unknown model, given its version.
@@ -185,11 +185,11 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     parks_itself: bool = False
     #: The slowest mount, and how many seconds its first answer may take: with its model configured, and without.
     slowest: str = "a mount"
-    takes: tuple[int, int] = (4, 4)
+    first_answer_seconds: tuple[int, int] = (4, 4)
     #: Requests that give a client a target.
     target: tuple[str, ...] = ()
     #: Requests that a client must send before it is answered anything.
-    hello: tuple[str, ...] = ()
+    required_requests: tuple[str, ...] = ()
     #: Explains what may be wrong with an unknown command; without it a similar command is suggested.
     hint: Callable[[bytes], str] | None = None
     #: A remark for the generated tables, above the models that it presents.

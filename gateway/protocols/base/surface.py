@@ -19,7 +19,7 @@ from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, Want, relayed
+from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, SurfaceStep, relayed
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, SurfaceRow
@@ -55,13 +55,13 @@ class Surface:
         self.verbatim = False
         self.passes: Callable[[str, Values], bool] = lambda name, values: True
         #: Whether the mount's own answer would contradict what this client was told before.
-        self.stands_against: Callable[..., bool] = lambda session, name, values: False
+        self.contradicts_client: Callable[..., bool] = lambda session, name, values: False
         #: Reply -> the reply in the mount's own notation, if the surface presents the mount itself.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: What a client is sent without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for one.
-        self.denies: Callable[[bytes], bool] = lambda reply: False
+        self.is_refusal: Callable[[bytes], bool] = lambda reply: False
         #: Why the presented model does not have a command, which is then ignored; empty if it has it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
@@ -153,7 +153,7 @@ class Surface:
 
     def _own(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
         """Return the mount's own reply. Raises Unsupported if the gateway has to answer instead, or another Fault."""
-        if self.stands_against(session, command.name, values):
+        if self.contradicts_client(session, command.name, values):
             raise Unsupported
         if keep == "library":
             answer = yield from self.call("own_library", session, command, values)
@@ -238,7 +238,7 @@ class Surface:
         return b""
 
 
-def _without_motion(wanted: Want) -> bool:
+def _without_motion(wanted: SurfaceStep) -> bool:
     """Whether to drop a request because it would begin a motion. Raises Disturbed if the command can be refused."""
     if not begins_motion(getattr(wanted, "operation", wanted)):
         return False

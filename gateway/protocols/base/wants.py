@@ -19,7 +19,7 @@ class FireAndForget(NamedTuple):
     operation: Operation
 
 
-class Possible(NamedTuple):
+class CheckPossible(NamedTuple):
     """Check whether an operation has a chance: Fault is raised if this client may not ask for it, or if the mount does
     not listen. A surface uses it before it sends a success that it cannot know yet.
     """
@@ -40,7 +40,7 @@ class Defer(NamedTuple):
     handler: str
 
 
-class Speed(NamedTuple):
+class ChangeBaudRate(NamedTuple):
     """Change the baud rate after the reply to this command, if the client is on a serial port."""
 
     baud: int
@@ -61,8 +61,8 @@ class Subscription(NamedTuple):
     after: float = 0.0
 
 
-Want = Operation | FireAndForget | Possible | ReuseLastReading | Defer | Speed
-Handling = Generator[Want, Any, Any]
+SurfaceStep = Operation | FireAndForget | CheckPossible | ReuseLastReading | Defer | ChangeBaudRate
+Handling = Generator[SurfaceStep, Any, Any]
 
 
 def given(values: Values) -> Values:
@@ -72,7 +72,7 @@ def given(values: Values) -> Values:
     return values
 
 
-def relayed(steps: Handling, instead: Callable[[Want], bool]) -> Handling:
+def relayed(steps: Handling, instead: Callable[[SurfaceStep], bool]) -> Handling:
     """Pass on the requests of a handler and the answers to them, unless ``instead`` steps in.
 
     ``instead`` receives each request first. If it returns True, the request is dropped and answered with None; if it

@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.command_set import load
 ACK = 0x06
 LONGEST = 64
 #: Seconds of quiet that end a burst of bytes: what follows does not continue what came before.
-RUN_GAP = 0.1
+BURST_GAP = 0.1
 #: Why bytes are dropped, for the log.
 NOISE = "no command of an LX200 begins so"
 HALF = "a command without its end (#)"
@@ -50,11 +50,11 @@ class Framer:
     def __init__(self) -> None:
         self._frame = bytearray()
         self._colon = False
-        self._heard = 0.0
+        self._last_byte_at = 0.0
         #: Whether the incomplete command is from before the last pause.
-        self._old = False
+        self._before_pause = False
         #: The names of the commands in an unterminated text (empty: there is none), and that text.
-        self._lost: dict[str, None] = {}
+        self._unterminated: dict[str, None] = {}
         self._text = bytearray()
         #: Whether the commands of this burst are suspect.
         self._suspect = False
@@ -63,7 +63,7 @@ class Framer:
 
     @property
     def idle(self) -> bool:
-        """Whether the next byte begins a new command."""
+        """Whether the next byte begins a command that does not depend on earlier bytes."""
         return not (self._frame or self._suspect)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
@@ -72,15 +72,15 @@ class Framer:
             return []
         self._frames = []
         self.dropped.clear()
-        quiet, self._heard = now - self._heard, now
-        if quiet >= RUN_GAP:
-            self._begin_run()
+        quiet, self._last_byte_at = now - self._last_byte_at, now
+        if quiet >= BURST_GAP:
+            self._begin_burst()
         for byte in data:
             if byte in _IGNORED:
                 continue
             if byte == ACK:
                 self._cut()
-                if not self._lost:
+                if not self._unterminated:
                     self._frames.append(bytes((ACK,)))
                 self._begin()
             elif byte == _HASH:
@@ -92,29 +92,29 @@ class Framer:
 
     def _begin(self, first: bytes = b"") -> None:
         self._frame = bytearray(first)
-        self._colon = self._old = False
+        self._colon = self._before_pause = False
 
-    def _begin_run(self) -> None:
-        """Begin a new burst after a pause: nothing is suspect, and of a swallowed text only half a stop is kept."""
+    def _begin_burst(self) -> None:
+        """Begin a new burst after a pause: nothing is suspect, and of an unterminated text only half a stop is kept."""
         self._suspect = False
-        self._old = bool(self._frame)
-        if self._lost:
+        self._before_pause = bool(self._frame)
+        if self._unterminated:
             rest = b":" if self._colon else bytes(self._frame)
-            self._give_up()
+            self._report_unterminated()
             self._begin(rest if any(stop.startswith(rest) for stop in stops()) else b"")
 
-    def _give_up(self) -> None:
+    def _report_unterminated(self) -> None:
         """Report the unterminated text without waiting for its end."""
-        self._swallow(bytes(self._frame), setter(bytes(self._frame)))
-        self._frames.append(Unterminated(bytes(self._text), tuple(self._lost), late=True))
-        self._lost = {}
+        self._extend_unterminated(bytes(self._frame), setter(bytes(self._frame)))
+        self._frames.append(Unterminated(bytes(self._text), tuple(self._unterminated), late=True))
+        self._unterminated = {}
 
     def end(self) -> list[Unterminated]:
         """Handle the end of the connection; return an incomplete command with an argument, so that it is refused."""
-        self._frames, self._old = [], True
+        self._frames, self._before_pause = [], True
         self.dropped.clear()
-        if self._lost:
-            self._give_up()
+        if self._unterminated:
+            self._report_unterminated()
         else:
             self._cut()
         self._begin()
@@ -124,32 +124,32 @@ class Framer:
         """End the incomplete command here: with an argument it is unterminated, any other is dropped."""
         piece = bytes(self._frame)
         name = setter(piece) if len(piece) > 1 else None
-        if self._lost:
-            self._swallow(piece, name)
+        if self._unterminated:
+            self._extend_unterminated(piece, name)
             if piece + b"#" in stops():
                 self._frames.append(piece + b"#")
-        elif name is not None and self._old:
+        elif name is not None and self._before_pause:
             self._frames.append(Unterminated(piece, (name,), late=True))
         elif name is not None:
             self._text.clear()
             self._suspect = True
-            self._swallow(piece, name)
+            self._extend_unterminated(piece, name)
         elif len(piece) > 1:
             self.dropped.add(piece, why)
 
-    def _swallow(self, piece: bytes, name: str | None) -> None:
-        """Add a piece to the unterminated text: bytes for the log, and the name of the command it would have set."""
+    def _extend_unterminated(self, piece: bytes, name: str | None) -> None:
+        """Add a piece to the unterminated text: its bytes for the log, and its command, whose setting is cleared."""
         self._text += piece[: LONGEST - len(self._text)]
         if name is not None:
-            self._lost[name] = None
+            self._unterminated[name] = None
 
     def _end(self) -> None:
         """Handle a ``#``: it ends a command, or an unterminated text."""
         frame = bytes(self._frame) + b"#"
-        if self._lost:
-            self._swallow(frame[:-1], setter(frame[:-1]))
-            self._frames.append(Unterminated(bytes(self._text) + b"#", tuple(self._lost)))
-            self._lost = {}
+        if self._unterminated:
+            self._extend_unterminated(frame[:-1], setter(frame[:-1]))
+            self._frames.append(Unterminated(bytes(self._text) + b"#", tuple(self._unterminated)))
+            self._unterminated = {}
             if frame in stops():
                 self._frames.append(frame)
         elif len(frame) > 2:
@@ -165,7 +165,7 @@ class Framer:
     def _take(self, byte: int) -> None:
         """Add a byte to the command; drop a command that is too long."""
         self._frame.append(byte)
-        self._old = False
+        self._before_pause = False
         if len(self._frame) > LONGEST:
             self._cut(TOO_LONG)
             self._begin()

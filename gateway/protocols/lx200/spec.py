@@ -55,7 +55,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     name = settings.model or DEFAULT_MODEL
     handlers = handlers_of(accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
-    surface.stands_against, surface.session = clock.stands_against, LxSession
+    surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},
@@ -70,7 +70,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     handlers = handlers_of(drive, home, identify, motion, place, pointing)
     return MadeDriver(
         Lx200Driver(now, settings, handlers),
-        {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, ends.PutBack: ends.restore_rates},
+        {home.SeekOn: home.check_home_search, ends.EndAgain: ends.repeat_end, ends.PutBack: ends.restore_rates},
         _reply_rules(),
     )
 
@@ -140,10 +140,10 @@ SPEC = ProtocolSpec(
     },
     night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
-    deaf="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
+    detect_warning="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
     parks_itself=True,
     slowest="a classic LX200",
-    takes=(4, 9),
+    first_answer_seconds=(4, 9),
     target=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
     hint=_hint,
     presented_remark="""\

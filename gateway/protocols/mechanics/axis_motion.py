@@ -36,7 +36,7 @@ class AxisMotion:
         self._drive_rate = SIDEREAL_RATE  # the rate of tracking
         self._axes = {1: Axis(axes[0], now), 2: Axis(axes[1], now)}
         self._aim: Pair = (0.0, 0.0)  # right ascension and declination
-        self._held = False  # in alt-az both axes follow the aim
+        self._follows_aim = False  # in alt-az both axes follow the aim
         self._noted = False  # positions and speeds are noted; the ramps of the next order have not begun
 
     @property
@@ -47,12 +47,12 @@ class AxisMotion:
     def _positions(self) -> Pair:
         return self._axes[1].position, self._axes[2].position
 
-    def _where(self, now: float) -> Pair:
+    def _positions_at(self, now: float) -> Pair:
         self._begin_ramps()
         first, second = self._ordered(now)
         return first - self._axes[1].ramp.left(now), second - self._axes[2].ramp.left(now)
 
-    def _speeds(self, now: float) -> Pair:
+    def _speeds_at(self, now: float) -> Pair:
         self._begin_ramps()
         first, second = self._ordered_speeds(now)
         return first + self._axes[1].ramp.speed(now), second + self._axes[2].ramp.speed(now)
@@ -60,14 +60,14 @@ class AxisMotion:
     def _ordered(self, now: float) -> Pair:
         """Return both positions without the ramps: as if every change of speed had been completed at once."""
         first, second = self._axes[1], self._axes[2]
-        follows = self._held or (first.leg and first.goal is None) or (second.leg and second.goal is None)
-        aimed = self._aimed(now) if follows else _NOWHERE
+        follows = self._follows_aim or (first.leg and first.goal is None) or (second.leg and second.goal is None)
+        aimed = self._axes_at_aim(now) if follows else _NOWHERE
         return self._ordered_one(first, aimed[0], now), self._ordered_one(second, aimed[1], now)
 
     def _ordered_one(self, motor: Axis, aim: float, now: float) -> float:
         if motor.leg is not None:
             return (aim if motor.goal is None else motor.goal) - motor.leg.remaining(now)
-        if self._held:
+        if self._follows_aim:
             return aim + (motor.added + motor.pulse) * (now - motor.since)
         return motor.position + (motor.added + motor.pulse + motor.rate) * (now - motor.since)
 
@@ -75,10 +75,10 @@ class AxisMotion:
         before, after = self._ordered(now), self._ordered(now + _STEP)
         return wrap180(after[0] - before[0]) / _STEP, wrap180(after[1] - before[1]) / _STEP
 
-    def _aimed(self, now: float) -> Pair:
+    def _axes_at_aim(self, now: float) -> Pair:
         """Return the axis positions that point at the aim, by the site, clock and correction the mount believes in."""
         ra, dec = self._aim
-        if self._held:
+        if self._follows_aim:
             ra += (SIDEREAL_RATE - self._drive_rate) * (now - self._axes[1].since)
         first, second = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
         return first - self.correction[0], second - self.correction[1]
@@ -89,7 +89,7 @@ class AxisMotion:
 
     def _note(self, now: float) -> None:
         """Note positions and speeds of the axes: the next order begins with them."""
-        here, speeds = self._where(now), self._speeds(now)
+        here, speeds = self._positions_at(now), self._speeds_at(now)
         changing = any(motor.added or motor.pulse or now < motor.ramp.ends for motor in self._axes.values())
         for motor, position, speed in zip(self._axes.values(), here, speeds, strict=True):
             quickest = motor.ramp.acceleration if now < motor.ramp.ends else 0.0
@@ -97,7 +97,7 @@ class AxisMotion:
                 quickest = max(quickest, motor.leg.acceleration)
             motor.acceleration = max(self.acceleration, quickest)
             motor.position, motor.since, motor.speed = position, now, speed
-        if self._held and (changing or self._drive_rate != SIDEREAL_RATE):
+        if self._follows_aim and (changing or self._drive_rate != SIDEREAL_RATE):
             self._aim = self._from_axes(now, here, self.correction)
         self._noted = True
 
@@ -112,6 +112,6 @@ class AxisMotion:
             if motor.leg is None or motor.leg.started == since:  # else it continues its goto
                 quickest = math.sqrt(self.acceleration * motor.acceleration) * RAMP_SECONDS
                 run_on = motor.ramp_from(since, ordered, quickest) != 0.0 or run_on
-        if self._held and run_on:
+        if self._follows_aim and run_on:
             self._aim = self._from_axes(since, self._positions, self.correction)
             self.flipped = abs(wrap180(self._positions[1] + self.correction[1])) > 90.0

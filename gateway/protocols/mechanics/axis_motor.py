@@ -121,7 +121,7 @@ class Axis(Struct):
     added: float = 0.0  # a slow hand rate on top of tracking
     pulse: float = 0.0
     pulse_ends: float = -math.inf
-    taken: bool = False  # an ordered rate overrides tracking
+    overridden: bool = False  # an ordered rate overrides tracking
     drive: bool = False  # that rate is itself a tracking rate
     leg: Leg | None = None
     goal: float | None = None  # of a goto to a fixed position; None: the aim on the sky
@@ -131,7 +131,7 @@ class Axis(Struct):
 
     def rest(self) -> None:
         """Forget every order except a guide pulse."""
-        self.taken = self.drive = False
+        self.overridden = self.drive = False
         self.rate, self.added, self.leg, self.goal = 0.0, 0.0, None, None
 
     def ramp_from(self, now: float, ordered: float, quickest: float) -> float:
@@ -151,4 +151,6 @@ class Axis(Struct):
     @property
     def ordered(self) -> bool:
         """Whether it has an order other than tracking: a goto, hand motion, guiding."""
-        return bool(self.leg is not None or self.added or self.pulse or (self.taken and not self.drive and self.rate))
+        return bool(
+            self.leg is not None or self.added or self.pulse or (self.overridden and not self.drive and self.rate)
+        )

@@ -28,13 +28,13 @@ class Mechanics(AxisMotion):
     def axes(self, now: float) -> Pair:
         """Return the positions of the motor axes: the first in [0, 360), the second in [-180, 180)."""
         self.advance(now)
-        first, second = self._where(now)
+        first, second = self._positions_at(now)
         return wrap360(first), wrap180(second)
 
     def speeds(self, now: float) -> Pair:
         """Return the speeds of the motor axes, degrees a second."""
         self.advance(now)
-        return self._speeds(now)
+        return self._speeds_at(now)
 
     def truth(self, now: float) -> Pair:
         """Return the true right ascension and declination of date, whatever site and clock the mount believes in."""
@@ -69,10 +69,10 @@ class Mechanics(AxisMotion):
 
     def tracking(self, now: float) -> bool:
         """Whether the motors follow the sky at this moment."""
-        if self.slewing(now) or self._axes[2].taken:
+        if self.slewing(now) or self._axes[2].overridden:
             return False
         first = self._axes[1]
-        if first.taken:
+        if first.overridden:
             return first.drive and self.build is not Build.ALTAZ and first.rate * self.geometry.pole > 0
         return self._on and (self.build is Build.ALTAZ or self._sense == self.geometry.pole)
 
@@ -87,11 +87,11 @@ class Mechanics(AxisMotion):
         if not self.slewing(now):
             self._follow(now)
 
-    def keep_up_with(self, now: float, rate: float) -> None:
+    def set_drive_rate(self, now: float, rate: float) -> None:
         """Track at this rate instead of the sidereal one, on every build; hand motion and gotos continue."""
-        self._settle(now)
+        self._advance_and_note(now)
         self._drive_rate = rate
-        if not any(motor.taken or motor.leg is not None for motor in self._axes.values()):
+        if not any(motor.overridden or motor.leg is not None for motor in self._axes.values()):
             self._follow(now)
 
     def resume(self, now: float) -> None:
@@ -101,22 +101,22 @@ class Mechanics(AxisMotion):
 
     def goto_sky(self, now: float, ra: float, dec: float) -> None:
         """Slew to a sky position, which moves on meanwhile; track it on arrival if tracking is on."""
-        self._settle(now)
+        self._advance_and_note(now)
         hour_angle = wrap180(self.sky.sidereal(now) - ra)
         self.flipped = self.geometry.other_side(hour_angle)
-        self._aim, self._held = (ra, dec), False
-        self._set_out(now, self._aimed(now), fixed=False)
+        self._aim, self._follows_aim = (ra, dec), False
+        self._begin_goto(now, self._axes_at_aim(now), fixed=False)
 
     def goto_axes(self, now: float, first: float, second: float) -> None:
         """Slew to axis positions; track from there if tracking is on."""
-        self._settle(now)
-        self._held = False
+        self._advance_and_note(now)
+        self._follows_aim = False
         self.flipped = self.build is Build.GERMAN and wrap180(second - 90.0) > 0.0
-        self._set_out(now, (first, second), fixed=True)
+        self._begin_goto(now, (first, second), fixed=True)
 
     def goto_axis(self, now: float, axis: int, position: float, slow: bool = False) -> None:
         """Slew one motor alone; it rests at the goal. The other motor keeps its last rate."""
-        self._take(now, axis)
+        self._override_tracking(now, axis)
         motor = self._axes[axis]
         fast = APPROACH_RATE * self.speed if slow else None
         motor.leg, motor.goal = self._leg(now, axis, motor.position, position, fast), position
@@ -124,8 +124,8 @@ class Mechanics(AxisMotion):
     def cancel(self, now: float) -> None:
         """End a goto at once; track from there if tracking is on."""
         if self.slewing(now):
-            self._settle(now)
-            self._arrive(now)
+            self._advance_and_note(now)
+            self._end_goto(now)
 
     def move(self, now: float, axis: int, rate: float, gentle: bool = False) -> None:
         """Move an axis by hand; rate 0 ends it. A ``gentle`` rate adds to a polar mount's tracking, others override it.
@@ -135,28 +135,28 @@ class Mechanics(AxisMotion):
         """
         self.advance(now)
         motor = self._axes[axis]
-        added = self.build is not Build.ALTAZ and (motor.drive if motor.taken else self._on)
+        added = self.build is not Build.ALTAZ and (motor.drive if motor.overridden else self._on)
         if motor.leg is None and added and (gentle or rate == 0.0):
-            self._settle(now)
+            self._advance_and_note(now)
             motor.added = rate
         elif rate != 0.0:
             self.set_rate(now, axis, rate)
-        elif motor.leg is not None and not motor.taken:
-            self._settle(now)
+        elif motor.leg is not None and not motor.overridden:
+            self._advance_and_note(now)
             motor.leg = None
             if all(other.leg is None for other in self._axes.values()):
-                self._arrive(now)
-        elif motor.taken and not motor.drive:
+                self._end_goto(now)
+        elif motor.overridden and not motor.drive:
             self.set_rate(now, axis, 0.0)
 
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
         """Turn one motor at a rate instead of tracking. A ``drive`` rate counts as tracking: gentle rates add to it."""
-        self._take(now, axis)
+        self._override_tracking(now, axis)
         self._axes[axis].rate, self._axes[axis].drive = max(-self.fastest, min(self.fastest, rate)), drive
 
     def pulse(self, now: float, axis: int, rate: float, seconds: float) -> None:
         """Add a rate to the motor's other motion for some seconds."""
-        self._settle(now)
+        self._advance_and_note(now)
         self._axes[axis].pulse, self._axes[axis].pulse_ends = rate, now + seconds
 
     def sync(self, now: float, ra: float, dec: float) -> None:
@@ -167,13 +167,13 @@ class Mechanics(AxisMotion):
 
     def correct(self, now: float, correction: Pair) -> None:
         """Set the correction of the believed axis positions, degrees; nothing moves."""
-        self._settle(now)
+        self._advance_and_note(now)
         self.correction = correction
         self._renew_aim(now)
 
     def relocate(self, now: float, sky: Sky) -> None:
         """Use another site or clock: the axes stay, the position they are believed to point at changes."""
-        self._settle(now)
+        self._advance_and_note(now)
         self.sky = sky
         self._renew_aim(now)
 
@@ -185,8 +185,8 @@ class Mechanics(AxisMotion):
         first, second = self.axes(now)
         truth = Geometry(self.build, self.ground.latitude).sky(first, second)
         believed = self.geometry.sky(first + self.correction[0], second + self.correction[1])
-        self._settle(now)
-        self.build, self.flipped, self._held = build, False, False
+        self._advance_and_note(now)
+        self.build, self.flipped, self._follows_aim = build, False, False
         there = Geometry(build, self.ground.latitude).axes(*truth, False)
         assumed = self.geometry.axes(*believed, False)
         self.correction = wrap180(assumed[0] - there[0]), wrap180(assumed[1] - there[1])
@@ -209,9 +209,9 @@ class Mechanics(AxisMotion):
             if due[1]:
                 self._axes[due[1]].pulse = 0.0
             else:
-                self._arrive(due[0])
+                self._end_goto(due[0])
 
-    def _settle(self, now: float) -> None:
+    def _advance_and_note(self, now: float) -> None:
         """Advance to ``now`` and note positions and speeds, so that the next order begins with them."""
         self.advance(now)
         self._note(now)
@@ -224,22 +224,22 @@ class Mechanics(AxisMotion):
             motor.rest()
         if self.build is not Build.ALTAZ:
             self._axes[1].rate = self._sense * self._drive_rate * self._on
-        elif self._on and not self._held:
+        elif self._on and not self._follows_aim:
             here = self._positions
             self._aim = self._from_axes(now, here, self.correction)
             self.flipped = abs(wrap180(here[1] + self.correction[1])) > 90.0
-        self._held = self._on and self.build is Build.ALTAZ
+        self._follows_aim = self._on and self.build is Build.ALTAZ
 
-    def _take(self, now: float, axis: int) -> None:
+    def _override_tracking(self, now: float, axis: int) -> None:
         """Override the tracking of one motor; in alt-az the other motor keeps its last rate."""
-        self._settle(now)
-        if self._held:
-            before, after = self._aimed(now), self._aimed(now + 1.0)
+        self._advance_and_note(now)
+        if self._follows_aim:
+            before, after = self._axes_at_aim(now), self._axes_at_aim(now + 1.0)
             for motor, p, q in zip(self._axes.values(), before, after, strict=True):
                 motor.rate = wrap180(q - p)
-            self._held = False
+            self._follows_aim = False
         self._axes[axis].rest()
-        self._axes[axis].taken = True
+        self._axes[axis].overridden = True
         if self.suspended_since is None:
             self.suspended_since = now
 
@@ -247,7 +247,7 @@ class Mechanics(AxisMotion):
         slow, distance = APPROACH_RATE * self.speed, self.geometry.travel(axis, here, there)
         return Leg(now, distance, fast or self.fastest * self.speed, slow, self.acceleration * self.speed**2)
 
-    def _set_out(self, now: float, there: Pair, fixed: bool) -> None:
+    def _begin_goto(self, now: float, there: Pair, fixed: bool) -> None:
         """Begin a goto from the noted axis positions."""
         self.suspended_since = None
         for number, motor in self._axes.items():
@@ -255,18 +255,18 @@ class Mechanics(AxisMotion):
             motor.leg = self._leg(now, number, motor.position, there[number - 1])
             motor.goal = there[number - 1] if fixed else None
 
-    def _arrive(self, now: float) -> None:
+    def _end_goto(self, now: float) -> None:
         """End the goto and track again, unless a motor has another order."""
         for motor in self._axes.values():
             motor.leg = motor.goal = None
         if self.build is Build.GERMAN:  # a goto that was cancelled half way may end on either side
             self.flipped = wrap180(self._axes[2].position + self.correction[1] - 90.0) > 0.0
-        if not any(motor.taken for motor in self._axes.values()):
+        if not any(motor.overridden for motor in self._axes.values()):
             self._follow(now)
 
     def _renew_aim(self, now: float) -> None:
         """After a change of site, clock or correction: track the new position, continue a goto to the same goal."""
-        if self._held:
+        if self._follows_aim:
             self._aim = self._from_axes(now, self._positions, self.correction)
         elif any(motor.leg is not None and motor.goal is None for motor in self._axes.values()):
-            self._set_out(now, self._aimed(now), fixed=False)
+            self._begin_goto(now, self._axes_at_aim(now), fixed=False)

@@ -31,7 +31,7 @@ class Simulated(ABC):
     mechanics: Mechanics
 
     @abstractmethod
-    def come_to_now(self) -> None:
+    def advance_to_now(self) -> None:
         """Advance to the present time of the clock."""
 
     @abstractmethod
@@ -49,7 +49,7 @@ class Simulated(ABC):
 
     def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
         """Process bytes from the port and return the immediate replies; delayed ones go to ``later``."""
-        self.come_to_now()
+        self.advance_to_now()
         return b"".join([self._answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
 
     def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
@@ -59,16 +59,16 @@ class Simulated(ABC):
 
     def truth(self) -> Pair:
         """Return the true right ascension and declination of date, degrees."""
-        self.come_to_now()
+        self.advance_to_now()
         return self.mechanics.truth(self.now)
 
     @property
     def tracking(self) -> bool:
         """Whether the mount is tracking at this moment."""
-        self.come_to_now()
+        self.advance_to_now()
         return self.mechanics.tracking(self.now)
 
     @property
     def slewing(self) -> bool:
-        self.come_to_now()
+        self.advance_to_now()
         return self.mechanics.slewing(self.now)

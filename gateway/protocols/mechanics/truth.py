@@ -69,7 +69,7 @@ class Truth(Struct, frozen=True):
 
 def truth_of(simulator: Simulated) -> Truth:
     """Return the present Truth of a simulated mount of any protocol; reading it changes nothing."""
-    simulator.come_to_now()
+    simulator.advance_to_now()
     now, mechanics = simulator.now, simulator.mechanics
     first, second = mechanics.axes(now)
     rates, moving = mechanics.speeds(now), mechanics.moving(now)

@@ -67,6 +67,6 @@ class Framer(LengthFramer):
             elif self._more and byte in self._behind:
                 self._more -= 1
             elif byte not in STRAY:
-                self._lost = True
+                self._dropping = True
                 self.dropped.add(bytes((byte, *rest)), self.noise)
         return frames

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from gateway.core.errors import Asleep, Fault, NoAnswer
 from gateway.core.operations import Operation
 from gateway.protocols.base.session import Kept, Session
-from gateway.protocols.base.wants import FireAndForget, Handling, Possible
+from gateway.protocols.base.wants import CheckPossible, FireAndForget, Handling
 
 
 class NexStarKept(Kept):
@@ -28,7 +28,7 @@ class NexStarSession(Session):
 
 def begin(operation: Operation) -> Handling:
     """Start an operation without waiting for the mount. Raises Fault if it is already known to be impossible."""
-    yield Possible(operation)
+    yield CheckPossible(operation)
     yield FireAndForget(operation)
 
 

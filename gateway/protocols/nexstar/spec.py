@@ -76,7 +76,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     version = settings.version
     surface = Surface(load(NAME), handlers_of(devices, motion, place, pointing, presented), devices.no_response)
     surface.passes, surface.lacks = devices.passes, presented.lacks
-    surface.stands_against = presented.stands_against
+    surface.contradicts_client = presented.contradicts_client
     surface.session = NexStarSession
     fit = None if settings.model else lambda polar, german, gps: presented.fitting(polar, german, gps, version)
     return MadeSurface(surface, presented.presented(settings.model, version), ClientSettings(settings.limits), fit)
@@ -151,11 +151,11 @@ SPEC = ProtocolSpec(
     rehearsed_with=lambda wedge: {"focuser": True, "wedge": wedge},
     counts_as=lambda text: numbered(text).counts_as,
     check_version=_check_version,
-    made_with=versions.made_with,
+    versions_of=versions.made_with,
     version_words={STARSENSE: lambda version: STARSENSE if version is None else f"{STARSENSE}-{version}"},
     presented_version="4.21",
     recognises=lambda sent: UNMARKED,
-    also_others=ANY_ECHO,
+    shared_openings=ANY_ECHO,
     questions=(Question(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, late=True),),
     capabilities={
         "coordinates": {"e": "precise (e, r)", "E": "16 bits (E, R)"},

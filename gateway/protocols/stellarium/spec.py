@@ -46,5 +46,5 @@ SPEC = ProtocolSpec(
     make_surface=_make_surface,
     recognises=lambda sent: 1.0 if sent.startswith(GOTO) else 0.0,
     greeting=GOTO,
-    waits=True,
+    mount_speaks_first=True,
 )

@@ -36,7 +36,7 @@ class Framer(LengthFramer):
     noise = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
     half = "half a message, whose rest did not arrive within a second"
     cut_off = "half a message, whose rest did not arrive"
-    wary = True
+    drops_after_half = True
 
     def _cut(self, data: bytes) -> list[bytes]:
         frames: list[bytes] = []
@@ -46,7 +46,7 @@ class Framer(LengthFramer):
             if not HEADER <= length <= LONGEST:
                 self.dropped.add(bytes(self._pending), self.noise)
                 self._pending.clear()
-                self._lost = True
+                self._dropping = True
             elif len(self._pending) < length:
                 break
             else:
@@ -83,12 +83,12 @@ def goto(session: StellariumSession, command: Command, values: Mapping[str, Any]
 def subscriptions(session: Session) -> Sequence[Subscription]:
     """Return the subscription of the position."""
     assert isinstance(session, StellariumSession)
-    told = load("stellarium").commands["position"]
-    assert told.pushed is not None
-    template = told.replies[0][1]
+    pushed = load("stellarium").commands["position"]
+    assert pushed.pushed is not None
+    template = pushed.replies[0][1]
 
     def message(seen: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
         return template.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": session.kept.status})
 
-    return [Subscription(Position(), told.pushed, message, after=FIRST)]
+    return [Subscription(Position(), pushed.pushed, message, after=FIRST)]

@@ -106,11 +106,11 @@ class Command:
         if self.answer is not None and not self.question:
             return "answer is for a command that asks for a value and does nothing else"
         if self.urgent not in (None, *URGENT):
-            return f"urgent = {self.urgent!r} is none of {', '.join(URGENT)}"
+            return f"urgent = {self.urgent!r} is not one of {', '.join(URGENT)}"
         if (self.urgent_at or self.takes_back) and self.urgent is None:
             return "urgent_at and takes_back are for a command that is urgent"
         if unknown := self.urgent_at.keys() - self.request.fields.keys():
-            return f"urgent_at: it has no field {', '.join(sorted(unknown))}"
+            return f"urgent_at: the request has no field {', '.join(sorted(unknown))}"
         return ""
 
     @property

@@ -79,13 +79,13 @@ class CommandSet:
                 raise MappingError(where, key, f"no operation is called {name!r}")
         for outcome in (row.outcome, row.without, row.elsewhere):
             if outcome is not None and outcome not in OUTCOMES:
-                raise MappingError(where, key, f"outcome {outcome!r} is none of {', '.join(OUTCOMES)}")
+                raise MappingError(where, key, f"outcome {outcome!r} is not one of {', '.join(OUTCOMES)}")
         if self.commands[key].urgent in ("stop", "axis") and row.ask is None:
-            raise MappingError(where, key, "a command that ends a motion says which operation that is: ask")
+            raise MappingError(where, key, "a command that ends a motion needs ask, which names the operation")
         if row.given and row.ask is None:
-            raise MappingError(where, key, "given is for a row that asks an operation")
+            raise MappingError(where, key, "given is only for a row with ask")
         if "refused" in (row.outcome, row.without) and not row.why:
-            raise MappingError(where, key, "a refused row says why")
+            raise MappingError(where, key, "a refused row needs why")
 
     @cached_property
     def own(self) -> dict[str, OwnRow]:
@@ -95,7 +95,7 @@ class CommandSet:
             if key not in self.commands:
                 raise MappingError(where, key, "commands.toml has no such command")
             if row.keep is not None and row.keep not in KEEPS:
-                raise MappingError(where, key, f"keep = {row.keep!r} is none of {', '.join(KEEPS)}")
+                raise MappingError(where, key, f"keep = {row.keep!r} is not one of {', '.join(KEEPS)}")
         return rows
 
     @cached_property
@@ -118,7 +118,7 @@ class CommandSet:
             if name not in self.commands:
                 raise MappingError(where, key, f"commands.toml has no [{name}]")
         if row.outcome not in OUTCOMES:
-            raise MappingError(where, key, f"outcome {row.outcome!r} is none of {', '.join(OUTCOMES)}")
+            raise MappingError(where, key, f"outcome {row.outcome!r} is not one of {', '.join(OUTCOMES)}")
 
     @cached_property
     def models(self) -> dict[str, Model]:

@@ -112,7 +112,7 @@ def _word(choices: str) -> Codec:
     def encode(value: str) -> bytes:
         raw = value.encode("latin-1")
         if raw not in words:
-            raise ValueError(f"{value!r} is none of {choices}")
+            raise ValueError(f"{value!r} is not one of {choices}")
         return raw
 
     pattern = b"|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))

@@ -30,7 +30,7 @@ def parse_number(raw: bytes) -> float:
     text = raw.decode("ascii")
     value = float(text)
     if "_" in text or not math.isfinite(value):
-        raise ValueError(f"{text!r} is no number")
+        raise ValueError(f"{text!r} is not a number")
     return value
 
 
@@ -48,7 +48,7 @@ def parse_whole(raw: bytes) -> int:
     """Parse a whole number of 32 bits, with or without a sign."""
     digits = raw[1:] if raw[:1] in (b"-", b"+") else raw
     if not digits.isdigit() or len(digits) > _DIGITS or int(raw) not in _WHOLE:
-        raise ValueError(f"{raw!r} is no whole number of 32 bits")
+        raise ValueError(f"{raw!r} is not a whole number of 32 bits")
     return int(raw)
 
 

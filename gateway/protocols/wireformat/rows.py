@@ -154,7 +154,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def operations(self) -> list[str]:
-        """Every operation this row may ask of the mount."""
+        """Every operation that this row may request."""
         return ([self.ask] if self.ask else []) + self.asks
 
 

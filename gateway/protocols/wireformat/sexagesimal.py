@@ -59,7 +59,7 @@ def below_sixty(raw: bytes) -> bytes:
 def number(raw: bytes) -> float:
     """Parse a decimal number, which may have blanks around it. Raises ValueError."""
     if re.fullmatch(rb" *[+-]?(?:\d+\.?\d*|\.\d+) *", raw) is None:
-        raise ValueError(f"{raw!r} is no number")
+        raise ValueError(f"{raw!r} is not a number")
     return float(raw)
 
 
@@ -75,7 +75,7 @@ def parse_azimuth(raw: bytes) -> float:
     """Parse an azimuth; return degrees in [0, 360). 360 is north."""
     value = parse(raw)
     if not -360 <= value <= 360:
-        raise ValueError(f"{raw!r} is no azimuth")
+        raise ValueError(f"{raw!r} is not an azimuth")
     return value % 360.0
 
 
@@ -83,7 +83,7 @@ def parse_longitude(raw: bytes) -> float:
     """Parse a Meade longitude, unsigned 0 to 360 or signed; return degrees in [-180, 180], west positive."""
     value = parse(raw)
     if not -180 <= value <= 360:
-        raise ValueError(f"{raw!r} is no longitude")
+        raise ValueError(f"{raw!r} is not a longitude")
     return value - 360.0 if value > 180 else value
 
 
@@ -156,7 +156,7 @@ def limit(raw: bytes) -> float:
     value = number(text)
     value = value / 60.0 if re.fullmatch(rb" *\d{4} *", text) else value
     if not -90 <= value <= 90:
-        raise ValueError(f"{raw!r} is no altitude limit")
+        raise ValueError(f"{raw!r} is not an altitude limit")
     return value
 
 
@@ -164,7 +164,7 @@ def limit_to_set(raw: bytes) -> float:
     """Parse an altitude limit that a client sets: 0 to 90 degrees, without a minus sign. Raises ValueError."""
     value = limit(raw)
     if value < 0 or b"-" in raw:
-        raise ValueError(f"{raw!r} is no altitude limit from 0 to 90 degrees")
+        raise ValueError(f"{raw!r} is not an altitude limit from 0 to 90 degrees")
     return value
 
 
@@ -188,7 +188,7 @@ def parse_offset(raw: bytes) -> float:
         if tenths in (7, 8) and len(text.partition(b".")[2]) < 2:
             value = (whole + 0.75) * (-1 if text.startswith(b"-") else 1)
     if not -14 <= value <= 14:
-        raise ValueError(f"{raw!r} is no UTC offset")
+        raise ValueError(f"{raw!r} is not a UTC offset")
     return value
 
 
@@ -204,7 +204,7 @@ def parse_date(raw: bytes) -> datetime.date:
     """
     found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if found is None:
-        raise ValueError(f"{raw!r} is no date MM/DD/YY")
+        raise ValueError(f"{raw!r} is not a date MM/DD/YY")
     month, day, year = (int(group) for group in found.groups())
     if len(found[3]) == 2:
         year += 2000 if year <= 50 else 1900
@@ -224,5 +224,5 @@ def parse_dms_bytes(raw: bytes, limit: int) -> float:
     d, m, s, negative = raw
     value = d + m / 60.0 + s / 3600.0
     if m > 59 or s > 59 or negative > 1 or value > limit:
-        raise ValueError(f"{tuple(raw)} is no latitude or longitude")
+        raise ValueError(f"{tuple(raw)} is not a latitude or longitude")
     return -value if negative else value

@@ -176,7 +176,7 @@ def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[R
     assert "6 connections" in played.stdout, played.stdout
     said = told("decode", str(path)).stdout
     assert said.count("speaks nexstar") == 2 and said.count("speaks lx200") == 3, said
-    assert "speaks stellarium, because the program has said nothing for 3 s" in said
+    assert "speaks stellarium, because the program has sent nothing for 3 s" in said
     assert "e: RA" in said and "GR: RA" in said and "go to a position" in said
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.spherical import following, hour_angle_to_horizon, northwards, wrap180
+from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_angle_to_horizon, wrap180
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.driver.altaz import SLOW
 from tests.soak.directions import NORTH, SOUTH, Scenario, on_the_axes, play
@@ -37,7 +37,7 @@ def motions(bridge: Bridge, since: int) -> list[bytes]:
 def test_the_rates_are_the_slopes_of_the_coordinates(latitude: float, hour_angle: float, dec: float) -> None:
     small = 1e-5
     az, alt = hour_angle_to_horizon(hour_angle, dec, latitude)
-    for rates, step in ((following, (small, 0.0)), (northwards, (0.0, small))):
+    for rates, step in ((hour_angle_rates, (small, 0.0)), (declination_rates, (0.0, small))):
         later = hour_angle_to_horizon(hour_angle + step[0], dec + step[1], latitude)
         slope = wrap180(later[0] - az) / small, (later[1] - alt) / small
         assert rates(az, alt, latitude) == pytest.approx(slope, rel=1e-4, abs=1e-4)
@@ -45,7 +45,7 @@ def test_the_rates_are_the_slopes_of_the_coordinates(latitude: float, hour_angle
 
 @pytest.mark.parametrize("place", [(0.0, 90.0), (180.0, 90.0), (0.0, 45.0)])
 def test_they_are_finite_in_the_zenith_and_at_the_pole(place: tuple[float, float]) -> None:
-    assert all(abs(rate) <= 100.0 for rates in (following, northwards) for rate in rates(*place, 45.0))
+    assert all(abs(rate) <= 100.0 for rates in (hour_angle_rates, declination_rates) for rate in rates(*place, 45.0))
 
 
 # --- alt-az: on top of tracking -----------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(
 ) -> None:
     async def program() -> None:
         async with fork(**config) as bridge:
-            bridge.driver.apart = 0.0  # nothing stands still while this line tells both motors
+            bridge.driver.motor_delay = 0.0  # nothing stands still while this line tells both motors
             client, before = bridge.client(), len(bridge.sent())
             client.tell(b":Mg%s1000#" % pulse)
             await asyncio.sleep(0.9)

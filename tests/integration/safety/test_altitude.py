@@ -231,7 +231,7 @@ def test_park_home_and_axis_gotos_are_checked() -> None:
     assert said == []
     assert len(sent) == 2
     said, sent = run(program({"park": (90.0, 4.0)}))  # his own decision
-    assert said == ["WARNING: its park position lies beyond lowest or highest, where it is parked all the same"]
+    assert said == ["WARNING: its park position is beyond lowest or highest; it is parked there all the same"]
     assert len(sent) == 2
 
 

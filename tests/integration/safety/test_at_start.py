@@ -34,7 +34,7 @@ def test_nothing_is_said_where_all_fits() -> None:
 @pytest.mark.parametrize(
     ("mount", "driven", "config", "words"),
     [
-        ("cpc", "nexstar", {"lowest": 10.0, "park": (90.0, 4.0)}, "where it is parked all the same"),
+        ("cpc", "nexstar", {"lowest": 10.0, "park": (90.0, 4.0)}, "it is parked there all the same"),
         ("cge", "nexstar", {"lowest": 50.0}, "parking is refused"),
         ("autostar", "lx200", {"lowest": 10.0}, "parking is refused"),
         (

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.status import Rate, State, StatusLine, status
 from gateway.cli.mount.status import lines
-from gateway.cli.serve.live import Onlooker, look
+from gateway.cli.serve.live import StatusLines, status_line
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
 from tests.support.each import each
@@ -27,7 +27,7 @@ def seen(**others: Any) -> StatusLine:
 
 
 @each(
-    ("look", "text"),
+    ("line", "text"),
     [
         (seen(), "cpc  05:34:32 +22°00'52\"  tracking  2 programs  4.1/s"),
         (seen(position=Equatorial(359.9999, -0.5), programs=1),
@@ -50,8 +50,8 @@ def seen(**others: Any) -> StatusLine:
          "cpc  down: the mount does not answer  2 programs  0.0/s"),
     ],
 )  # fmt: skip
-def test_everything_is_on_it(look: StatusLine, text: str) -> None:
-    assert status([look]) == text
+def test_everything_is_on_it(line: StatusLine, text: str) -> None:
+    assert status([line]) == text
 
 
 @each(
@@ -103,24 +103,24 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
             await asyncio.sleep(30)
             unseen = len(bridge.sent())
             for _ in range(300):
-                assert look(pier, rate).state == "up"
+                assert status_line(pier, rate).state == "up"
                 await asyncio.sleep(0.1)
             assert len(bridge.sent()) - unseen <= unseen - settled + 1  # a heartbeat now and then, as before
-            first = look(pier, rate)
+            first = status_line(pier, rate)
             assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
             assert first.position is not None and first.status is not None and first.status.aligned
             client = bridge.client()
             await client.ask(b":RM#:Me#:GR#")
-            assert look(pier, rate).by_hand
-            assert look(pier, rate).programs == 1
+            assert status_line(pier, rate).by_hand
+            assert status_line(pier, rate).programs == 1
             await client.ask(b":Q#:GR#")
             await asyncio.sleep(1)
-            assert not look(pier, rate).by_hand
+            assert not status_line(pier, rate).by_hand
             await client.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"110")
             await asyncio.sleep(1)
-            assert look(gateway(bridge, "pier"), rate).name == "pier"
-            assert "slewing" in status([look(pier, rate)])
-            assert look(pier, rate).rate > 0
+            assert status_line(gateway(bridge, "pier"), rate).name == "pier"
+            assert "slewing" in status([status_line(pier, rate)])
+            assert status_line(pier, rate).rate > 0
 
     run(program())
 
@@ -161,7 +161,7 @@ def test_a_position_that_no_mount_should_tell_is_survived() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             bridge.controller.cache.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
-            onlooker = Onlooker([gateway(bridge)])
+            onlooker = StatusLines([gateway(bridge)])
             assert "beyond 90 degrees" in onlooker.line()
             assert onlooker.line(12) == "an altitude,"
 
@@ -174,6 +174,6 @@ def test_a_mount_that_is_gone_is_told_with_the_reason() -> None:
             bridge.controller.line._down("the mount does not answer")
             with pytest.raises(NoAnswer):
                 await bridge.controller.line.exchange(None)  # type: ignore[arg-type]
-            assert "down: the mount does not answer" in status([look(gateway(bridge), Rate())])
+            assert "down: the mount does not answer" in status([status_line(gateway(bridge), Rate())])
 
     run(program())

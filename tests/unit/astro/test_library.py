@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from gateway.astro.catalog import deepsky, names, objects, stars
-from gateway.astro.catalog.objects import QUALITIES, Entry, Wanted, describe, quality
+from gateway.astro.catalog.objects import QUALITIES, Entry, SearchLimits, describe, quality
 from gateway.astro.spherical import separation
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
 
-EVERYTHING = Wanted(-5.5, 20.0, 0, 200, "GPDCO", "VP")
+EVERYTHING = SearchLimits(-5.5, 20.0, 0, 200, "GPDCO", "VP")
 #: catalogue, number, J2000 hours, minutes, degrees (decimal), kinds
 PLACES = [
     ("M", 1, 5, 34.5, 22.02, "D"), ("M", 13, 16, 41.7, 36.46, "C"), ("M", 31, 0, 42.7, 41.27, "G"),
@@ -120,15 +120,15 @@ def test_a_description_leaves_out_what_nobody_has_measured() -> None:
 @pytest.mark.parametrize(
     "wanted",
     [
-        Wanted(-5.5, 6.0, 0, 200, "GPDCO", "VP"),
-        Wanted(9.0, 9.5, 0, 200, "GPDCO", "VP"),
-        Wanted(-5.5, 12.0, 20, 40, "GPDCO", "VP"),
-        Wanted(-5.5, 20.0, 0, 200, "P", "VP"),
-        Wanted(-5.5, 20.0, 0, 200, "CO", "EX"),
-        Wanted(-5.5, 20.0, 0, 200, "G", "GD"),
+        SearchLimits(-5.5, 6.0, 0, 200, "GPDCO", "VP"),
+        SearchLimits(9.0, 9.5, 0, 200, "GPDCO", "VP"),
+        SearchLimits(-5.5, 12.0, 20, 40, "GPDCO", "VP"),
+        SearchLimits(-5.5, 20.0, 0, 200, "P", "VP"),
+        SearchLimits(-5.5, 20.0, 0, 200, "CO", "EX"),
+        SearchLimits(-5.5, 20.0, 0, 200, "G", "GD"),
     ],
 )
-def test_a_search_keeps_its_limits(wanted: Wanted) -> None:
+def test_a_search_keeps_its_limits(wanted: SearchLimits) -> None:
     found = deepsky.matching(wanted)
     assert 3 < len(found) < 2000
     assert [deepsky.order(c) for c in found] == sorted(deepsky.order(c) for c in found)
@@ -142,8 +142,8 @@ def test_a_search_keeps_its_limits(wanted: Wanted) -> None:
 
 
 def test_a_search_by_quality_finds_all_that_have_it() -> None:
-    best = {c[0] for c in deepsky.matching(Wanted(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
-    bright = deepsky.matching(Wanted(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
+    best = {c[0] for c in deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
+    bright = deepsky.matching(SearchLimits(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
     assert best and best <= {c[0] for c in bright}
     entries = [(c[0], deepsky.by_row(c[0])) for c in bright[:: as_a_rule(3, whole=1)]]
     judged = [(quality(e.magnitude, e.size, e.width) in ("SU", "EX"), row in best) for row, e in entries]
@@ -151,24 +151,24 @@ def test_a_search_by_quality_finds_all_that_have_it() -> None:
 
 
 def test_nothing_wanted_nothing_found() -> None:
-    assert deepsky.matching(Wanted(-5.5, 20.0, 0, 200, "", "VP")) == []
+    assert deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "", "VP")) == []
 
 
 def test_a_search_goes_once_round_the_sky_from_the_west() -> None:
-    found = deepsky.matching(Wanted(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
+    found = deepsky.matching(SearchLimits(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
     start = deepsky.first(found, lambda ra, dec: True, 100.0)
     assert start is not None
     assert start[1] // 15 == 18  # 280 degrees is the lower meridian
     seen, here = [start], start
     for _ in range(len(found) - 1):
-        following = deepsky.beside(found, lambda ra, dec: True, here[1], here[2], 1)
+        following = deepsky.neighbour(found, lambda ra, dec: True, here[1], here[2], 1)
         assert following is not None
-        assert deepsky.beside(found, lambda ra, dec: True, following[1], following[2], -1) == here
+        assert deepsky.neighbour(found, lambda ra, dec: True, following[1], following[2], -1) == here
         assert deepsky.order(following) > deepsky.order(here) or following == found[0]
         here = following
         seen.append(here)
     assert len(set(seen)) == len(found)
-    assert deepsky.beside(found, lambda ra, dec: True, here[1], here[2], 1) == start
+    assert deepsky.neighbour(found, lambda ra, dec: True, here[1], here[2], 1) == start
 
 
 def test_what_may_not_be_gone_to_is_passed_over() -> None:
@@ -177,7 +177,7 @@ def test_what_may_not_be_gone_to_is_passed_over() -> None:
     assert northern is not None
     assert northern[2] > 85.0
     assert deepsky.first(found, lambda ra, dec: False, 0.0) is None
-    assert deepsky.beside([], lambda ra, dec: True, 0.0, 0.0, 1) is None
+    assert deepsky.neighbour([], lambda ra, dec: True, 0.0, 0.0, 1) is None
 
 
 def test_the_field_is_round_and_its_middle_comes_first() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.config import parse_endpoint
 from gateway.cli.serve import finding
-from gateway.cli.serve.finding import not_found, waiting
+from gateway.cli.serve.finding import not_found_message, waiting_message
 from gateway.core.errors import UserError
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -37,7 +37,7 @@ async def met(bridge: Bridge, at: str, answer: bytes | None) -> tuple[bool, list
     gateway = gateway_of(bridge, at)
     bridge.controller.start()
     found = await finding._found(gateway, said.append)
-    words = not_found(gateway)
+    words = not_found_message(gateway)
     await bridge.controller.close()
     return found, said, words
 
@@ -88,7 +88,7 @@ def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None
         bridge = Bridge("lx200", driven="lx200")
         bridge.controller.start()
         await asyncio.sleep(1.0)
-        assert waiting(gateway_of(bridge, "lx200@-")) == (
+        assert waiting_message(gateway_of(bridge, "lx200@-")) == (
             "lx200@-: a mount answers, and programs get its position; it may take 9 s to report its model"
         )
         await bridge.controller.close()

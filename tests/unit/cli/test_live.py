@@ -20,7 +20,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.cli.serve.live import Screen, find_terminal, look_on
+from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.system.systemd import notify, watchdog
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import GATEWAY, PATIENCE
@@ -101,7 +101,7 @@ def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
             gateway = SimpleNamespace(
                 controller=bridge.controller, programs=list, mount="", config=SimpleNamespace(name="pier")
             )
-            tasks = look_on([gateway], Screen(None))  # type: ignore[list-item]
+            tasks = start_status_updates([gateway], Screen(None))  # type: ignore[list-item]
             assert len(tasks) == 1  # no terminal, no line
             await asyncio.sleep(2)
             beats = sum(text.startswith("WATCHDOG=1") for text in heard(systemd))
@@ -120,7 +120,7 @@ def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
 
 def test_nothing_is_done_where_nobody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert look_on([], Screen(None)) == []
+    assert start_status_updates([], Screen(None)) == []
 
 
 def test_systemd_that_does_not_listen_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import _bound, main
+from gateway.cli import _protected, main
 from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import settings
 from tests.support.each import each
@@ -32,12 +32,12 @@ RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
     ],
 )
 def test_flags(flags: list[str], log: Any) -> None:
-    words = _bound([*RUN, *flags])
+    words = _protected([*RUN, *flags])
     assert settings(parser(words[:1]).parse_args(words))[0].log == log
 
 
 def test_a_word_behind_the_flag_is_no_part_of_it() -> None:
-    words = _bound(["demo", "--log", "--port", "0"])
+    words = _protected(["demo", "--log", "--port", "0"])
     assert parser(words[:1]).parse_args(words).log == "all"
 
 

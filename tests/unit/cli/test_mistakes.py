@@ -12,7 +12,7 @@ import pytest
 
 from gateway.app.reach import silent
 from gateway.cli import main
-from gateway.cli.serve.finding import where_else
+from gateway.cli.serve.finding import port_advice
 from gateway.core.errors import UserError
 from gateway.system import processes
 from gateway.transport.device_link import DeviceLink
@@ -102,8 +102,8 @@ def test_a_name_that_nobody_knows_is_said_in_words(monkeypatch: pytest.MonkeyPat
 
 def test_what_is_behind_an_address_is_no_port_of_this_computer() -> None:
     for where in ("socket://127.0.0.1:9", "rfc2217://pier:4000"):
-        assert where_else(where) == ("is it switched on, in the same network, and is the number of its port right?")
-    assert where_else("/dev/ttyUSB9") == "mount-gateway detect shows which ports there are"
+        assert port_advice(where) == ("is it switched on, in the same network, and is the number of its port right?")
+    assert port_advice("/dev/ttyUSB9") == "mount-gateway detect shows which ports there are"
 
 
 def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

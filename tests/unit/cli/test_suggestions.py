@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.config import called, parse_device, parse_endpoint, parse_site
-from gateway.app.config.endpoints import right
+from gateway.app.config import mount_names, parse_device, parse_endpoint, parse_site
+from gateway.app.config.endpoints import suggest_address
 from gateway.app.stop_command import Report
 from gateway.cli import main
 from gateway.cli.suggestions import plainly
@@ -234,14 +234,16 @@ def test_another_word_is_refused_with_what_was_meant(word: str, says: str) -> No
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
-    names = {*load(protocol).models, called.ANY, *(["starsense"] if protocol == "nexstar" else [])}
-    rows = called.called(protocol)
+    names = {*load(protocol).models, mount_names.ANY, *(["starsense"] if protocol == "nexstar" else [])}
+    rows = mount_names.names_by_model(protocol)
     assert set(rows) <= names
-    words = [word for side in PROTOCOLS for row in called.called(side).values() for word in row]
+    words = [word for side in PROTOCOLS for row in mount_names.names_by_model(side).values() for word in row]
     assert len(words) == len(set(words))
     for model, row in rows.items():
         for word in row:
-            assert parse_device(word).protocol == protocol and (model == called.ANY or parse_device(word).where == "")
+            assert parse_device(word).protocol == protocol and (
+                model == mount_names.ANY or parse_device(word).where == ""
+            )
 
 
 @pytest.mark.parametrize(
@@ -322,7 +324,7 @@ def test_a_place_is_told_as_it_should_be_written(mount: str, surface: str, says:
 
 def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
     (tmp_path / "ttyUSB7").touch()
-    assert right("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
+    assert suggest_address("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
     for where, listening in [
         ("COM3", False),
         ("/dev/ttyS0", False),
@@ -333,8 +335,8 @@ def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
         ("rfc2217://a:1", True),
         ("hwgrep://x", False),
     ]:
-        assert right(where, listening, tmp_path) == "", where
-    assert right("rfc2217:a:1", False, tmp_path) == "rfc2217://a:1"
+        assert suggest_address(where, listening, tmp_path) == "", where
+    assert suggest_address("rfc2217:a:1", False, tmp_path) == "rfc2217://a:1"
 
 
 def test_a_simulated_mount_listens_at_a_place_that_is_one() -> None:

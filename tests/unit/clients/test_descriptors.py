@@ -51,7 +51,7 @@ def test_room_is_made_as_far_as_the_system_lets(
 ) -> None:
     limits = Resource(soft=soft, hard=hard)
     monkeypatch.setattr(file_limits, "resource", limits)
-    words = file_limits.make_room(1200, 3)
+    words = file_limits.raise_limit(1200, 3)
     assert (limits.soft, limits.hard) == (after, hard)
     assert says in words if says else words == ""
 

@@ -98,7 +98,7 @@ def test_a_hundred_stops_at_once_are_one() -> None:
         await asyncio.sleep(2)
         other.tell(b":Q#" * 100)
         names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
-        assert names.count("Stopping._send") == 1
+        assert names.count("StopSender._send") == 1
         await asyncio.sleep(3)
         assert not bridge.controller.wanted.owed
         assert not bridge.controller.wanted.axes

@@ -5,8 +5,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from gateway.console.mounts import _spoken
-from gateway.console.shown.mount import Programs
+from gateway.console.mounts import _surface_argument
+from gateway.console.shown.mount import ConnectedPrograms
 from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
 from tests.support.each import each
@@ -16,12 +16,12 @@ def test_programs_are_shown_with_what_they_speak() -> None:
     async def program() -> None:
         async with AnyBridge() as bridge:
             gateway: Any = SimpleNamespace(names=lambda: ["any@tcp://127.0.0.1:4040"], acceptors=[bridge.any])
-            shown = Programs(gateway)
+            shown = ConnectedPrograms(gateway)
             bridge.wire_log.sinks.append(shown.put)
-            assert list(shown.told(0.0)) == []
+            assert list(shown.connections(0.0)) == []
             for said in (b":GR#", b"e"):
                 await bridge.call().ask(said)
-            told = sorted((one["surface"], one["last"]) for one in shown.told(1.0))
+            told = sorted((one["surface"], one["last"]) for one in shown.connections(1.0))
             assert told == [("lx200@tcp://127.0.0.1:4040", ":GR#"), ("nexstar@tcp://127.0.0.1:4040", "e")]
 
     run(program())
@@ -32,4 +32,4 @@ def test_programs_are_shown_with_what_they_speak() -> None:
     ("any", "GET / HTTP/1.1", "lx200"), ("nexstar:cpc", ":GR#", "nexstar:cpc"),
 ])  # fmt: skip
 def test_a_command_is_explained_as_the_protocols_that_has_it(surface: str, command: str, face: str) -> None:
-    assert _spoken(surface, command) == face
+    assert _surface_argument(surface, command) == face

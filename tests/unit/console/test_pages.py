@@ -58,7 +58,7 @@ def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> No
                             ("same-site", True)]
 )  # fmt: skip
 def test_what_the_browser_itself_says_of_where_it_comes_from(site: str | None, elsewhere: bool) -> None:
-    assert pages.from_elsewhere({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
+    assert pages.from_other_site({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
 
 
 def test_a_token_is_compared_whole() -> None:

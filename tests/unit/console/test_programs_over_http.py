@@ -14,7 +14,7 @@ import pytest
 from gateway.app.config import Config, MountConfig, SurfaceConfig
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
-from gateway.cli.serve.elsewhere import answered_there
+from gateway.cli.serve.console_and_broker import http_surfaces
 from gateway.clients.access import Access
 from gateway.console.server import Console
 
@@ -29,7 +29,7 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
     gateways, pin = [], page.get("pin") or ""
     for number in range(mounts):
         mount = MountConfig(at="nexstar@sim", name=f"pier {number}", sun=0.0, speed=8.0, state=str(state / str(number)))
-        surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0"), *answered_there(config, mount)]
+        surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0"), *http_surfaces(config, mount)]
         gateways.append(Gateway(mount, surfaces, warn=lambda text: None))
     console: Console | None = None
     try:
@@ -110,6 +110,6 @@ def test_the_setup_page_leads_to_the_console(tmp_path: Path) -> None:
 
 def test_without_a_console_nobody_answers_there() -> None:
     assert (
-        answered_there(Config(mount=[], surface=[], console=ConsoleConfig(at="off")), MountConfig(at="nexstar@sim"))
+        http_surfaces(Config(mount=[], surface=[], console=ConsoleConfig(at="off")), MountConfig(at="nexstar@sim"))
         == []
     )

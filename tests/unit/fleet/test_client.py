@@ -11,7 +11,7 @@ from gateway.app.config import Source, make_config
 from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError
 from gateway.fleet import client as accesses
-from gateway.fleet.client import PASSWORD, access, connecting
+from gateway.fleet.client import PASSWORD, access, connector
 from gateway.fleet.topics import Topics, own_id
 from tests.support.each import each
 
@@ -122,7 +122,7 @@ def test_a_broker_that_does_not_know_mqtt_5_is_spoken_to_in_the_older_one() -> N
     async def main() -> None:
         server = await asyncio.start_server(old_broker, "127.0.0.1", 0)
         async with server:
-            connect = connecting(access(f"mqtt://127.0.0.1:{server.sockets[0].getsockname()[1]}"))
+            connect = connector(access(f"mqtt://127.0.0.1:{server.sockets[0].getsockname()[1]}"))
             with pytest.raises(Exception, match="protocol"):
                 async with connect(None):
                     raise AssertionError("it was accepted")

@@ -12,7 +12,7 @@ import pytest
 from gateway.fleet import link as links
 from gateway.fleet.client import LARGEST
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.topics import EVENTS, Heard, Message, Outbox
+from gateway.fleet.topics import EVENTS, Message, Outbox, Received
 from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
@@ -22,14 +22,14 @@ HERE, GONE = Message("a/availability", b"online", retain=True), Message("a/avail
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "PAUSES", (0.01,))
-    monkeypatch.setattr(links, "SELDOM", 0.02)
+    monkeypatch.setattr(links, "LONG_PAUSE", 0.02)
 
 
 class There:
     """A link, its broker, and what it has told."""
 
     def __init__(self, flood: int = links.FLOOD) -> None:
-        self.broker, self.heard, self.told = FakeBroker(), list[Heard](), list[tuple[bool, str]]()
+        self.broker, self.heard, self.told = FakeBroker(), list[Received](), list[tuple[bool, str]]()
         self.link = BrokerLink(
             NOWHERE, ["a/command"], self.heard.append, lambda there, why: self.told.append((there, why)), [HERE],
             [GONE], self.broker.connect, flood,
@@ -70,7 +70,7 @@ def test_what_comes_is_heard_on_the_own_loop() -> None:
         async with linked() as there:
             there.broker.say("a/command", b"stop", True)
             await until(lambda: there.heard)
-            assert there.heard == [Heard("a/command", b"stop", True)]
+            assert there.heard == [Received("a/command", b"stop", True)]
 
     play(work())
 
@@ -145,7 +145,7 @@ def test_a_message_that_is_too_long_is_not_taken() -> None:
 
 
 def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(links, "PARTING", 0.05)
+    monkeypatch.setattr(links, "CLOSE_TIMEOUT", 0.05)
 
     async def work() -> None:
         async with linked() as there:
@@ -173,7 +173,7 @@ def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytes
     ],
 )
 def test_why_it_is_away_is_told_in_words(error: Exception, why: str) -> None:
-    assert links._why(error) == why
+    assert links._reason(error) == why
 
 
 def test_an_outbox_never_grows() -> None:
@@ -183,5 +183,5 @@ def test_an_outbox_never_grows() -> None:
         outbox.put(state(b"%d" % number))
     assert [message.payload for message in outbox.take(3)] == [b"599", b"400", b"401"]
     assert len(outbox.take(10_000)) == EVENTS - 2 and not outbox.take(1)
-    outbox.again()
+    outbox.requeue_states()
     assert [message.payload for message in outbox.take(3)] == [b"599"]

@@ -103,7 +103,7 @@ def test_a_stop_is_sent_once_the_broker_has_passed_it_on(body: dict[str, str], t
 
 
 def test_a_stop_that_did_not_get_through_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(servers, "PASSED_ON", 0.05)
+    monkeypatch.setattr(servers, "ECHO_TIMEOUT", 0.05)
 
     async def work() -> None:
         async with opened() as there:

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.fleet.overview import roster as rosters
 from gateway.fleet.overview.roster import Roster
-from gateway.fleet.topics import Heard
+from gateway.fleet.topics import Received
 from tests.support.each import each
 
 NOW = 1_000_000.0
@@ -18,7 +18,7 @@ def roster(*heard: tuple[str, object], retained: bool = False) -> Roster:
     made = Roster("club", lambda: NOW)
     for topic, value in heard:
         payload = value if isinstance(value, bytes) else json.dumps(value).encode()
-        made.hear(Heard(f"club/{topic}", payload, retained))
+        made.receive(Received(f"club/{topic}", payload, retained))
     return made
 
 
@@ -32,7 +32,7 @@ def test_a_mount_is_shown_with_its_state_and_whether_its_gateway_is_there() -> N
     assert (pier["gateway"], pier["available"], pier["online"]) == ("pier", False, False)
     assert (west["gateway"], west["mount"], west["available"], west["moving"]) == ("west", "east", True, True)
     assert west["ra"] == 1.5 and west["alt"] is None and west["age"] == 0
-    made.hear(Heard("club/west/availability", b"offline", False))
+    made.receive(Received("club/west/availability", b"offline", False))
     assert made.mounts()[1]["available"] is False
 
 
@@ -66,7 +66,7 @@ def test_what_has_another_form_is_left_out(payload: bytes) -> None:
 def test_other_topics_are_left_out(topic: str) -> None:
     assert not roster((topic, {})).mounts()
     made = Roster("club", lambda: NOW)
-    made.hear(Heard("clubhouse/a/b/state", b"{}", False))
+    made.receive(Received("clubhouse/a/b/state", b"{}", False))
     assert not made.mounts()
 
 

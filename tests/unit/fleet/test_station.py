@@ -192,7 +192,7 @@ def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(tmp_pa
             broker.say(COMMAND, b"stop")
             await until(lambda: "stop: stopped" in there.happened("done"))
             assert broker.told(topic) == [own, own], "the other one is answered once"
-            assert [words for words in there.said if "another gateway" in words] == [there.station.presence.clash]
+            assert [words for words in there.said if "another gateway" in words] == [there.station.presence.conflict]
 
             broker.say("mount-gateway/pier/availability", b"offline")  # it has gone, and said so for both
             await until(lambda: broker.told("mount-gateway/pier/availability") == [b"online"] * 2)

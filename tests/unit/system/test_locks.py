@@ -16,7 +16,7 @@ from gateway.app.config import parse_endpoint
 from gateway.app.state.mount_claim import address, claim
 from gateway.core.errors import UserError
 from gateway.system import runtime_folders as runtime
-from gateway.system.locks import Claim, PidLock, Taken, read_pid
+from gateway.system.locks import Claim, LockHeld, PidLock, read_pid
 from gateway.system.runtime_folders import folders, user
 from gateway.transport.device_link import DeviceLink
 from tests.support.each import each
@@ -106,7 +106,7 @@ def test_it_names_who_has_it_and_ends_with_the_process(tmp_path: Path) -> None:
     holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert holder.stdout is not None and holder.stdout.readline() == b"held\n"
     for _ in range(2):  # who only tries changes nothing
-        with pytest.raises(Taken, match=f"process {holder.pid}"):
+        with pytest.raises(LockHeld, match=f"process {holder.pid}"):
             PidLock(path).acquire()
         assert path.read_text() == f"{holder.pid}\n"
     holder.kill()
@@ -136,7 +136,7 @@ def test_a_claim_is_one_whatever_folders_are_found(base: Path, monkeypatch: pyte
     service = Claim("x")
     (base / "session").mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(base / "session"))
-    with pytest.raises(Taken, match=f"process {os.getpid()}"):
+    with pytest.raises(LockHeld, match=f"process {os.getpid()}"):
         Claim("x")
     service.release()
     mine = Claim("x")

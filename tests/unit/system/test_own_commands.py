@@ -10,15 +10,15 @@ from gateway.system import own_commands
 
 
 def test_an_installed_package_is_started_by_its_interpreter() -> None:
-    assert own_commands.own_words() == [sys.executable, "-m", "gateway"]
-    assert own_commands.script_words("/a/script.py") == [sys.executable, "-I", "-S", "/a/script.py"]
+    assert own_commands.gateway_argv() == [sys.executable, "-m", "gateway"]
+    assert own_commands.script_argv("/a/script.py") == [sys.executable, "-I", "-S", "/a/script.py"]
 
 
 def test_one_file_is_its_own_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes no ``-m``: whatever it is started with are arguments of mount-gateway."""
     monkeypatch.setattr(sys, "frozen", True, raising=False)
-    assert own_commands.own_words() == [sys.executable]
+    assert own_commands.gateway_argv() == [sys.executable]
     assert own_commands.own_command() == sys.executable
-    assert own_commands.script_words("/a/script.py") == [sys.executable, own_commands.RUN_SCRIPT, "/a/script.py"]
+    assert own_commands.script_argv("/a/script.py") == [sys.executable, own_commands.RUN_SCRIPT, "/a/script.py"]
     assert own_commands.pip_command().endswith("cannot be added to: pip")
     assert "with pip instead of this one file" in own_commands.how_to_add("mdns")

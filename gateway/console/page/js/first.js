@@ -1,5 +1,5 @@
-// Runs before anything is painted: a page that was red when it was last open opens red, without a white flash.
-// Without a memory the hour decides, until the gateway says how high the Sun stands.
+// Runs before the first paint: a page that was red when it was last open opens red, without a white flash.
+// Without a stored value the hour decides until the gateway reports the altitude of the Sun.
 (() => {
   const root = document.documentElement;
   let light = null;
@@ -8,7 +8,7 @@
     light = localStorage.getItem("light-shown");
     step = localStorage.getItem("light-step");
   } catch {
-    // A browser that keeps nothing starts by the hour each time.
+    // Without storage the hour decides each time.
   }
   const hour = new Date().getHours();
   root.dataset.light = light ?? (hour >= 20 || hour < 6 ? "night" : "day");

@@ -1,4 +1,4 @@
-// Wires the parts together; each of them looks after its own place on the page.
+// Starts all parts of the page; each of them manages its own elements.
 
 import * as jog from "./control/jog.js";
 import * as orders from "./control/orders.js";
@@ -18,7 +18,7 @@ import * as more from "./more.js";
 import * as readings from "./readings/readings.js";
 import * as talk from "./talk/talk.js";
 
-stop.start(); // before anything else, so that whatever fails below leaves it
+stop.start(); // first, so that it works even if something below fails
 for (const part of [night, header, mounts, banners, glance, search, place, orders, jog, readings, talk, more, views]) part.start();
 socket.on("open", () => state.pin && socket.ask({ do: "pin", pin: state.pin }).then((answer) => (state.act ||= answer.ok)));
 socket.connect();

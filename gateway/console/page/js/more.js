@@ -1,4 +1,4 @@
-// What is set once: the light, and what this page may do; and what is good to know about it all.
+// The view "More": colours, permissions of this page, and information about gateway and mount.
 
 import { button, byId, choice, el, say } from "./core/dom.js";
 import { angle } from "./core/format.js";
@@ -45,7 +45,7 @@ function pageGroup() {
   return group("This page", words, version, pin);
 }
 
-/** A list of sentences that is renewed when it changes. */
+/** A list of sentences that is updated when it changes. */
 function list(title, lines, none) {
   const box = el("ul", { class: "lines" });
   let before = "";

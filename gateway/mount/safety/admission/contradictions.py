@@ -26,7 +26,7 @@ SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
 LOST = 86400.0
 #: Without the date the position of the Sun is unknown.
 UNKNOWN_TIME = (
-    "The time is unknown: this computer's clock is lost, and neither the mount nor a program tells it. "
+    "The time is unknown: this computer's clock is lost, and neither the mount nor a program has reported it. "
     "Set the time, or sun = 0 at night."
 )
 
@@ -150,7 +150,7 @@ def _park_warning(mount: Context) -> Iterator[str]:
         return  # without a site its altitude is unknown
     except Fault:
         yield (
-            "its park position lies beyond lowest or highest, where it is parked all the same"
+            "its park position is beyond lowest or highest; it is parked there all the same"
             if mount.policy.own_park
             else "parking is refused, because its park position may lie beyond lowest or highest: see the key park"
         )

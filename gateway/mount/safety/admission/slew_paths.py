@@ -3,9 +3,8 @@
 A position does not always tell in which of the two ways the axes point there (a second axis beyond 90 degrees is the
 other way of pointing), nor in which direction they will turn, so there may be several paths. A mount turns both axes
 straight to their targets. Their relative speed is unknown, so a path has two shapes: both axes arrive together, or both
-are equally fast and the one with the shorter turn rests while the other continues. All readings of an equatorial mount
-are expressed like those of a German mount, so that Sun, zenith and nadir are the same for every build. Angles are
-degrees.
+are equally fast and the one with the shorter turn rests at its end. All readings of an equatorial mount are expressed
+like a German mount's, so that Sun, zenith and nadir are the same for every build. Angles are degrees.
 """
 
 from __future__ import annotations
@@ -38,8 +37,7 @@ class Circle(NamedTuple):
 def forbidden_circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
     """Return the regions that the altitude limits forbid.
 
-    A fork in alt-azimuth moves straight up or down. It passes higher than both ends of its path only when it returns
-    over the zenith (``over``).
+    A fork in alt-azimuth only passes higher than both ends of its path when it returns over the zenith (``over``).
     """
     if astrometry.site_clock.site() is None:
         return []
@@ -150,8 +148,7 @@ def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
 def clear(start: Pair, turn: Pair, sun: Pair, limit: float) -> bool:
     """Whether neither shape of the path from ``start`` by ``turn`` comes nearer to ``sun`` than ``limit`` degrees.
 
-    Far from the circle the next check can be far ahead: two axes that turn one degree each move the tube by no more
-    than the square root of two.
+    Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two.
     """
     length = max(abs(turn[0]), abs(turn[1]))
     for shape in (together, one_rests):

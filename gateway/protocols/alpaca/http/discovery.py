@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from ipaddress import ip_address
 from typing import cast
 
-from gateway.system.own_names import held
+from gateway.system.own_names import interface_addresses
 
 PORT, GROUP = 32227, "ff12::a1:9aca"
 #: The beginning of a question; its last digit is the version.
@@ -43,7 +43,7 @@ def answers(question: bytes, places: Sequence[Place], asker: str) -> Iterable[by
     if not question.startswith(QUESTION):
         return
     theirs = ip_address(asker.partition("%")[0])
-    own = theirs.is_loopback or theirs in (address for _, address in held())
+    own = theirs.is_loopback or theirs in (address for _, address in interface_addresses())
     for host, port in places:
         ours = ip_address(host.partition("%")[0])
         if (own or not ours.is_loopback) and (ours.version == theirs.version or host == "::"):

@@ -39,7 +39,7 @@ class NoAnswerInTime(Exception):
 
 
 class Program:
-    """One Alpaca client, with a connection to the mount's gateway of its own."""
+    """One Alpaca client, with a connection of its own to the gateway."""
 
     def __init__(self, arrive: Arrive, name: str, host: str) -> None:
         self._loop = asyncio.get_running_loop()
@@ -109,7 +109,7 @@ class Programs:
             program = self._known[host, client] = Program(self._arrive, _name(host, client), host)
         return program
 
-    def beside(self, host: str, client: int) -> Program:
+    def extra_connection(self, host: str, client: int) -> Program:
         """Return another connection for a program, which is no sign of life of it. Raises ConnectionRefused."""
         return Program(self._arrive, f"{_name(host, client)}-arrival", host)
 
@@ -152,24 +152,24 @@ class Device:
         try:
             reply = _parsed(await program.ask(asked.line, stop))
             if not reply["ErrorNumber"] and member(asked.command.name).arrival:
-                await _arrival(self.programs.beside(host, asked.client))
+                await _arrival(self.programs.extra_connection(host, asked.client))
         except NoAnswerInTime as error:
             reply = refused(NoAnswer(str(error)))
         return reply
 
 
-async def _arrival(beside: Program) -> None:
+async def _arrival(extra: Program) -> None:
     """Wait until the goto has ended; other requests of the program are answered meanwhile."""
     loop = asyncio.get_running_loop()
     end = loop.time() + LONGEST
     try:
-        await beside.ask(CONNECT)
+        await extra.ask(CONNECT)
         while loop.time() < end:
             await asyncio.sleep(CHECK_EVERY)
-            if await beside.ask(SLEWING) == RESTS:
+            if await extra.ask(SLEWING) == RESTS:
                 return
     finally:
-        beside.close()
+        extra.close()
 
 
 def _parsed(line: bytes) -> dict[str, Any]:

@@ -121,11 +121,11 @@ class LineFramer(WholeFramer):
         self.dropped.clear()
         *whole, rest = (bytes(self._pending) + data).split(b"\n")
         frames = [line + b"\n" for line in whole]
-        if self._lost and frames:
+        if self._dropping and frames:
             self.dropped.add(frames.pop(0), TOO_LONG)
-            self._lost = False
+            self._dropping = False
         if len(rest) > LONGEST:
             self.dropped.add(rest, TOO_LONG)
-            rest, self._lost = b"", True
+            rest, self._dropping = b"", True
         self._pending = bytearray(rest)
         return frames

@@ -42,7 +42,7 @@ class AlpacaSurface(Surface):
 
     def __init__(self, protocol: CommandSet, handlers: Mapping[str, Handler]) -> None:
         super().__init__(protocol, handlers, refusal)
-        self.session, self.denies = AlpacaSession, is_refusal
+        self.session, self.is_refusal = AlpacaSession, is_refusal
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         yield from _admitted(session, command.name)

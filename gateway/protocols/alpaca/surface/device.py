@@ -11,7 +11,7 @@ from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface import abilities, motion
 from gateway.protocols.alpaca.surface.client import AlpacaSession
-from gateway.protocols.base.wants import Handling, Possible, given
+from gateway.protocols.base.wants import CheckPossible, Handling, given
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
 
@@ -28,7 +28,7 @@ def not_here(session: AlpacaSession, command: Command, values: Values) -> None:
 
 def connect(session: AlpacaSession, command: Command | None, values: Values) -> Handling:
     """Connect. Raises NoAnswer if the mount is known not to answer."""
-    yield Possible(op.Position())
+    yield CheckPossible(op.Position())
     session.kept.connected = True
 
 

@@ -99,7 +99,7 @@ def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handl
         return
     speeds = (yield op.GetAbilities()).speeds
     if not any(low * (1.0 - NEAR) <= abs(rate) <= high * (1.0 + NEAR) for low, high in speeds):
-        raise Invalid(f"Rate {rate:g} is none of this axis: AxisRates lists them, in degrees per second.")
+        raise Invalid(f"Rate {rate:g} is not one of this axis: AxisRates lists them, in degrees per second.")
     yield op.MoveAxis(number + 1, 1 if rate > 0.0 else -1, op.Rate(degrees=abs(rate)))
 
 

@@ -49,10 +49,10 @@ def end(mount: Lx200Driver, command: str, axes: tuple[int, ...], moved: bool) ->
         mount.ended[command] = {axis: mount.begun.get(axis, 0) for axis in axes}
     yield from ask(mount, command)
     if moved:
-        yield Schedule(REPEAT_AFTER, EndAgain(command), urgent=True, heard=command != "Q")
+        yield Schedule(REPEAT_AFTER, EndAgain(command), urgent=True, not_while_busy=command != "Q")
 
 
-def end_again(mount: Lx200Driver, operation: EndAgain) -> Steps:
+def repeat_end(mount: Lx200Driver, operation: EndAgain) -> Steps:
     """Repeat an end command. If the telescope is busy, it has received a newer command: then this is dropped."""
     begun = mount.ended.pop(operation.command, None)
     if begun is not None and all(mount.begun.get(axis, 0) == number for axis, number in begun.items()):
@@ -72,7 +72,7 @@ class PutBack(Operation, frozen=True):
 def restore_rates_later(mount: Lx200Driver) -> Steps:
     """Schedule the restoration of the rates if any was changed."""
     if _changed(mount):
-        yield Schedule(RESTORE_AFTER, PutBack(), heard=True)
+        yield Schedule(RESTORE_AFTER, PutBack(), not_while_busy=True)
 
 
 def restore_rates(mount: Lx200Driver, _: PutBack) -> Steps:
@@ -80,7 +80,7 @@ def restore_rates(mount: Lx200Driver, _: PutBack) -> Steps:
     if mount.moving or mount.pulsing or not _changed(mount):
         return
     if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_until:
-        yield Schedule(RESTORE_AFTER, PutBack(), heard=True)
+        yield Schedule(RESTORE_AFTER, PutBack(), not_while_busy=True)
         return
     for axis in sorted(mount.free_axes):
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(mount.facts["max_rate"]))

@@ -45,7 +45,7 @@ def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
     yield Schedule(SEEK_EVERY, SeekOn())
 
 
-def seek_on(mount: Lx200Driver, _: SeekOn) -> Steps:
+def check_home_search(mount: Lx200Driver, _: SeekOn) -> Steps:
     """Check repeatedly whether the search has ended: all other commands wait for it, and no client may be asking."""
     if not mount.seeking:
         return

@@ -22,7 +22,7 @@ def contact(mount: Lx200Driver, _: object = None) -> Steps:
     """ACK, :GR and :GD in high precision -> Equatorial: enough to report the position to clients."""
     mount.power_on()
     mount.mute, mount.reply_time = frozenset(), OWN_PATIENCE
-    yield from _probe(mount, "ACK", light=True)
+    yield from _probe(mount, "ACK", unverified=True)
     began = mount.now()
     first = yield from high_precision(mount)
     since = mount.now()
@@ -68,13 +68,13 @@ def _name(mount: Lx200Driver) -> Steps:
     return product
 
 
-def _probe(mount: Lx200Driver, command: str, light: bool = False) -> Steps:
+def _probe(mount: Lx200Driver, command: str, unverified: bool = False) -> Steps:
     """Send a question that may stay unanswered; return its fields or None. Raises NoAnswer if the line is down."""
     if command in mount.mute:
         return None
     try:
         patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.reply_time))
-        return (yield Send(command, patience=patience, light=light))
+        return (yield Send(command, patience=patience, unverified=unverified))
     except (Garbled, Silence):
         mount.mute |= {command}
     except Fault as fault:  # a busy telescope may answer this question later

@@ -23,7 +23,7 @@ from gateway.protocols.lx200.driver.ends import (
     use_guide_rate,
 )
 from gateway.protocols.lx200.driver.pointing import beyond_pole
-from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
+from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, ratio_error
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
@@ -90,7 +90,7 @@ def _speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
 
 
 def _report(asked: float, done: float) -> Steps:
-    if off(asked, done) > _REPORT_FROM:
+    if ratio_error(asked, done) > _REPORT_FROM:
         yield Remark(
             f"a motion at {abs(asked) * 3600:.5g} arcseconds per second is done at "
             f"{done * math.copysign(3600, asked):.5g}: this Meade has no nearer speed"

@@ -107,7 +107,7 @@ def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
     yield from set_fastest(mount, operation.fastest)
     yield from aim(mount, operation.ra, operation.dec)
     yield from begin(mount, "MS")
-    chooses_side(mount, operation.ra)
+    note_chosen_side(mount, operation.ra)
     yield from restore_rates_later(mount)
 
 
@@ -166,7 +166,7 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
 # --- the side of the pier ---------------------------------------------------------------------------------------------
 
 
-def chooses_side(mount: Lx200Driver, ra: float) -> None:
+def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
     """Note that a goto to this right ascension has begun."""
     mount.side_by, mount.beyond_pole = (ra, mount.now()), None
 
@@ -177,7 +177,7 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
         return False
     if mount.beyond_pole is None:
         if mount.side_by is None:
-            chooses_side(mount, (yield from ask(mount, "GR"))["ra"])
+            note_chosen_side(mount, (yield from ask(mount, "GR"))["ra"])
         sidereal = (yield from ask(mount, "GS"))["sidereal"]
         assert mount.side_by is not None
         ra, then = mount.side_by

@@ -55,7 +55,7 @@ class Abilities(Struct, frozen=True):
     hertz: tuple[float, float]
 
 
-def off(asked: float, done: float) -> float:
+def ratio_error(asked: float, done: float) -> float:
     """Return how far apart two speeds are in ratio, as a logarithm; infinite if one is reversed or zero."""
     if asked == done:
         return 0.0
@@ -87,8 +87,8 @@ def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
 
 def _best(speeds: list[Speed], asked: float) -> Speed:
     """Return the first of the nearest speeds."""
-    least = min(off(asked, speed.degrees) for speed in speeds)
-    return next(speed for speed in speeds if off(asked, speed.degrees) <= least + ALIKE)
+    least = min(ratio_error(asked, speed.degrees) for speed in speeds)
+    return next(speed for speed in speeds if ratio_error(asked, speed.degrees) <= least + ALIKE)
 
 
 def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:

@@ -56,9 +56,9 @@ class Lx200Driver(Driver):
         self.now = now
         self.named_model = self.model = settings.model
         self.product, self.firmware = "", ""
-        self.low = False
+        self.low = False  # whether it replies in low precision
         # alignment and tracking
-        self.home_letter = "A"
+        self.home_letter = "A"  # the mounting in :GW# or ACK: A, P or G
         #: Whether it is in land mode, in which it does not track.
         self.land = False
         #: Whether it answers :GW#.
@@ -78,8 +78,8 @@ class Lx200Driver(Driver):
         self.rate: TrackRate | None = None
         # motion
         self.goto: GotoState | None = None
-        self.moving: dict[int, str] = {}
-        self.pulsing: dict[int, str] = {}
+        self.moving: dict[int, str] = {}  # axis -> letter of the direction of a motion by hand
+        self.pulsing: dict[int, str] = {}  # axis -> letter of a guide pulse that the gateway must end
         #: When the last pulse that the telescope times itself ends.
         self.pulses_until = -math.inf
         self.focusing = False

@@ -85,7 +85,7 @@ class Telescope(Simulated):
         self.parts: dict[str, Any] = {}
         self.kept: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
         self.mechanics.fastest = float(self.row["max_rate"])
-        self.mechanics.keep_up_with(self.now, SIDEREAL_RATE)
+        self.mechanics.set_drive_rate(self.now, SIDEREAL_RATE)
         self.parked = self.asleep = False
         self.track(self.aligned)
 
@@ -137,7 +137,7 @@ class Telescope(Simulated):
         """Return right ascension and declination of date according to the telescope's alignment, degrees."""
         return fold_declination(*self.mechanics.believed(self.now))
 
-    def come_to_now(self) -> None:
+    def advance_to_now(self) -> None:
         """Advance the motion, and a search for home, to the present time."""
         self.now = self.clock()
         self.mechanics.advance(self.now)

@@ -28,7 +28,7 @@ _SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}
 
 def _drive(sim: Telescope, hertz: float, rate: float) -> None:
     sim.kept["hertz"] = hertz
-    sim.mechanics.keep_up_with(sim.now, rate)
+    sim.mechanics.set_drive_rate(sim.now, rate)
 
 
 def _drive_manually(sim: Telescope) -> None:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import Fault, Invalid, Unsupported
-from gateway.protocols.base.wants import FireAndForget, Handling, Speed, given
+from gateway.protocols.base.wants import ChangeBaudRate, FireAndForget, Handling, given
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -43,7 +43,7 @@ def baud(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SB - reply 1 at the old baud rate, then change it if the client is on a serial port. Raises Invalid."""
     if values.get("rate") not in RATES:
         raise Invalid("The baud rates are 1 to 9.")
-    yield Speed(RATES[values["rate"]])
+    yield ChangeBaudRate(RATES[values["rate"]])
 
 
 def restart(session: LxSession, command: Command, values: op.Values) -> Handling:
@@ -125,4 +125,4 @@ def _text() -> Handling:
             f"Mount: {identity.product} {identity.model}, version {identity.version}",
             f"It is {'aligned' if status.aligned else 'NOT aligned'}, {build}, tracking {status.tracking.value}",
         )
-    return (f"mount-gateway {VERSION}: this is no Meade", *mount, *_USAGE)
+    return (f"mount-gateway {VERSION}: this is not a Meade", *mount, *_USAGE)

@@ -58,7 +58,7 @@ def tell_offset(session: LxSession, command: Command, values: op.Values) -> Hand
     return {"offset": -printable(offset)}
 
 
-def stands_against(session: LxSession, name: str, values: op.Values) -> bool:
+def contradicts_client(session: LxSession, name: str, values: op.Values) -> bool:
     """Whether this client has set an offset, which the mount's own answer would contradict."""
     kept = session.kept
     return name == "GG" and (kept.offset is not None or kept.draft not in (None, Draft()))

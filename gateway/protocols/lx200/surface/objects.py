@@ -15,7 +15,7 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from gateway.astro.catalog import deepsky, stars
-from gateway.astro.catalog.objects import QUALITIES, Entry, Wanted, describe
+from gateway.astro.catalog.objects import QUALITIES, Entry, SearchLimits, describe
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, Unsupported
@@ -181,7 +181,7 @@ def browse(session: LxSession, command: Command, values: op.Values) -> Handling:
         if entry is None or command.name == "LF":
             found = deepsky.first(candidates, visible, meridian)
         else:
-            found = deepsky.beside(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
+            found = deepsky.neighbour(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
         if found is None:
             session.kept.select_nothing("No object found")
         else:
@@ -214,11 +214,11 @@ def object_text(session: LxSession, command: Command, values: op.Values) -> dict
     return {"text": session.kept.object or "No object selected"}
 
 
-def _wanted(session: LxSession) -> Wanted:
+def _wanted(session: LxSession) -> SearchLimits:
     """Return this client's search limits as a query of the catalogue."""
     limits = session.kept.search
     kinds = "".join(letter for letter in limits.types if letter.isupper())
-    return Wanted(limits.brighter, limits.fainter, limits.larger, limits.smaller, kinds, limits.quality)
+    return SearchLimits(limits.brighter, limits.fainter, limits.larger, limits.smaller, kinds, limits.quality)
 
 
 def _sky(session: LxSession) -> Handling:

@@ -99,10 +99,10 @@ def sync_on_moon(session: LxSession, _: Command, values: op.Values) -> Handling:
 def _own_idle() -> Handling:
     """Return the telescope's own :D reply at rest; empty if it has none, or moves by its hand control."""
     try:
-        said: bytes = yield op.Own("D", (), "fixed")
+        reply: bytes = yield op.Own("D", (), "fixed")
     except (Unsupported, Silence):
         return b""
-    return b"" if said.strip(b" #") else said
+    return b"" if reply.strip(b" #") else reply
 
 
 def distance_bars(session: LxSession, _: Command, values: op.Values) -> Handling:

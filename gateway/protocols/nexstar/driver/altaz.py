@@ -8,7 +8,7 @@ altitude and the latitude: below 80 degrees of altitude they change by less than
 
 from __future__ import annotations
 
-from gateway.astro.spherical import following, northwards
+from gateway.astro.spherical import declination_rates, hour_angle_rates
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
 from gateway.protocols.base.driver import SLEWING, Send, Steps
@@ -26,14 +26,14 @@ SLOW = 0.1
 BETWEEN, FARTHEST, UNKNOWN = 0.03, 0.5, 0.1
 
 
-def stands(mount: NexStar) -> bool:
+def applies(mount: NexStar) -> bool:
     """Whether the mount tracks in alt-az and has variable rates (hand controls from 1.6 on)."""
     return tracking.native_mode(mount) is Tracking.ALTAZ and not mount.german and mount.supports("rate_azm_pos")
 
 
-def carries(mount: NexStar, operation: Move) -> bool:
+def moves_on_tracking(mount: NexStar, operation: Move) -> bool:
     """Whether to move on top of tracking. Without a latitude the axis moves as on a mount that does not track."""
-    return stands(mount) and mount.site is not None and mount.speed(operation.rate) < SLOW
+    return applies(mount) and mount.site is not None and mount.speed(operation.rate) < SLOW
 
 
 def move(mount: NexStar, operation: Move) -> Steps:
@@ -42,13 +42,13 @@ def move(mount: NexStar, operation: Move) -> Steps:
     if mount.goto is not None:
         yield from stop_current_motion(mount)
     mount.parked = False
-    yield from _look(mount)
+    yield from _read_direction(mount)
     yield from tracking.suspend(mount)
     if mount.suspended is not Tracking.ALTAZ:
         return False
     speed = mount.speed(operation.rate)
     mount.moving[axis] = max(speed, mount.moving.get(axis, 0.0))  # until it has the new rate
-    yield from _add(mount, axis, _share(axis, sign * speed))
+    yield from _add_rates(mount, axis, _motor_rates(axis, sign * speed))
     mount.moving[axis] = speed
     return True
 
@@ -66,22 +66,22 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
         raise Refused("The mount is moved by hand: the guide pulse is dropped.")
     if mount.site is None:
         raise Unsupported("Guiding on top of alt-az tracking needs the latitude: give it with --site.")
-    where = yield from _look(mount)
+    where = yield from _read_direction(mount)
     tracked = mount.suspended is None
     took = yield from tracking.suspend(mount)
-    apart = mount.apart
-    if apart is None:  # estimate: as long as suspending tracking took, plus the pause after it
-        apart = UNKNOWN if took is None else min(FARTHEST, took + BETWEEN)
-    lasts = max(operation.ms / 1000.0, 2.0 * apart)
+    delay = mount.motor_delay
+    if delay is None:  # estimate: as long as suspending tracking took, plus the pause after it
+        delay = UNKNOWN if took is None else min(FARTHEST, took + BETWEEN)
+    lasts = max(operation.ms / 1000.0, 2.0 * delay)
     rate = direction.sense * mount.guide_rates[direction.axis] * SIDEREAL * operation.ms / 1000.0 / lasts
-    share = _share(direction.axis, rate)
+    added = _motor_rates(direction.axis, rate)
     if mount.settings.guide_directions == "sky":
-        first, second = _on_the_sky(direction, where, mount)
-        share = rate * first, rate * second
-    late = apart / lasts if tracked else 0.0
+        first, second = _motor_ratios(direction, where, mount)
+        added = rate * first, rate * second
+    catch_up = delay / lasts if tracked else 0.0
     mount.pulsing.add(direction.axis)
-    heard = yield from _add(mount, direction.axis, share, (late, 2.0 * late))
-    return Pulsed(max(0.0, lasts - (mount.now() - heard) - max(0.0, (mount.apart or 0.0) - BETWEEN)), ends=False)
+    heard = yield from _add_rates(mount, direction.axis, added, (catch_up, 2.0 * catch_up))
+    return Pulsed(max(0.0, lasts - (mount.now() - heard) - max(0.0, (mount.motor_delay or 0.0) - BETWEEN)), ends=False)
 
 
 def stop_axis(mount: NexStar, axis: int) -> Steps:
@@ -110,38 +110,38 @@ def send_rates(mount: NexStar, first: int) -> Steps:
             yield _rate(mount, axis, (0.0, 0.0), prompt=False)
 
 
-def _look(mount: NexStar) -> Steps:
-    """Read and return azimuth and altitude; store the tracking rates of both axes there in ``mount.following``."""
+def _read_direction(mount: NexStar) -> Steps:
+    """Read and return azimuth and altitude; store the tracking rates of both axes there in ``mount.tracking_rates``."""
     answer = yield axis_readings(mount)
     where = answer["az"], answer["alt"]
     assert mount.site is not None
-    first, second = following(*where, mount.site.latitude)
-    mount.following = first * SIDEREAL, second * SIDEREAL
+    first, second = hour_angle_rates(*where, mount.site.latitude)
+    mount.tracking_rates = first * SIDEREAL, second * SIDEREAL
     return where
 
 
-def _on_the_sky(direction: Direction, where: Pair, mount: NexStar) -> Pair:
+def _motor_ratios(direction: Direction, where: Pair, mount: NexStar) -> Pair:
     """Return how far both axes turn for a degree of hour angle, or of declination."""
     assert mount.site is not None
-    return (following if direction.axis == 1 else northwards)(*where, mount.site.latitude)
+    return (hour_angle_rates if direction.axis == 1 else declination_rates)(*where, mount.site.latitude)
 
 
-def _share(axis: int, rate: float) -> Pair:
+def _motor_rates(axis: int, rate: float) -> Pair:
     return (rate, 0.0) if axis == 1 else (0.0, rate)
 
 
-def _add(mount: NexStar, axis: int, share: Pair, late: Pair = (0.0, 0.0)) -> Steps:
+def _add_rates(mount: NexStar, axis: int, added: Pair, catch_up: Pair = (0.0, 0.0)) -> Steps:
     """Add a rate and send the sums. Return when the first motor acknowledged its own.
 
-    ``late``: for both motors, by which fraction tracking is faster to make up for lost time.
+    ``catch_up``: for both motors, by which fraction tracking is faster to make up for lost time.
     """
     before = mount.added_rates.get(axis)
-    mount.added_rates[axis] = share
+    mount.added_rates[axis] = added
     heard: list[float] = []
     try:
         for number in (axis, 3 - axis):
             if number not in mount.moving or number in mount.added_rates:
-                yield _rate(mount, number, late if number == axis else late[::-1], prompt=True)
+                yield _rate(mount, number, catch_up if number == axis else catch_up[::-1], prompt=True)
                 heard.append(mount.now())
     except Busy:  # it was never sent
         if before is None:
@@ -152,14 +152,14 @@ def _add(mount: NexStar, axis: int, share: Pair, late: Pair = (0.0, 0.0)) -> Ste
             yield from tracking.resume(mount)
         raise
     if len(heard) > 1:
-        mount.apart = min(FARTHEST, heard[1] - heard[0])
+        mount.motor_delay = min(FARTHEST, heard[1] - heard[0])
     return heard[0]
 
 
-def _rate(mount: NexStar, axis: int, late: Pair, prompt: bool) -> Send:
+def _rate(mount: NexStar, axis: int, catch_up: Pair, prompt: bool) -> Send:
     """Return the command with the sum of rates of one axis: tracking, if it was on, and everything added."""
-    tracks = mount.following[axis - 1] if mount.suspended is Tracking.ALTAZ else 0.0
-    total = tracks * (1.0 + late[0]) + sum(share[axis - 1] for share in mount.added_rates.values())
+    tracks = mount.tracking_rates[axis - 1] if mount.suspended is Tracking.ALTAZ else 0.0
+    total = tracks * (1.0 + catch_up[0]) + sum(added[axis - 1] for added in mount.added_rates.values())
     fastest = float(mount.rates["fastest"])
     code = tracking.rate_code(min(abs(total), fastest) * 3600.0)
     return Send(f"rate_{AXES[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, prompt=prompt)

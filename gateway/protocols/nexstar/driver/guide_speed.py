@@ -55,7 +55,7 @@ def end(mount: NexStar, axis: int) -> Steps:
     yield rest(axis)
 
 
-def lasts(ms: int, asked: float, turns: float) -> float:
+def pulse_seconds(ms: int, asked: float, turns: float) -> float:
     """Return the seconds a pulse must last at its actual speed to move as far as was requested."""
     return ms / 1000.0 * (asked / turns if turns > 0.0 else 1.0)
 

@@ -12,7 +12,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.pointing import MOTORS, axis_readings, stop_current_motion, to_axes
+from gateway.protocols.nexstar.driver.pointing import MOTORS, axis_readings, slew_axes, stop_current_motion
 from gateway.protocols.nexstar.driver.state import GotoState, NexStar
 
 #: Seconds from ``y`` until tracking is turned on.
@@ -25,7 +25,7 @@ def park(mount: NexStar, operation: op.Park) -> Steps:
     yield from stop_current_motion(mount)
     there = mount.destination(operation)
     assert there is not None
-    yield from to_axes(mount, there.az, there.alt, "park")
+    yield from slew_axes(mount, there.az, there.alt, "park")
 
 
 def set_home(mount: NexStar, _: op.SetHome) -> Steps:
@@ -44,7 +44,7 @@ def home(mount: NexStar, _: op.Home) -> Steps:
         raise Unsupported("No home position was stored.")
     yield from stop_current_motion(mount)
     mount.home_state = 2
-    yield from to_axes(mount, mount.home.az, mount.home.alt, "home")
+    yield from slew_axes(mount, mount.home.az, mount.home.alt, "home")
 
 
 def _seek_switches(mount: NexStar) -> Steps:

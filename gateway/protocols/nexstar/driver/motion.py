@@ -51,7 +51,7 @@ def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
 
 def move(mount: NexStar, operation: op.Move) -> Steps:
     """Move in a sky direction, corrected for pier side and pole; in alt-az turn one axis, slowly on top of tracking."""
-    if altaz.carries(mount, operation) and (yield from altaz.move(mount, operation)):
+    if altaz.moves_on_tracking(mount, operation) and (yield from altaz.move(mount, operation)):
         return
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
@@ -215,7 +215,7 @@ def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
     the same way; if it is "sky", n is north.
     """
     by_sky = mount.settings.guide_directions == "sky"
-    if operation.ms > 0 and altaz.stands(mount) and (by_sky or not mount.times_pulses):
+    if operation.ms > 0 and altaz.applies(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))
     if tracking.native_mode(mount) is None and not (mount.moves_by_gotos or mount.times_pulses):
         raise Unsupported("Guiding needs the tracking mode, which this hand control does not report: give --mode.")
@@ -233,7 +233,7 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
     fraction = mount.guide_rates[axis] if operation.rate is None else operation.rate
     if operation.ms <= 0 or fraction <= 0.0:
         return None
-    if (fault := mount.unguided()) is not None:
+    if (fault := mount.guiding_refusal()) is not None:
         raise fault
     if mount.times_pulses:
         piece = min(operation.ms, LONGEST_PULSE)
@@ -243,7 +243,7 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
         return op.Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     mount.pulsing.add(axis)
     turns = yield from guide_speed.begin(mount, axis, sign, fraction)
-    return op.Pulsed(guide_speed.lasts(operation.ms, fraction, turns), ends=False)
+    return op.Pulsed(guide_speed.pulse_seconds(operation.ms, fraction, turns), ends=False)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------

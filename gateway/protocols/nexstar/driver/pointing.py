@@ -18,7 +18,7 @@ START_GRACE = 3.0
 #: Seconds to wait for ``L`` = 0 after ``M``.
 CANCEL_WAIT = 5.0
 #: At most how many times tracking is turned off after parking if the mount does not answer, and the seconds between.
-TELLS, TELL_AGAIN = 4, 5.0
+OFF_TRIES, OFF_AGAIN = 4, 5.0
 MOTORS, FOUND = (16, 17), 255
 
 
@@ -95,10 +95,10 @@ def need_alignment(mount: NexStar) -> Steps:
 def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
     """Slew to axis readings by ``b`` or ``B``."""
     yield from stop_current_motion(mount)
-    yield from to_axes(mount, operation.az, operation.alt, None)
+    yield from slew_axes(mount, operation.az, operation.alt, None)
 
 
-def to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
+def slew_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
     yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then)
 
 
@@ -125,7 +125,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
     mount.added_rates.clear()
-    mount.not_guided()
+    mount.guiding_ended()
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
     elif mount.goto is not None:
@@ -200,7 +200,7 @@ class Arrived(op.Operation, frozen=True):
     """Internal: a goto has ended; what follows it takes its turn among the other motions."""
 
     then: str
-    left: int = TELLS
+    left: int = OFF_TRIES
 
 
 def _arrived(mount: NexStar, state: GotoState) -> Steps:
@@ -218,7 +218,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
 
     Tracking at the park position would carry the tube away, so turning it off is repeated if the mount did not answer.
     """
-    again = operation.left < TELLS
+    again = operation.left < OFF_TRIES
     if mount.goto is not None or mount.moving or (again and not mount.parked):
         return
     if operation.then == "park":
@@ -229,7 +229,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
             yield Send("T", {"mode": 0})
         except NoAnswer:
             if operation.left > 1:
-                yield Schedule(TELL_AGAIN, Arrived("park", operation.left - 1))
+                yield Schedule(OFF_AGAIN, Arrived("park", operation.left - 1))
             raise
         mount.tracking = op.Tracking.OFF
     elif operation.then == "home":

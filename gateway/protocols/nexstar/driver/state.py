@@ -60,8 +60,8 @@ class NexStar(HandControl):
         self.tracking: op.Tracking | None = None
         self.native_mode: op.Tracking | None = None
         self.rate = op.TrackRate(name="sidereal")
-        #: How the right-ascension motor tracks: at the hand control's ``own`` rate, at a rate it was ``told``, or its
-        #: tracking is ``replaced`` by a variable rate while it is guided.
+        #: How the right-ascension motor tracks: at the hand control's ``own`` rate, at a ``special`` rate sent to it,
+        #: or its tracking is ``replaced`` by a variable rate while it is guided.
         self.drive = "own"
         self.aligned = False
         # motion
@@ -82,9 +82,9 @@ class NexStar(HandControl):
         #: Slow motion on top of the tracking of an alt-az mount: for each ordered axis the rates that it adds to both
         #: motors; and the tracking rates of both motors. Degrees a second.
         self.added_rates: dict[int, tuple[float, float]] = {}
-        self.following: tuple[float, float] = (0.0, 0.0)
+        self.tracking_rates: tuple[float, float] = (0.0, 0.0)
         #: Seconds between the acknowledgements of both motors' last rates; None before the first.
-        self.apart: float | None = None
+        self.motor_delay: float | None = None
         #: By axis, when the last pulse that the motor times itself ends.
         self.pulse_ends: dict[int, float] = {}
         # position
@@ -109,7 +109,7 @@ class NexStar(HandControl):
         self.goto = None
         self.moving.clear()
         self.steps.clear()
-        self.not_guided()
+        self.guiding_ended()
         self.pulsing.clear()
         self.added_rates.clear()
 
@@ -119,9 +119,9 @@ class NexStar(HandControl):
             self.home_state = 0
         self.goto = None
 
-    def not_guided(self) -> None:
+    def guiding_ended(self) -> None:
         """Record that a goto or a stop has ended guiding that replaced tracking; the drive rate is not restored yet."""
-        self.drive = "told" if self.drive == "replaced" else self.drive
+        self.drive = "special" if self.drive == "replaced" else self.drive
 
     def saved_state(self, moving: bool) -> SavedValues:
         """Return what to save: home and park; in motion also model, version and the tracking mode to resume."""
@@ -178,14 +178,14 @@ class NexStar(HandControl):
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Return why an operation is known to fail: a guide pulse if the motors cannot be guided now. Else None."""
-        return self.unguided() if isinstance(operation, op.PulseAxis) else None
+        return self.guiding_refusal() if isinstance(operation, op.PulseAxis) else None
 
     @property
     def times_pulses(self) -> bool:
         """Whether both motors time guide pulses themselves, in addition to any other motion."""
         return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE
 
-    def unguided(self) -> Fault | None:
+    def guiding_refusal(self) -> Fault | None:
         """Return why single motors cannot be guided now; None if they can.
 
         Older motors get a rate that differs from equatorial tracking for the length of the pulse. That does not work
@@ -215,7 +215,7 @@ class NexStar(HandControl):
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
         """Return the axis readings where Park (configured, else the pole or north) or Home (stored) leads, or None."""
         if isinstance(operation, op.Park):
-            return op.GotoAxes(*(self.settings.park or self._index))
+            return op.GotoAxes(*(self.settings.park or self._default_park))
         if isinstance(operation, op.Home) and self.home is not None:
             return op.GotoAxes(self.home.az, self.home.alt)
         return None
@@ -225,7 +225,7 @@ class NexStar(HandControl):
         self.home_state = 0
 
     @property
-    def _index(self) -> tuple[float, float]:
+    def _default_park(self) -> tuple[float, float]:
         """The default park position as axis readings: the pole on an equatorial mount (a fork on its wedge counts from
         north). Else north at the horizon or just above the lowest altitude, so that it may track when it is unparked.
         """

@@ -70,10 +70,10 @@ def native_mode(mount: NexStar) -> op.Tracking | None:
         return mount.native_mode
     if not mount.supports("t") and mount.settings.mode is None:
         return None
-    return _built_for(mount)
+    return _mode_by_build(mount)
 
 
-def _built_for(mount: NexStar) -> op.Tracking:
+def _mode_by_build(mount: NexStar) -> op.Tracking:
     return mount.equatorial_mode if mount.german else op.Tracking.ALTAZ
 
 
@@ -85,7 +85,7 @@ def status(mount: NexStar, _: op.GetStatus) -> Steps:
     mode = mount.suspended or mount.tracking or op.Tracking.OFF
     if known is None and mount.tracking is None and mount.aligned:
         # the hand control cannot report its mode: an aligned one tracks, in the mode of its build
-        mode = _built_for(mount)
+        mode = _mode_by_build(mount)
     return op.Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=equatorial and not mount.german)
 
 
@@ -108,7 +108,7 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     the other, so a mount in motion keeps its frame. Raises Refused then, or Unsupported.
     """
     own = native_mode(mount)
-    mode = (operation.mode or own or _built_for(mount)) if operation.on else op.Tracking.OFF
+    mode = (operation.mode or own or _mode_by_build(mount)) if operation.on else op.Tracking.OFF
     if mode is op.Tracking.ALTAZ and mount.german:
         raise Unsupported("A German mount does not track in alt-az: it ignores that mode.")
     moves = mount.moving or mount.goto is not None or mount.suspended is not None
@@ -132,7 +132,7 @@ def suspend(mount: NexStar) -> Steps:
     if mount.supports("t"):
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
-    mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else op.Tracking.OFF)
+    mount.suspended = mount.tracking or (_mode_by_build(mount) if mount.aligned else op.Tracking.OFF)
     if mount.suspended is op.Tracking.OFF:
         return None
     began = mount.now()
@@ -225,14 +225,14 @@ def _send_rate(mount: NexStar) -> Steps:
     sense = "neg" if mount.native_mode is op.Tracking.EQ_SOUTH else "pos"
     if mount.rate.name is not None:
         yield Send(f"rate_azm_{sense}", {"rate": DRIVE_CODES[mount.rate.name]})
-        mount.drive = "told"
+        mount.drive = "special"
         return
     arcseconds = SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
     try:
         yield Send(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
     except NoDevice:
         yield Send(f"rate_azm_{sense}", {"rate": rate_code(arcseconds)})
-    mount.drive = "told"
+    mount.drive = "special"
 
 
 def rate_code(arcseconds: float) -> int:

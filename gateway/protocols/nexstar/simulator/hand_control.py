@@ -39,7 +39,7 @@ class SimulatedHandControl(SimulatedMount):
 
     def feed(self, data: bytes, framer: AnyFramer | None = None, later: Later | None = None) -> bytes:
         """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""
-        self.come_to_now()
+        self.advance_to_now()
         if data:
             self.heard = self.now
         return super().feed(data, framer, later)

@@ -168,7 +168,7 @@ class SimulatedMount(Simulated):
             self.mechanics.cancel(self.now)
             self.track(OFF)
 
-    def come_to_now(self) -> None:
+    def advance_to_now(self) -> None:
         """Advance to the present time, and restore the hand control's tracking when that is due."""
         self.now = self.clock()
         since = self.mechanics.suspended_since

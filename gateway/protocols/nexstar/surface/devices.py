@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
-from gateway.protocols.base.wants import FireAndForget, Handling, Possible
+from gateway.protocols.base.wants import CheckPossible, FireAndForget, Handling
 from gateway.protocols.nexstar.counting import fields_of
 from gateway.protocols.nexstar.session import NexStarSession, begin
 from gateway.protocols.wireformat.command import Command
@@ -109,7 +109,7 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):
         raise NoDevice
-    yield Possible(op.SetClock(0.0, 0.0))
+    yield CheckPossible(op.SetClock(0.0, 0.0))
     moment: op.Moment = yield op.GetClock()
     try:
         now = datetime.fromtimestamp(moment.unix, UTC).replace(**values)
@@ -123,7 +123,7 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
 def seek_switch(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x0B - homing always moves both axes; the command to the second motor finds it under way."""
     motor(values)
-    yield Possible(op.Home())
+    yield CheckPossible(op.Home())
     if (yield op.HomeState()) != SEARCHING:
         yield op.Home()
 

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, Moment, SetClock, SetSite, Values
-from gateway.protocols.base.wants import Handling, Possible
+from gateway.protocols.base.wants import CheckPossible, Handling
 from gateway.protocols.nexstar.counting import fields_of, unix_of
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
@@ -20,7 +20,7 @@ def set_site(session: NexStarSession, command: Command, values: Values) -> Handl
     if "fault" in values:
         return
     place = SetSite(latitude=values["latitude"], longitude=values["longitude"])
-    yield Possible(place)
+    yield CheckPossible(place)
     with suppress(Fault):
         yield place
 
@@ -56,7 +56,7 @@ def set_clock(session: NexStarSession, command: Command, values: Values) -> Hand
         return
     offset = zone + dst
     wanted = SetClock(local - offset * 3600.0, offset, dst)
-    yield Possible(wanted)
+    yield CheckPossible(wanted)
     try:
         yield wanted
     except Fault:

@@ -59,7 +59,7 @@ def lacks(model: Model, frame: bytes) -> str:
     return f"a {name} {show_version(model['version'])} has no such command"
 
 
-def stands_against(session: NexStarSession, name: str, values: Values) -> bool:
+def contradicts_client(session: NexStarSession, name: str, values: Values) -> bool:
     """Whether the mount's own answer could contradict what the gateway does or has reported."""
     if name in _AXES:
         return values["device"] in MOTORS

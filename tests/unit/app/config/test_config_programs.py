@@ -9,8 +9,8 @@ from msgspec.structs import replace
 
 from gateway.app.bindings import profiles
 from gateway.app.config import SurfaceConfig
-from gateway.app.config.describing import named
-from gateway.app.config.programs import programs, recognisable, settled, wanted_by
+from gateway.app.config.describing import find_key
+from gateway.app.config.programs import first_bytes, open_needs, programs, with_needs
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core.wire_log import Entry
 from tests.support.each import each
@@ -59,13 +59,13 @@ def house(**keys: str) -> tuple[House, list[Entry]]:
     ],
 )
 def test_a_named_program_gets_what_it_needs(at: str, client: str, key: str, value: str | None) -> None:
-    assert getattr(settled(SurfaceConfig(at=at, client=client)), key) == value
+    assert getattr(with_needs(SurfaceConfig(at=at, client=client)), key) == value
 
 
 def test_what_the_user_set_is_left_as_it_is() -> None:
     surface = SurfaceConfig(at=TCP, client="stellarium-mobile", equinox="jnow")
-    assert settled(surface).equinox == "jnow"
-    assert wanted_by(surface) == []
+    assert with_needs(surface).equinox == "jnow"
+    assert open_needs(surface) == []
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
@@ -74,7 +74,7 @@ def test_every_row_is_of_use(protocol: str) -> None:
     for name, row in programs(protocol).items():
         assert bool(row.first) == bool(row.told), name
         for need in row.needs:
-            key = named("surface", need.key)
+            key = find_key("surface", need.key)
             assert key is not None, name
             assert not key.choices or need.value in key.choices, name
             assert need.why, name
@@ -84,12 +84,12 @@ def test_a_named_stellarium_has_its_conversation() -> None:
     """The whole file, with the profile in the place of its own ``sync_text``."""
     [path] = files("lx200-stellarium.txt")
     conversation = read(path)
-    given = settled(SurfaceConfig(at=TCP, client="stellarium"))
+    given = with_needs(SurfaceConfig(at=TCP, client="stellarium"))
     assert given.sync_text == conversation.settings["sync_text"]
 
 
 def test_starry_night_begins_in_low_precision() -> None:
-    given = settled(SurfaceConfig(at=TCP, client="starry-night"))
+    given = with_needs(SurfaceConfig(at=TCP, client="starry-night"))
     assert Talk(precision=given.precision).send(b":GR#") == b"12:34.9#"
 
 
@@ -168,9 +168,9 @@ def test_only_the_right_program_is_recognised(path: Path) -> None:
 
 
 def test_nobody_is_recognised_where_connections_do_not_end() -> None:
-    assert set(recognisable(SurfaceConfig(at=TCP))) == {b"Ka###\x06", b"#:GR##:GD#"}
+    assert set(first_bytes(SurfaceConfig(at=TCP))) == {b"Ka###\x06", b"#:GR##:GD#"}
     for at in ("lx200@pty:/tmp/x", "lx200@/dev/ttyS1", "nexstar@tcp://:0"):
-        assert recognisable(SurfaceConfig(at=at)) == {}
+        assert first_bytes(SurfaceConfig(at=at)) == {}
 
 
 def test_a_command_without_a_reply_leaves_one_reason_per_host() -> None:

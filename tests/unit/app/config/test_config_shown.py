@@ -10,7 +10,7 @@ import tomli
 
 from gateway.app.config import Source, make_config, read_tables
 from gateway.app.config.describing import keys
-from gateway.app.config.programs import settled
+from gateway.app.config.programs import with_needs
 from gateway.app.config.showing import effective, example, table, toml
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config
@@ -52,7 +52,7 @@ def test_what_is_in_effect_reads_back_as_the_same(tmp_path: Path) -> None:
     config, source = back(tmp_path, ALL)
     again, _ = back(tmp_path, effective(config, source))
     assert (again.mount, again.wait, again.log) == (config.mount, config.wait, config.log)
-    assert again.surface == [settled(surface) for surface in config.surface]
+    assert again.surface == [with_needs(surface) for surface in config.surface]
     assert again.surface[0].sync_text is not None
 
 

@@ -18,7 +18,7 @@ from gateway.app.state import store
 from gateway.app.state.file import FORMAT, SavedState, from_shared, read_state, to_shared
 from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
-from gateway.system.files import write_whole
+from gateway.system.files import replace_file
 from tests.support.forked import POSSIBLE
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running
@@ -62,7 +62,7 @@ def test_what_is_kept_comes_back(
 def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
     path = tmp_path / "mount.json"
     for flush in (True, False):
-        write_whole(path, state.encode(FULL), flush=flush)
+        replace_file(path, state.encode(FULL), flush=flush)
         assert read_state(path) == FULL
     assert os.listdir(tmp_path) == ["mount.json"]
     assert path.stat().st_mode & 0o777 == 0o600
@@ -209,9 +209,9 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
     def write(path: Path, data: bytes) -> None:
         if full:
             raise OSError(errno.ENOSPC, "No space left on device")
-        write_whole(path, data)
+        replace_file(path, data)
 
-    monkeypatch.setattr(store, "write_whole", write)
+    monkeypatch.setattr(store, "replace_file", write)
 
     async def program() -> None:
         nonlocal full
@@ -242,7 +242,7 @@ def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
 
 def test_a_burst_of_changes_is_few_writes_and_none_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     writes: list[bytes] = []
-    monkeypatch.setattr(store, "write_whole", lambda path, data: (writes.append(data), write_whole(path, data)))
+    monkeypatch.setattr(store, "replace_file", lambda path, data: (writes.append(data), replace_file(path, data)))
 
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:

@@ -107,7 +107,7 @@ def test_silence_is_spoken_to_until_the_first_byte() -> None:
         assert caller.heard == b""
         await asyncio.sleep(2.0)
         assert len(caller.heard) in (72, 96) and caller.heard.startswith(b"\x18\0\0\0")
-        assert bridge.spoken() == ["stellarium, because the program has said nothing for 3 s"]
+        assert bridge.spoken() == ["stellarium, because the program has sent nothing for 3 s"]
         told = len(caller.heard)
         assert len(await caller.ask(b":GR#")) == 9
         await asyncio.sleep(5.0)
@@ -146,7 +146,7 @@ def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
         told = len(silent.heard)
         await asyncio.sleep(2.1)
         assert len(silent.heard) >= told + 96 and bridge.spoken()[1:] == [
-            "stellarium, because the program has said nothing for 3 s"
+            "stellarium, because the program has sent nothing for 3 s"
         ]
 
     play(program)
@@ -205,7 +205,7 @@ def test_what_fits_nobody_is_noted() -> None:
         caller = bridge.call()
         caller.tell(b"XYZ")
         await asyncio.sleep(1.0)
-        assert bridge.spoken() == ["lx200, because no protocol's commands begin so"]
+        assert bridge.spoken() == ["lx200, because no protocol has a command that begins like this"]
         assert bridge.warned == []
 
     play(program)

@@ -83,7 +83,7 @@ def test_what_may_become_more_than_one_is_waited_for(sent: bytes) -> None:
 
 @each("sent", [b"XYZ", b"\xff\xfb\x01", b"!", b"\x01", b"9"])
 def test_what_is_nobodys_is_taken_for_the_first_with_a_reason(sent: bytes) -> None:
-    assert decide(sent) == ("lx200", "because no protocol's commands begin so")
+    assert decide(sent) == ("lx200", "because no protocol has a command that begins like this")
 
 
 def test_an_unknown_command_is_its_protocols() -> None:

@@ -16,8 +16,8 @@ from gateway.mount.link.queue import (
     READ,
     SETTING,
     STOP,
+    by_turn,
     held_back,
-    in_turn,
     too_late,
 )
 from gateway.protocols.base.driver import Send
@@ -31,11 +31,11 @@ class Waits(NamedTuple):
     number: int = 0
     asked: float = NOW
     chosen: bool = False
-    ask: Send = Send("e")
+    command: Send = Send("e")
 
 
 def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[int]:
-    return [one.priority for one in in_turn(waiting, NOW, motions, passed_over)]
+    return [one.priority for one in by_turn(waiting, NOW, motions, passed_over)]
 
 
 def test_a_stop_goes_first_then_motion_then_the_position_then_settings() -> None:
@@ -43,7 +43,7 @@ def test_a_stop_goes_first_then_motion_then_the_position_then_settings() -> None
 
 
 def test_of_one_rank_the_first_that_came_goes_first() -> None:
-    assert [one.number for one in in_turn([Waits(READ, 2), Waits(READ, 1)], NOW, 0, 0)] == [1, 2]
+    assert [one.number for one in by_turn([Waits(READ, 2), Waits(READ, 1)], NOW, 0, 0)] == [1, 2]
 
 
 @each("priority", [POSITION, READ])
@@ -74,6 +74,6 @@ def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
 
 def test_what_begins_a_motion_by_hand_is_not_begun_late() -> None:
     arrow = Send("move", prompt=True)
-    assert too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01, ask=arrow), NOW)
-    assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE + 0.01, ask=arrow), NOW)
+    assert too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01, command=arrow), NOW)
+    assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE + 0.01, command=arrow), NOW)
     assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01), NOW)

@@ -103,10 +103,10 @@ def test_what_takes_long_and_what_is_heard_when() -> None:
         ('reply = "{ra:HH:MM:SS}#"', "needs answer = one of position"),
         ('reply = "{ra:HH:MM:SS}#"\nanswer = "place"', "needs answer = one of position"),
         ('reply = "1"\nanswer = "state"', "answer is for a command that asks"),
-        ('urgent = "now"', "urgent = 'now' is none of stop, restart, axis, part"),
+        ('urgent = "now"', "urgent = 'now' is not one of stop, restart, axis, part"),
         ('takes_back = ["Me"]', "for a command that is urgent"),
         ('urgent = "axis"\ntakes_back = ["Mx"]', r"there is no \[Mx\]"),
-        ('urgent = "part"\nurgent_at = { rate = 0 }', "it has no field rate"),
+        ('urgent = "part"\nurgent_at = { rate = 0 }', "the request has no field rate"),
     ],
 )
 def test_a_fact_that_is_missing_or_wrong_is_named(tmp_path: Path, row: str, says: str) -> None:
@@ -119,8 +119,8 @@ def test_a_fact_that_is_missing_or_wrong_is_named(tmp_path: Path, row: str, says
 @pytest.mark.parametrize(
     ("row", "says"),
     [
-        ("ZZ = { say = {}, given = { axis = 1 } }", "given is for a row that asks"),
-        ("Q = { say = {} }", "says which operation that is"),
+        ("ZZ = { say = {}, given = { axis = 1 } }", "given is only for a row with ask"),
+        ("Q = { say = {} }", "needs ask, which names the operation"),
     ],
 )
 def test_a_surface_row_that_cannot_be_is_named(tmp_path: Path, row: str, says: str) -> None:

@@ -104,7 +104,7 @@ def test_two_functions_of_one_name_are_told() -> None:
         ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', "one verb"),
         ("surface.toml", "QQQ = { say = {} }", "no such command"),
         ("surface.toml", 'GR = { aks = "Position" }', "aks"),
-        ("surface.toml", 'Aa = { call = "align", outcome = "refused" }', "says why"),
+        ("surface.toml", 'Aa = { call = "align", outcome = "refused" }', "needs why"),
         ("surface.toml", "GR = {", "surface.toml"),
         ("commands.toml", '[GR]\nrequest = ":GR{x:nonsense}#"\nhelp = "x"', "nonsense"),
         ("commands.toml", '[GR]\nrequest = ":GR{x}#"\nhelp = "x"', "name:form"),

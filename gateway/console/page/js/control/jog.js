@@ -1,5 +1,5 @@
-// Motion by hand: it lasts while a direction is held, with a finger, the mouse or an arrow key. It ends with the release,
-// and as well when the pointer, the focus, the view or the page is lost; when the network is lost the gateway ends it.
+// Motion by hand: it lasts while a direction is held with a finger, the mouse or an arrow key. It ends on release, and
+// also if the pointer, the focus, the view or the page is lost; if the network is lost, the gateway ends it.
 
 import { byId, isTyping, say } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
@@ -9,7 +9,7 @@ import { onView } from "../core/views.js";
 
 const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "west", ArrowRight: "east" };
 const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
-/** What holds each direction down, a pointer's number or "key", and on which mount. @type {Map<string, {by: number|string, mount: number}>} */
+/** By direction, what holds it down (a pointer's number or "key"), and on which mount. @type {Map<string, {by: number|string, mount: number}>} */
 const held = new Map();
 let rate = 5;
 
@@ -40,7 +40,7 @@ function letGo(direction) {
   tell({ do: "let_go", direction, mount: one.mount });
 }
 
-/** Let go of everything, whoever holds it. */
+/** Release all directions. */
 export function letAllGo() {
   for (const direction of [...held.keys()]) letGo(direction);
 }
@@ -57,7 +57,7 @@ function setRate(wanted) {
   try {
     localStorage.setItem("rate", String(rate));
   } catch {
-    // Then it is 5 again the next time.
+    // Without storage the rate is 5 again the next time.
   }
   for (const [direction, { mount }] of held) ask({ do: "jog", direction, rate, mount });
 }
@@ -77,12 +77,12 @@ function listenToPointers(pad) {
       one.setPointerCapture(event.pointerId);
       press(one.dataset.go, event.pointerId);
     });
-    // Enter on a button holds it for as long as the key is down.
+    // Enter on a button holds the direction while the key is down.
     one.addEventListener("keydown", (event) => event.key === "Enter" && !event.repeat && press(one.dataset.go, "key"));
     one.addEventListener("keyup", (event) => event.key === "Enter" && letGo(one.dataset.go));
     one.addEventListener("blur", () => held.get(one.dataset.go)?.by === "key" && letGo(one.dataset.go));
   }
-  // Wherever the finger is lifted by then.
+  // On the window, because the finger may be lifted outside the button.
   for (const ending of ["pointerup", "pointercancel", "lostpointercapture"]) addEventListener(ending, letPointerGo);
   pad.addEventListener("contextmenu", (event) => event.preventDefault());
 }

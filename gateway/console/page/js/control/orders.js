@@ -1,4 +1,4 @@
-// Orders beside motion by hand: tracking and its rate, park and home, sync, and holding the mount still.
+// Orders other than motion by hand: tracking and its rate, park and home, sync, hold and release.
 
 import { button, byId, choice, el } from "../core/dom.js";
 import { answered } from "../frame/notices.js";

@@ -1,6 +1,6 @@
-// Making elements. Everything that comes from outside becomes a text node here: nothing is ever parsed as markup.
+// Creates elements. All text from outside becomes a text node here; nothing is ever parsed as markup.
 
-/** @param {string} id @returns {any} The element of that id, which index.html is sure to have. */
+/** @param {string} id @returns {any} the element with this id, which must be in index.html */
 export const byId = (id) => document.getElementById(id);
 
 /**
@@ -22,20 +22,20 @@ export function el(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** A button that does something when it is clicked, tapped or entered. */
+/** A button that calls a function when it is clicked, tapped or activated by a key. */
 export const button = (words, does, attributes = {}) => el("button", { type: "button", on: { click: does }, ...attributes }, words);
 
-/** Say something in an element, touching the page only where that is new. */
+/** Set the text of an element, changing the page only if the text is different. */
 export function say(element, words) {
   if (element.textContent !== words) element.textContent = words;
 }
 
-/** Whether somebody types into this element, so that a space is a space. */
+/** Whether the user types into this element, so that Space must not stop the mount. */
 export const isTyping = (element) =>
   element instanceof HTMLTextAreaElement || (element instanceof HTMLInputElement && element.type !== "range");
 
 /**
- * One choice out of a few, as large buttons in a row.
+ * A choice between a few values, as large buttons in a row.
  * @param {any} box  a `role="radiogroup"` element
  * @param {Array<[string, string]>} choices  value and words
  * @param {(value: string) => void} chosen

@@ -1,11 +1,11 @@
-// Angles and times as people read them. Angles come in degrees, times in Unix seconds; what is unknown is a dash.
+// Formats angles (given in degrees) and times (given in Unix seconds) for display; unknown values become a dash.
 
 export const UNKNOWN = "–";
 const WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"];
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
 const two = (value) => String(value).padStart(2, "0");
 
-/** Whole parts of 60 of a value that is not negative: hours or degrees, minutes, seconds. */
+/** Split a non-negative value into whole hours or degrees, minutes and seconds. */
 function parts(value) {
   const seconds = Math.round(value * 3600);
   return [Math.floor(seconds / 3600), Math.floor(seconds / 60) % 60, seconds % 60];
@@ -47,16 +47,16 @@ export function site(latitude, longitude) {
 
 const clockOf = (unix, options) => new Intl.DateTimeFormat(undefined, { hourCycle: "h23", ...options }).format(unix * 1000);
 
-/** The hour and minute where this device is. */
+/** The local time of this device, hours and minutes. */
 export const timeOfDay = (unix) => clockOf(unix, { hour: "2-digit", minute: "2-digit" });
 
-/** The hour, minute and second where this device is. */
+/** The local time of this device, with seconds. */
 export const toSecond = (unix) => clockOf(unix, { hour: "2-digit", minute: "2-digit", second: "2-digit" });
 
 /** 2026-11-22 14:55:13 UTC */
 export const utc = (unix) => `${new Date(unix * 1000).toISOString().slice(0, 19).replace("T", " ")} UTC`;
 
-/** How long: 4 s, 3 min, 2 h 10 min, 5 days. */
+/** A duration: 4 s, 3 min, 2 h 10 min, 5 days. */
 export function span(seconds) {
   const whole = Math.abs(seconds);
   if (whole < 90) return `${whole < 9.95 && whole % 1 >= 0.05 ? whole.toFixed(1) : Math.round(whole)} s`;
@@ -65,7 +65,7 @@ export function span(seconds) {
   return `${Math.round(whole / 86400)} days`;
 }
 
-/** One sentence with a capital and a full stop. */
+/** Make a sentence: a capital at the beginning and a full stop at the end. */
 export function sentence(words) {
   const text = words.trim();
   return text ? text[0].toUpperCase() + text.slice(1) + (/[.!?…]$/.test(text) ? "" : ".") : "";

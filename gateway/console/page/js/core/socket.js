@@ -1,5 +1,5 @@
-// The WebSocket to the gateway: requests with answers, a sign of life twice a second, and a connection that is made
-// anew whenever it is lost. A line that is open but dead is noticed by a question that stays without an answer.
+// The WebSocket to the gateway: requests with answers, a beat twice a second, and reconnection after a loss.
+// A connection that is open but dead is detected by a request without an answer.
 
 import { changed, state, take } from "./store.js";
 
@@ -22,18 +22,18 @@ const listeners = { talk: [], line: [], open: [], lost: [] };
 const meta = (name, page = document) => page.querySelector(`meta[name="${name}"]`)?.getAttribute("content") ?? "";
 export const token = meta("token");
 
-/** Be told of `talk`, `line` (what the gateway sends), `open` and `lost` (the connection). */
+/** Subscribe to `talk`, `line` (messages of the gateway), `open` or `lost` (the connection). */
 export const on = (event, listener) => listeners[event].push(listener);
 const emit = (event, value) => listeners[event].forEach((listener) => listener(value));
 
-/** Say something that needs no answer. False where nobody hears it. */
+/** Send a message that needs no answer. False if there is no connection. */
 export function tell(request) {
   if (ws?.readyState !== WebSocket.OPEN) return false;
   ws.send(JSON.stringify({ mount: state.chosen, ...request }));
   return true;
 }
 
-/** Ask for something. The answer always comes: `{ok, words, ...}`, ok false where the gateway was not reached. */
+/** Send a request. There is always an answer: `{ok, words, ...}`, ok false if the gateway was not reached. */
 export function ask(request) {
   return new Promise((resolve) => {
     const id = ++number;
@@ -88,7 +88,7 @@ function lost() {
   setTimeout(again, AGAIN[Math.min(attempts++, AGAIN.length - 1)]);
 }
 
-/** Connect anew; a gateway that was started anew has a new token, which only a new page knows. */
+/** Reconnect. After a restart the gateway has a new token, which only a reloaded page knows. */
 async function again() {
   try {
     const page = await (await fetch("/", { cache: "no-store", signal: AbortSignal.timeout(DEAD) })).text();

@@ -1,5 +1,5 @@
-// What the page knows: the last state of every mount, and whether the gateway is heard. Parts of the page subscribe and
-// are called at most once a frame, however many messages came.
+// The state of the page: the last state of every mount, and whether the gateway is connected. Parts of the page
+// subscribe and are called at most once per animation frame, however many messages have arrived.
 
 /** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], chosen: number, connected: boolean, act: boolean, pin: string}} */
 export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chosen: 0, connected: false, act: false, pin: "" };
@@ -8,7 +8,7 @@ export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chos
 const listeners = new Set();
 let waiting = false;
 
-/** Call a function whenever something has changed, and once now. */
+/** Call a function after every change, and once now. */
 export function subscribe(listener) {
   listeners.add(listener);
   listener();
@@ -17,21 +17,21 @@ export function subscribe(listener) {
 export function changed() {
   if (waiting) return;
   waiting = true;
-  // A hidden page paints nothing; it is drawn when it is looked at again.
+  // A hidden page is not painted; it is drawn when it becomes visible again.
   requestAnimationFrame(() => {
     waiting = false;
     for (const listener of listeners) listener();
   });
 }
 
-/** The mount that is shown; null before the first state. */
+/** The selected mount; null before the first state. */
 export const mount = () => state.mounts[state.chosen] ?? null;
 
-/** The gateway's clock now, Unix seconds; this device's before the gateway has said it. */
+/** The present time by the gateway's clock, Unix seconds; by this device's clock before the first message. */
 export const gatewayNow = () =>
   state.hello ? state.hello.now + (performance.now() - state.heardAt) / 1000 : Date.now() / 1000;
 
-/** Take in a message of the gateway that concerns the state. */
+/** Apply a message of the gateway to the state. */
 export function take(message) {
   if (message.hello) {
     state.hello = message.hello;

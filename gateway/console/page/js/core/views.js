@@ -1,12 +1,12 @@
-// Which view is shown: the address says it after #/, so Back works and a view can be bookmarked.
-// On a wide screen several panes stand side by side; then the views that have no pane of their own lead to the sky.
+// Which view is shown: it is part of the address after #/, so Back works and a view can be bookmarked.
+// On a wide screen several panes are side by side; then views without a pane of their own lead to the sky.
 
 const VIEWS = ["sky", "control", "readings", "talk", "more"];
 const listeners = [];
 
 export const view = () => document.body.dataset.view;
 
-/** Be told when another view is shown. */
+/** Subscribe to changes of the view. */
 export const onView = (listener) => listeners.push(listener);
 
 export function show(name) {

@@ -1,4 +1,4 @@
-// The sky's chart in its pane: it is loaded after everything else, told what changes, and what is tapped in it is shown.
+// The sky chart in its pane: it is loaded after everything else and gets every change; a tap on it opens a card.
 
 import { byId, say } from "../core/dom.js";
 import { notice } from "../frame/notices.js";

@@ -1,4 +1,4 @@
-// In the chart's upper corners, in one look: where the telescope points.
+// The position of the telescope, in the upper corners of the chart.
 
 import { byId, el, say } from "../core/dom.js";
 import { angle, azimuth, declination, hours } from "../core/format.js";

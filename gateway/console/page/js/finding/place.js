@@ -1,5 +1,5 @@
-// The card of a chosen place: how high it stands, when it rises and sets, whether the mount may go there and if not why.
-// One more press goes there; a sync asks first, because it changes what the mount believes.
+// The card of a chosen position: its altitude, when it rises and sets, whether the mount may go there and if not, why.
+// One more press starts the goto; a sync asks first, because it changes the position that the mount believes in.
 
 import { button, byId, el, say } from "../core/dom.js";
 import { angle, azimuth, declination, hours, timeOfDay } from "../core/format.js";
@@ -10,24 +10,24 @@ import { mount, state, subscribe } from "../core/store.js";
 import { show } from "../core/views.js";
 
 const RENEW = 15000;
-/** What is chosen: how it is asked for again, and what was answered. @type {{request: any, found: any} | null} */
+/** The chosen position: the request for it, and its answer. @type {{request: any, found: any} | null} */
 let chosen = null;
 let drawn = "";
 const listeners = [];
 
-/** Be told of another chosen place, or of none (null). */
+/** Subscribe to changes of the chosen position (null: none). */
 export const onPlace = (listener) => listeners.push(listener);
 export const place = () => chosen?.found ?? null;
 
-/** What a goto and a sync are asked with: a name where there is one, so that the Moon is followed. */
+/** The target of a goto or sync: the name if there is one, so that the Moon's motion is followed. */
 const aim = () => (chosen.request.name ? { name: chosen.request.name } : { ra: chosen.request.ra, dec: chosen.request.dec, j2000: true });
 
 export const showName = (name) => look({ do: "look_up", name }, name);
 
-/** A place of J2000 that was tapped or typed. */
+/** Choose a J2000 position that was tapped or typed. */
 export const showPlace = ({ ra2000, dec2000 }, name = "") => look({ do: "ask", ra: ra2000, dec: dec2000, j2000: true }, name);
 
-/** What was tapped in the chart: by its name where the gateway knows that, for what moves among the stars. */
+/** Choose what was tapped in the chart: by its name if the gateway knows that, because some objects move. */
 export async function showPicked(picked) {
   if (!picked.name || !(await look({ do: "look_up", name: picked.name }, picked.name, () => {}))) showPlace(picked, picked.name);
 }
@@ -58,10 +58,10 @@ async function go() {
   answered(answer.ok && name ? { ...answer, words: `It goes to ${name}` } : answer);
 }
 
-/** Degrees within which a goto leads to the chosen place. */
+/** A goto leads to the chosen position if its target is this close, degrees. */
 const SAME = 0.05;
 
-/** Whether the telescope is going there already. */
+/** Whether the telescope is already slewing there. */
 function onItsWay() {
   const seen = mount(), found = chosen?.found;
   if (!seen?.slewing || !found || seen.target?.ra2000 == null) return false;
@@ -79,7 +79,7 @@ export async function sync() {
   if (agreed) answered(await ask({ do: "sync", ...aim() }));
 }
 
-/** Label and time of its next rising or setting, by the lowest altitude that is allowed; times are this device's. */
+/** Label and local time of the next rising or setting, relative to the lowest allowed altitude. */
 function nextEvent(found) {
   const lowest = mount()?.limits.lowest ?? 0;
   const [sets, rises] = lowest > 0 ? [`Above ${lowest}° until`, `Above ${lowest}° from`] : ["Sets", "Rises"];
@@ -116,7 +116,7 @@ function draw() {
   if (chosen) tellWay(byId("go"), onItsWay());
 }
 
-/** In place: a button that is replaced under a finger is not pressed. */
+/** Update the card in place, because a button that is replaced under a finger is not pressed. */
 function tellWay(goes, going) {
   say(goes, going ? "On its way…" : "Go there");
   goes.setAttribute("aria-disabled", String(going));
@@ -124,7 +124,7 @@ function tellWay(goes, going) {
 
 function redraw(box, key) {
   drawn = key;
-  // The focus stays on the button that has it when the figures are renewed.
+  // Keep the focus on its button when the values are updated.
   const focused = box.contains(document.activeElement) ? document.activeElement.id : "";
   box.hidden = !chosen;
   document.body.classList.toggle("has-place", Boolean(chosen));
@@ -141,7 +141,7 @@ async function renew() {
   draw();
 }
 
-/** What of the mount makes another verdict: then the card is asked for anew at once. */
+/** The parts of the mount's state that affect the verdict: after a change the card is requested again at once. */
 const verdictOf = (seen) => seen && JSON.stringify([seen.index, seen.state, seen.held, seen.asleep, seen.aligned, seen.limits]);
 
 export function start() {

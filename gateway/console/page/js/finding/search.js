@@ -1,4 +1,4 @@
-// Finding an object: suggestions while one types, and a typed place (right ascension and declination of J2000) as well.
+// Search for an object: suggestions while the user types; J2000 right ascension and declination can be typed too.
 
 import { byId, el } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
@@ -10,7 +10,7 @@ let timer = 0;
 let marked = -1;
 let latest = 0;
 
-/** `05:34:32 +22:00:52`, `5h34m +22d`, or degrees `83.6 22.01` -> a place of J2000 in degrees; null where it is none. */
+/** `05:34:32 +22:00:52`, `5h34m +22d`, or degrees `83.6 22.01` -> a J2000 position in degrees, else null. */
 export function typedPlace(text) {
   const found = /^\s*(\d[\d.:hms ]*?)[\s,]+([+\-−]?\d[\d.:°d'′m"″s ]*)$/i.exec(text);
   if (!found) return null;
@@ -57,7 +57,7 @@ async function suggest() {
   if (mine === latest && document.activeElement === byId("object")) offer((answer.found ?? []).map((one) => one.name));
 }
 
-/** Mark the next suggestion, or the one before; null marks none. */
+/** Mark the next or the previous suggestion; null marks none. */
 function mark(step) {
   const options = [...byId("suggestions").children];
   if (!options.length) return;
@@ -90,7 +90,7 @@ export function start() {
   const input = byId("object");
   input.addEventListener("input", () => {
     clearTimeout(timer);
-    mark(null); // what was marked was offered for another text
+    mark(null); // the marked suggestion belonged to another text
     timer = setTimeout(suggest, PATIENCE);
   });
   input.addEventListener("keydown", keys);

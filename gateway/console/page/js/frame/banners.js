@@ -1,5 +1,5 @@
-// What must be known before anything else, each with the button that mends it: no connection, a page that only looks,
-// a mount that is held, asleep, busy or gone, and a clock or a site that cannot be right.
+// Important conditions, each with a button that resolves it: no connection, a page that only looks, a mount on hold,
+// hibernating, busy or disconnected, and a clock or site that cannot be right.
 
 import { button, byId, el } from "../core/dom.js";
 import { sentence, span } from "../core/format.js";
@@ -25,7 +25,7 @@ export async function askForPin() {
   state.act = state.act || answer.ok;
 }
 
-/** @returns {Array<[string, string, string?, (() => void)?]>}  kind, words, words of the button, what it does */
+/** @returns {Array<[string, string, string?, (() => void)?]>}  kind, text, label of the button, its action */
 function now() {
   if (!state.connected) return [["bad", lostWords()]];
   const seen = mount();

@@ -1,17 +1,17 @@
-// The first thing that is read: what the mount does, and which mount it is.
+// The first line of the page: what the mount does, and which mount it is.
 
 import { byId, say } from "../core/dom.js";
 import { sentence } from "../core/format.js";
 import { mount, state, subscribe } from "../core/store.js";
 
-/** What a mount does, in the words of `mount-gateway status`. */
+/** The activity of a mount, in the words of `mount-gateway status`. */
 export function doing(seen) {
   if (seen.state === "opening") return "Connecting to the mount";
   if (seen.state === "down") return "The mount does not answer";
   return sentence(seen.does || "nothing is known yet").replace(/\.$/, "");
 }
 
-/** Which mount it is; with its own name, where there are several. */
+/** The product of the mount; also its name if there are several. */
 function called(seen) {
   const own = state.mounts.length > 1 && seen.found ? `${seen.name}: ` : "";
   return own + (seen.found || seen.name);

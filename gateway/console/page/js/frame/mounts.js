@@ -1,4 +1,4 @@
-// Which mount is shown, where the gateway has several: one button for each, above every view.
+// Selects the mount that is shown if the gateway has several: one button for each, above every view.
 
 import { byId, choice } from "../core/dom.js";
 import { choose, state, subscribe } from "../core/store.js";

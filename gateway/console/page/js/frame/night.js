@@ -1,5 +1,5 @@
-// The page's light: by day, or red by night, in four steps of brightness. By itself it is red while the Sun at the
-// mount is lower than six degrees below the horizon; a choice of one's own is remembered by this browser.
+// The page's colours: day, or red for the night, in four steps of brightness. In automatic mode it is red while the Sun
+// at the mount is more than six degrees below the horizon; the browser stores the user's choice.
 
 import { byId } from "../core/dom.js";
 import { mount, subscribe } from "../core/store.js";
@@ -23,13 +23,13 @@ function remember(key, value) {
   try {
     localStorage.setItem(key, value);
   } catch {
-    // A browser that keeps nothing asks the Sun again the next time.
+    // Without storage the page is in automatic mode the next time.
   }
 }
 
 export const light = () => ({ mode, night: root.dataset.light === "night", step: Number(root.dataset.step) });
 
-/** Be told when the light has changed, and once now. */
+/** Call a function after every change of the colours, and once now. */
 export function onLight(listener) {
   listeners.push(listener);
   listener();
@@ -78,7 +78,7 @@ function follow() {
   if (sun < DUSK) explain();
 }
 
-/** Said once in every browser: who has not met it takes a red page for a fault. */
+/** Explain the red page once in every browser, because a new user may take it for an error. */
 function explain() {
   if (explained) return;
   explained = true;

@@ -1,10 +1,10 @@
-// What the gateway answers, where it can be seen from every view. A refusal stays until it is closed or followed by the
-// next answer; what went well goes by itself.
+// Shows the gateway's answers in every view. A refusal stays until the user closes it or another answer replaces it;
+// a success disappears by itself.
 
 import { button, byId, el } from "../core/dom.js";
 import { sentence } from "../core/format.js";
 
-/** Milliseconds after which it goes, and how many a word takes to be read where that is longer. */
+/** Milliseconds for which a success is shown: at least so many, or so many per word if that is longer. */
 const GONE = 4000, WORD = 400;
 let timer = 0;
 
@@ -18,7 +18,7 @@ export function notice(words, kind = "done") {
   if (kind === "done") timer = setTimeout(() => box.replaceChildren(), Math.max(GONE, words.split(" ").length * WORD));
 }
 
-/** What went well before is no news any more. */
+/** Remove the notice of an earlier success. */
 export function outdated() {
   byId("notices").querySelector(".notice.done")?.remove();
 }

@@ -1,10 +1,10 @@
-// Asks before something is done that cannot be taken back. While it waits, STOP can be pressed as ever.
+// Asks for confirmation before an action that cannot be undone. STOP can be pressed meanwhile.
 
 import { byId, el, say } from "../core/dom.js";
 
 /**
  * @param {{title: string, words: string, yes: string, fields?: Array<{name: string, label: string, value?: string, type?: string}>}} question
- * @returns {Promise<Record<string, string> | null>} what was typed into the fields; null where it was cancelled
+ * @returns {Promise<Record<string, string> | null>} the values of the fields; null if the user has cancelled
  */
 export function question({ title, words, yes, fields = [] }) {
   const dialog = byId("ask");
@@ -33,7 +33,7 @@ export function question({ title, words, yes, fields = [] }) {
       before?.focus();
       resolve(answer);
     };
-    // Not showModal: that would take STOP away from the finger.
+    // Not showModal: that would block STOP.
     document.querySelector("main").inert = true;
     dialog.show();
     (inputs[0] ?? byId("ask-no")).focus();

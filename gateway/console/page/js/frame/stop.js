@@ -1,5 +1,5 @@
-// STOP: the button, Escape everywhere, Space everywhere but where one types. It acts at the press, not at the release,
-// and stops every mount of this gateway. One that could not be sent is sent as soon as the gateway is there again.
+// STOP: the button, Escape anywhere, Space anywhere except in text fields. It acts on press, not on release, and stops
+// every mount of this gateway. A stop that could not be sent is sent as soon as the gateway is connected again.
 
 import { byId, isTyping, say } from "../core/dom.js";
 import { answered, notice, outdated } from "./notices.js";
@@ -7,13 +7,13 @@ import { ask, on } from "../core/socket.js";
 import { state, subscribe } from "../core/store.js";
 
 const UNHEARD = "STOP DID NOT REACH THE GATEWAY. Use the mount's own keys or its power switch. It is sent again as soon as the gateway is there.";
-/** Seconds for which a stop that nobody heard is still wanted. */
+/** Seconds for which a stop that was not sent stays valid. */
 const WANTED = 30;
 let owed = 0;
-/** Stops that are on their way: the mount is given the time to come to rest before one is answered. */
+/** The number of unanswered stops: the gateway answers when the mount has come to rest. */
 let underWay = 0;
 
-/** What is stopped, or that it is being stopped. */
+/** The label of the button: what it stops, or that it is stopping. */
 function tell() {
   byId("stop").classList.toggle("pressed", underWay > 0);
   say(byId("stop-says"), underWay ? "stopping…" : state.mounts.length > 1 ? "all mounts" : "all motion");
@@ -41,11 +41,11 @@ function key(event) {
 export function start() {
   const pressed = byId("stop");
   pressed.addEventListener("pointerdown", (event) => event.button === 0 && stop());
-  // A click without a pointer comes from Enter or from an assistive tool.
+  // A click without a pointer comes from Enter or from assistive technology.
   pressed.addEventListener("click", (event) => event.detail === 0 && stop());
   pressed.addEventListener("contextmenu", (event) => event.preventDefault());
   addEventListener("keydown", key, { capture: true });
-  // Space presses a button at its release; here it has stopped already.
+  // Browsers activate a button when Space is released; the stop was sent on press already.
   addEventListener("keyup", (event) => event.key === " " && !isTyping(event.target) && event.preventDefault(), { capture: true });
   on("open", () => owed && performance.now() - owed < WANTED * 1000 && stop());
   subscribe(tell);

@@ -1,11 +1,11 @@
-// The line to the mount: how long it takes to answer, as it goes on, and what has failed.
+// The line to the mount: a plot of its answer times and failed exchanges.
 
 import { el, say } from "../core/dom.js";
 import { onLight } from "../frame/night.js";
 import { on } from "../core/socket.js";
 import { gatewayNow, mount, state, subscribe } from "../core/store.js";
 
-/** Seconds that the plot shows. */
+/** The time span of the plot, seconds. */
 const WINDOW = 60;
 /** Per mount the answer times of the window: [Unix seconds, milliseconds or null for a fault]. @type {Map<string, Array<[number, number|null]>>} */
 const samples = new Map();
@@ -14,7 +14,7 @@ const figures = el("p", { class: "figures-line" });
 
 function keep(times) {
   for (const [index, added] of Object.entries(times)) {
-    // A page that was behind is told again of what it has.
+    // A page that was behind gets values again that it already has.
     const known = samples.get(index) ?? [];
     const last = known.at(-1)?.[0] ?? 0;
     const since = gatewayNow() - WINDOW - 5;
@@ -53,7 +53,7 @@ function draw() {
     paint.stroke();
   }
   paint.fillText(`${top} ms`, 2, y(top) - 4);
-  // An answer is a stem from below, a fault a cross at the top: told apart without colour.
+  // An answer is a stem from below, a fault a cross at the top, so that they differ without colour.
   paint.strokeStyle = paint.fillStyle = style.outlineColor;
   for (const [at, ms] of shown) {
     paint.beginPath();

@@ -1,4 +1,4 @@
-// The programs that are connected: who, by which surface, what they said last, and how often they speak.
+// The connected programs: address, surface, last command, and commands per second.
 
 import { el } from "../core/dom.js";
 import { mount, subscribe } from "../core/store.js";

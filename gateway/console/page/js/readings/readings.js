@@ -1,4 +1,4 @@
-// Everything that is known of the mount, in groups; one row is one figure.
+// All readings of the mount, in groups; one row is one value.
 
 import { byId, el } from "../core/dom.js";
 import { angle, azimuth, declination, hourAngle, hours, sentence, span, UNKNOWN } from "../core/format.js";
@@ -46,7 +46,7 @@ function groupOf(title, described) {
   return el("section", { class: "group" }, el("h3", {}, title), figures.list);
 }
 
-/** What was refused, or done by the gateway itself, in the last minutes: the newest first. */
+/** Refusals and the gateway's own actions in the last minutes, the newest first. */
 function latelyGroup() {
   const list = el("ul", { class: "lines" });
   const whole = el("section", { class: "group" }, el("h3", {}, "Lately"), list);

@@ -1,11 +1,11 @@
-// Figures with their labels, of which one that is empty is not shown.
+// Values with their labels; a row with an empty value is hidden.
 
 import { el, say } from "../core/dom.js";
 import { UNKNOWN } from "../core/format.js";
 
-/** @typedef {[string, (seen: any) => string, ("large"|"words")?]} Row  label, figure of a mount, style */
+/** @typedef {[string, (seen: any) => string, ("large"|"words")?]} Row  label, value for a mount's state, style */
 
-/** @param {Row[]} described @returns {{list: any, draw(seen: any): void}} `seen` is null while nothing is known */
+/** @param {Row[]} described @returns {{list: any, draw(seen: any): void}} `seen` is null before the first state */
 export function rows(described) {
   const made = described.map(([label, figure, style]) => {
     const value = el("dd", {});

@@ -1,5 +1,5 @@
-// The mount's site and clock, who says so, and how to put them right: with this device's own clock, or a typed place.
-// Both ask first, and the gateway judges them like those of any other program.
+// The mount's site and clock, their sources, and how to correct them: with this device's clock, or a typed site.
+// Both ask first, and the gateway checks them like those of any other program.
 
 import { button, el } from "../core/dom.js";
 import { sentence, span, utc, UNKNOWN } from "../core/format.js";
@@ -9,7 +9,7 @@ import { ask } from "../core/socket.js";
 import { gatewayNow, mount, state, subscribe } from "../core/store.js";
 import { rows } from "./rows.js";
 
-/** Seconds by which a clock may be off before that is told. */
+/** A larger error of the clock is shown, seconds. */
 const EXACT = 1.5;
 const offset = () => -new Date().getTimezoneOffset() / 60;
 const off = (ahead, of) => (Math.abs(ahead) < EXACT ? `agrees with ${of}` : `${span(ahead)} ${ahead > 0 ? "ahead of" : "behind"} ${of}`);

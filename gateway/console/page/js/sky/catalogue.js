@@ -1,11 +1,11 @@
 /**
- * The stars and the figures of the constellations, read once from `data/stars.json`.
+ * The stars and constellation figures, loaded once from `data/stars.json`.
  *
- * Stars lie in flat arrays, the brightest first: a chart stops where they become too faint for it.
+ * Stars are in flat arrays, the brightest first, so that a chart can stop where they become too faint.
  */
 import { vector } from "./sphere.js";
 
-/** Colour index (B-V) from which a star is called bluish, and from which it is called reddish. */
+/** The colour index (B-V) below which a star is bluish, and above which it is reddish. */
 const COOL = 0.15, WARM = 1.1;
 
 export class Catalogue {

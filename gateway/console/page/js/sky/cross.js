@@ -1,8 +1,8 @@
 /**
- * The cross that the arrow keys move: a point of the chart, in parts of its radius from the zenith.
+ * The cross that the arrow keys move: a point of the chart, stored as fractions of its radius from the zenith.
  */
 
-/** Pixels from the edge of the canvas at which the chart is moved along. */
+/** The distance from the edge of the canvas at which the chart moves along, pixels. */
 const ROOM = 40;
 
 export class Cross {
@@ -13,18 +13,18 @@ export class Cross {
     this.place = null;
   }
 
-  /** Where it is on the canvas. */
+  /** Its position on the canvas. */
   get point() {
     const { x, y, scale } = this.view;
     return [x + this.place[0] * scale, y + this.place[1] * scale];
   }
 
-  /** Over the horizon; null while nobody uses the keys. */
+  /** Its direction over the horizon; null while the keys are not in use. */
   get vector() {
     return this.place && this.view.vector(...this.point);
   }
 
-  /** Not beyond the rim; what it comes to is brought into sight. */
+  /** Move it, not beyond the rim, and keep it visible. */
   move(right, down) {
     const [x, y] = this.place ?? [0, 0], next = [x + right / this.view.zoom, y + down / this.view.zoom];
     const far = Math.max(1, Math.hypot(...next));

@@ -1,19 +1,19 @@
 /**
- * Fingers, mouse and wheel on the canvas: tap, drag, pinch, double tap.
+ * Gestures of fingers, mouse and wheel on the canvas: tap, drag, pinch, double tap.
  *
- * A finger that has moved further than a glove trembles, or that another finger joined, is no tap.
+ * A finger that moves further than a trembling glove, or that a second finger has joined, is no tap.
  */
 
-/** Pixels that a tap may move; milliseconds that it may last, and within which two of them are a double tap. */
+/** How far a tap may move, pixels; how long it may last, and the longest interval of a double tap, milliseconds. */
 const TREMBLE = 10, SHORT = 600, TWICE = 320;
-/** Pixels beside an object that a finger, and a mouse or pen, may be. */
+/** The largest distance to an object that is picked, pixels: for a finger, and for a mouse or pen. */
 const REACH = { touch: 24, mouse: 14, pen: 14 };
 
 /**
  * @param {HTMLCanvasElement} canvas
  * @param {{tap: (x: number, y: number, reach: number) => void, drag: (right: number, down: number) => void,
  *   enlarge: (factor: number, x: number, y: number) => void, reset: () => void, enlarged: () => boolean}} acts
- * @returns {() => void} ends it
+ * @returns {() => void} removes the listeners
  */
 export function gestures(canvas, acts) {
   /** @type {Map<number, {x: number, y: number}>} */

@@ -1,10 +1,10 @@
 /**
- * The chart without a mouse: arrow keys move a cross, Enter picks what is under it, + and - enlarge, 0 resets.
+ * Keys of the chart: arrow keys move a cross, Enter picks the object under it, + and - zoom, 0 resets.
  *
- * Other keys go on to the page: Escape and Space stop the mount wherever one is.
+ * Other keys are left to the page: Escape and Space stop the mount everywhere.
  */
 
-/** Parts of the chart's radius that a key press moves the cross, and with Shift. */
+/** How far a key press moves the cross, as a fraction of the chart's radius; and with Shift. */
 const STEP = 0.06, FINE = 0.015;
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
@@ -12,7 +12,7 @@ const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDo
  * @param {HTMLCanvasElement} canvas
  * @param {{move: (right: number, down: number) => void, pick: () => void, enlarge: (factor: number) => void,
  *   reset: () => void, leave: () => void}} acts
- * @returns {() => void} ends it
+ * @returns {() => void} removes the listeners
  */
 export function keys(canvas, acts) {
   const simple = { Enter: acts.pick, "+": () => acts.enlarge(1.5), "=": () => acts.enlarge(1.5),

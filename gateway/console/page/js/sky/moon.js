@@ -1,9 +1,9 @@
 /**
- * The Moon's face: how much of it is lit, and on which side, from where the Sun and the Moon stand.
+ * The phase of the Moon: how much of it is lit, and on which side, from the directions of Sun and Moon.
  */
 import { dot } from "./sphere.js";
 
-/** From 0, new, to 1, full. @param {number[]} moon @param {number[]} sun */
+/** The lit fraction, from 0 (new) to 1 (full). @param {number[]} moon @param {number[]} sun */
 export function lit(moon, sun) {
   return (1 - dot(moon, sun)) / 2;
 }

@@ -1,10 +1,10 @@
 /**
- * The chart's colours: custom properties of CSS (`css/sky.css`), so that day and night are told in one place.
+ * The chart's colours: custom properties of CSS (`css/sky.css`), so that day and night are defined in one place.
  *
- * By night every one of them is pure red. What is drawn between two of them is then pure red as well, edges included.
+ * By night each of them is pure red, so blends of two of them are pure red too, smoothed edges included.
  */
 
-/** Every colour by its name here; `--sky-` and the name in small letters is the property. */
+/** The names of the colours; their properties are `--sky-` and the name in lower case. */
 const NAMES = [
   "zenith", "horizon", "ring", "rim", "grid", "letters", "star", "star-cool", "star-warm", "name", "figure", "figure-name",
   "sun", "moon", "moon-dark", "planet", "forbidden", "forbidden-edge", "tube", "trail", "way", "target", "chosen",

@@ -1,7 +1,7 @@
 /**
- * What somebody means who taps on the chart: the object nearest to the finger, or the place itself.
+ * Finds what a tap on the chart means: the object nearest to the finger, or the position itself.
  *
- * The brighter of two that are about as near is meant; what is told of each is enough to ask the server about it.
+ * Of two objects at about the same distance the brighter one wins. The result is enough to ask the server about it.
  */
 import { angles, reversed, turned } from "./sphere.js";
 import { shown } from "./paint/bodies.js";
@@ -9,14 +9,14 @@ import { faintest } from "./paint/stars.js";
 
 /** @typedef {{ra2000: number, dec2000: number, name: string, alt: number, az: number, at: number[]}} Place */
 
-/** Pixels that a magnitude is worth. */
+/** How many pixels of distance one magnitude counts. */
 const BRIGHT = 2.2;
 
 /**
  * @param {{view: import("./view.js").View, scene: import("./scene.js").Scene,
  *   catalogue: import("./catalogue.js").Catalogue|null, points: Float64Array}} picture
- * @param {number} reach pixels that a finger or a mouse may be beside it
- * @returns {Place|null} null below the horizon, and where there is no sky
+ * @param {number} reach the largest distance to an object, pixels
+ * @returns {Place|null} null below the horizon, and while the sky is unknown
  */
 export function pick({ view, scene, catalogue, points }, x, y, reach) {
   const at = view.vector(x, y);

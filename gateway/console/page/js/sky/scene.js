@@ -1,8 +1,8 @@
 /**
- * What is to be drawn now: the mount as the server told it, put over its horizon at this moment.
+ * The scene to draw: the state of the mount from the server, converted to its horizon at this moment.
  *
- * Between two messages the sky turns on by itself. Without a site and its sidereal time there is no sky, and `sky` is
- * null; what the mount tells as altitude and azimuth is there all the same.
+ * Between two messages the sky continues to turn. If site and sidereal time are unknown, `sky` is null; altitude and
+ * azimuth reported by the mount are shown nevertheless.
  */
 import { TURN, horizon, precession, product, turned, vector } from "./sphere.js";
 
@@ -10,8 +10,8 @@ import { TURN, horizon, precession, product, turned, vector } from "./sphere.js"
 
 export class Scene {
   /**
-   * @param {any} mount the server's view of a mount
-   * @param {number} age seconds since it was told
+   * @param {any} mount the state of a mount from the server
+   * @param {number} age its age, seconds
    * @param {number} unix the time, for the precession
    */
   constructor(mount, age, unix) {
@@ -21,7 +21,7 @@ export class Scene {
     this.latitude = known ? mount.site.latitude : null;
     this.sidereal = known ? mount.sidereal + age * TURN : null;
     this.ofDate = known ? horizon(this.sidereal, this.latitude) : null;
-    /** From J2000 to the horizon. */
+    /** The rotation from J2000 to the horizon. */
     this.sky = known ? product(this.ofDate, precession(unix)) : null;
     this.tube = over(mount?.position);
     this.target = over(mount?.target);
@@ -32,12 +32,12 @@ export class Scene {
       : [];
   }
 
-  /** A place of J2000 over the horizon; null where there is no sky. */
+  /** The direction over the horizon of a J2000 position; null while the sky is unknown. */
   place(ra2000, dec2000) {
     return this.sky && turned(this.sky, vector(ra2000, dec2000));
   }
 
-  /** Of a hour angle and a declination of date. */
+  /** The direction over the horizon of an hour angle and declination of date. */
   atHourAngle(angle, dec) {
     return turned(this.ofDate, vector(this.sidereal - angle, dec));
   }

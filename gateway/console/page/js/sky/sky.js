@@ -1,8 +1,8 @@
 /**
- * The sky chart on a canvas: it brings together what is told, what is drawn, and what fingers and keys do.
+ * The sky chart on a canvas: it connects the state of the mount, the drawing, and the user's gestures and keys.
  *
- * Nothing is drawn unless it would look different, and never more than once a frame. Between two messages the sky turns
- * on by itself.
+ * It is drawn only when it would look different, at most once per animation frame. Between two messages the sky
+ * continues to turn.
  */
 import { load } from "./catalogue.js";
 import { Cross } from "./cross.js";
@@ -17,20 +17,20 @@ import { Trail } from "./trail.js";
 import { View } from "./view.js";
 import { described, under } from "./words.js";
 
-/** Pixels by which the sky may turn, and the tube move, before they are drawn anew; the longest wait for that, seconds. */
+/** How far sky and tube may move before the chart is drawn again, pixels; the longest wait for that, seconds. */
 const PATIENCE = 0.5, LONGEST = 30;
-/** Degrees by which the sidereal time may stray from the one that was reckoned on: more is another clock or site. */
+/** A larger difference from the expected sidereal time means another clock or site, degrees. */
 const STRAY = 0.02;
-/** Pixels from the cross to what it picks. */
+/** The largest distance between the cross and the object it picks, pixels. */
 const REACH = 16;
-/** What is at the bottom of the chart, by what is up. */
+/** The azimuth at the bottom of the chart, by what is up. */
 const BOTTOM = { north: 180, south: 0 };
 
 /**
  * @typedef {{onPick?: (place: import("./pick.js").Place) => void, say?: (words: string) => void,
  *   palette?: Record<string, string>, catalogue?: Promise<import("./catalogue.js").Catalogue>,
- *   clock?: () => number}} Options `onPick` is told what somebody has picked, `say` gets words for a live region;
- *   without a `palette` the colours are those of `css/sky.css`; `clock` gives seconds
+ *   clock?: () => number}} Options `onPick` receives what the user picks, `say` receives text for a live region;
+ *   the default `palette` is that of `css/sky.css`; `clock` returns seconds
  */
 
 /** @param {HTMLCanvasElement} canvas @param {Options} options */
@@ -47,12 +47,12 @@ class Sky {
   #mount = null;
   #told = 0;
   #up = "north";
-  /** What somebody has picked, or the page has marked. */
+  /** What the user has picked, or the page has marked. */
   #place = null;
   #frame = 0;
   #timer = 0;
   #words = "";
-  /** What the last picture was of. */
+  /** What the last picture shows. */
   #drawn = { shape: "", tube: null };
 
   constructor(canvas, options) {
@@ -80,9 +80,9 @@ class Sky {
     }
   }
 
-  // --- what the page tells ------------------------------------------------------------------------------------------
+  // --- called by the page -------------------------------------------------------------------------------------------
 
-  /** What the server says of the mount. */
+  /** Set the state of the mount from the server. */
   update(mount) {
     const before = this.#mount, time = this.#clock(), at = mount.position;
     const another = before?.index !== mount.index, strays = another || this.#strays(mount.sidereal, time);
@@ -93,20 +93,20 @@ class Sky {
     if (strays || this.#drawn.shape !== shape(mount) || this.#moved()) this.#changed();
   }
 
-  /** Mark a place of J2000, `{ra2000, dec2000, name}`; null takes the mark away. */
+  /** Mark a J2000 position, `{ra2000, dec2000, name}`; null removes the mark. */
   highlight(place) {
     this.#place = place;
     this.#changed();
   }
 
-  /** "north" or "south" is up, or the "zenith": then the direction in which the tube points lies at the bottom. */
+  /** Set what is up: "north", "south", or "zenith", with the direction of the tube at the bottom. */
   setUp(up) {
     this.#up = up;
     this.#view.face(BOTTOM[up] ?? this.#view.facing);
     this.#changed();
   }
 
-  /** The page's colours are others now. */
+  /** Use the page's colours again after they have changed. */
   setNight() {
     this.#colours = this.#options.palette ?? palette(this.#canvas);
     this.#changed();
@@ -164,21 +164,21 @@ class Sky {
     this.#timer = setTimeout(() => this.#changed(), Math.min(LONGEST, turned) * 1000);
   }
 
-  /** Put the mount over its horizon at this moment, and say so. */
+  /** Make the scene of this moment, and describe it in words. */
   #look(time) {
     this.#scene = new Scene(this.#mount, time - this.#told, Date.now() / 1000);
     const words = described(this.#scene);
     if (words !== this.#words) this.#canvas.setAttribute("aria-label", (this.#words = words));
   }
 
-  /** Whether the sky is turned otherwise than by the time that has passed. */
+  /** Whether the sky has turned by more or less than the time that has passed. */
   #strays(sidereal, time) {
     if (this.#mount.sidereal == null || sidereal == null) return this.#mount.sidereal !== sidereal;
     const reckoned = this.#mount.sidereal + (time - this.#told) * TURN;
     return Math.abs(((reckoned - sidereal + 540) % 360) - 180) > STRAY;
   }
 
-  /** Whether the reticle is elsewhere by now. */
+  /** Whether the reticle has moved. */
   #moved() {
     const before = this.#drawn.tube, tube = new Scene(this.#mount, 0, 0).tube;
     if (!before || !tube) return Boolean(before) !== Boolean(tube);
@@ -186,7 +186,7 @@ class Sky {
     return Math.hypot(x - before[0], y - before[1]) > PATIENCE;
   }
 
-  // --- fingers and keys ---------------------------------------------------------------------------------------------
+  // --- gestures and keys --------------------------------------------------------------------------------------------
 
   #hearFingers() {
     return gestures(this.#canvas, {
@@ -232,7 +232,7 @@ class Sky {
   }
 }
 
-/** What a picture depends on besides the time and the tube. */
+/** What a picture depends on, except the time and the position of the tube. */
 function shape(mount) {
   const { index, site, target, way, bodies, limits, equatorial, german } = mount ?? {};
   return JSON.stringify([index, site, target, way, bodies, limits, equatorial, german]);

@@ -1,9 +1,9 @@
 /**
- * Where the tube has pointed in the last minutes, over the horizon: a point whenever it has moved on a little.
+ * The trail of the tube over the horizon in the last minutes: a new point whenever it has moved a little.
  */
 import { separation, vector } from "./sphere.js";
 
-/** Seconds that are remembered; degrees between two points; points at most. */
+/** How long points are kept, seconds; the distance between two points, degrees; the largest number of points. */
 const REMEMBERED = 600, APART = 0.15, MOST = 600;
 
 export class Trail {
@@ -12,7 +12,7 @@ export class Trail {
     this.points = [];
   }
 
-  /** The tube points there now. Says whether the trail has grown. */
+  /** Add the present direction of the tube. Returns whether the trail has grown. */
   add(azimuth, altitude, time) {
     const at = vector(azimuth, altitude), last = this.points.at(-1);
     while (this.points.length && (time - this.points[0].time > REMEMBERED || this.points.length >= MOST)) {
@@ -27,7 +27,7 @@ export class Trail {
     this.points = [];
   }
 
-  /** How old a point is: from 0, just now, to 1, about to be forgotten. */
+  /** The age of a point, from 0 (new) to 1 (about to be dropped). */
   static age(point, time) {
     return Math.min(1, Math.max(0, (time - point.time) / REMEMBERED));
   }

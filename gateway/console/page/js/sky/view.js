@@ -1,14 +1,14 @@
 /**
- * Where things over the horizon lie on the canvas: stereographic, the zenith in the middle, the horizon as the rim.
+ * The projection from the horizon to the canvas: stereographic, the zenith in the middle, the horizon as the rim.
  *
- * One looks up, so east is left of south. `facing` is the azimuth that lies at the bottom: with 180 north is up. Zoom
- * and pan move the finished chart about under the canvas; circles stay circles throughout.
+ * The user looks up, so east is left of south. `facing` is the azimuth at the bottom: with 180 north is up. Zoom
+ * and pan apply to the projected chart; circles always stay circles.
  */
 import { DEGREE } from "./sphere.js";
 
-/** Pixels around the chart for the letters of the compass; how much it can be enlarged. */
+/** The margin around the chart for the letters of the compass, pixels; the largest zoom. */
 export const MARGIN = 26, CLOSEST = 12;
-/** What lies lower than this (the sine of its altitude) is not looked at. */
+/** Directions lower than this (sine of the altitude) are not projected. */
 const NADIR = -0.9;
 
 export class View {
@@ -19,7 +19,7 @@ export class View {
     this.face(180);
   }
 
-  /** The canvas has this size, CSS pixels. */
+  /** Set the size of the canvas, CSS pixels. */
   resize(width, height) {
     this.width = width;
     this.height = height;
@@ -46,14 +46,14 @@ export class View {
     return this.height / 2 + this.top;
   }
 
-  /** A vector over the horizon on the canvas; far outside the rim for what lies below. */
+  /** The point on the canvas of a vector over the horizon; far outside the rim if it is below. */
   point([north, east, up]) {
     const scale = this.scale / (1 + Math.max(up, NADIR));
     const s = this.sine, c = this.cosine;
     return [this.x + scale * (east * c - north * s), this.y + scale * (north * c + east * s)];
   }
 
-  /** The reverse. @returns {[number, number, number]} */
+  /** The vector over the horizon of a point on the canvas. @returns {[number, number, number]} */
   vector(x, y) {
     const right = (x - this.x) / this.scale, down = (y - this.y) / this.scale;
     const square = right * right + down * down, part = 2 / (1 + square);
@@ -66,12 +66,12 @@ export class View {
     return this.scale * Math.tan(((90 - altitude) * DEGREE) / 2);
   }
 
-  /** Whether a point is on the canvas, or less than `room` beside it. */
+  /** Whether a point is on the canvas, or less than `room` pixels outside. */
   sees(x, y, room = 0) {
     return x >= -room && y >= -room && x <= this.width + room && y <= this.height + room;
   }
 
-  /** Enlarge or shrink about a point that stays where it is. */
+  /** Zoom around a point that stays in place. */
   enlarge(factor, x, y) {
     const zoom = Math.min(CLOSEST, Math.max(1, this.zoom * factor)), real = zoom / this.zoom;
     this.left = x - this.width / 2 - (x - this.x) * real;
@@ -91,7 +91,7 @@ export class View {
     this.left = this.top = 0;
   }
 
-  /** The chart covers the middle of the canvas, wherever it is dragged; unenlarged it stands still. */
+  /** Limit the pan: the chart always covers the middle of the canvas, and without zoom it does not move. */
   #keepInSight() {
     const most = this.scale - this.radius, far = Math.hypot(this.left, this.top);
     if (far > most) {

@@ -1,5 +1,5 @@
 /**
- * The chart in words, for those who do not see it.
+ * The chart in words, for screen readers.
  */
 import { angles } from "./sphere.js";
 
@@ -27,7 +27,7 @@ export function described(scene) {
   return said.join(" ");
 }
 
-/** What is under the cross. @param {import("./pick.js").Place|null} place */
+/** A description of what is under the cross. @param {import("./pick.js").Place|null} place */
 export function under(place) {
   return place ? `${place.name || "a place"}, ${overHorizon(place.at)}` : "below the horizon";
 }

@@ -1,12 +1,12 @@
-// Rows of the conversation become exchanges: a program's command, what it became on the mount's line, and the reply.
-// Rows that belong to no program stand for themselves: what the gateway asks of its own accord, and what happens.
+// Combines rows of the conversation into exchanges: a program's command, the exchanges with the mount, the reply.
+// Rows that belong to no program are shown separately: the gateway's own questions, and events.
 
 /**
  * @typedef {{mount: number, time: number, side: string, arrow: string, data: string, words: string, kind: string, pair: number|null}} Row
  * @typedef {{key: string, mount: number, time: number, side: string, command: Row|null, mountRows: Row[], replies: Row[], refused: boolean, own: boolean}} Exchange
  */
 
-/** How many exchanges are kept. */
+/** How many exchanges are stored. */
 const MOST = 300;
 
 export class Exchanges {
@@ -16,7 +16,7 @@ export class Exchanges {
   #byPair = new Map();
   #number = 0;
 
-  /** @param {Row[]} rows @returns {Set<Exchange>} what is new or has changed */
+  /** @param {Row[]} rows @returns {Set<Exchange>} the new and changed exchanges */
   add(rows) {
     const touched = new Set();
     for (const row of rows) touched.add(this.#put(row));
@@ -44,7 +44,7 @@ export class Exchanges {
 
   #begin(row) {
     const last = this.all.at(-1);
-    // An answer of the mount that belongs to nobody stands with the question before it.
+    // An answer of the mount that belongs to no program is shown with the question before it.
     if (row.pair === null && row.side === "mount" && row.arrow !== ">" && last?.own && last.mount === row.mount) return last;
     const exchange = {
       key: String(++this.#number), mount: row.mount, time: row.time, side: row.side, command: null, mountRows: [], replies: [],

@@ -1,4 +1,4 @@
-// Type any command and read what becomes of it on this mount, in the words of `mount-gateway explain`.
+// Explains what happens with any command on this mount, in the words of `mount-gateway explain`.
 
 import { byId, choice, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
@@ -7,7 +7,7 @@ import { mount, subscribe } from "../core/store.js";
 let surface = "";
 let known = "";
 
-/** The kinds of surfaces there are: `lx200:autostar@tcp://…` is `lx200:autostar`. */
+/** The kinds of the gateway's surfaces: that of `lx200:autostar@tcp://…` is `lx200:autostar`. */
 const kinds = (seen) => [...new Set(seen.surfaces.map((name) => name.split("@")[0]))];
 
 function offer() {

@@ -1,4 +1,4 @@
-// Which exchanges are shown: of all, of programs only, refusals only; of one program; with a text in it.
+// Filters the exchanges that are shown: all, programs only, refusals only; one program; containing a text.
 
 /** @typedef {{what: "programs"|"refused"|"all", side: string, text: string}} Filter */
 

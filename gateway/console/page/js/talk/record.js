@@ -1,4 +1,4 @@
-// The button that begins a recording of the conversation, and ends it and fetches the file.
+// The button that begins a recording of the conversation, or ends it and downloads the file.
 
 import { button, el } from "../core/dom.js";
 import { span } from "../core/format.js";
@@ -8,7 +8,7 @@ import { gatewayNow, state, subscribe } from "../core/store.js";
 
 const running = () => state.recordings[state.chosen] ?? null;
 
-/** The browser fetches a file: a link that is followed once. */
+/** Download a file, by clicking a link in code. */
 function fetchFile(address) {
   const link = el("a", { href: `${address}?token=${encodeURIComponent(token)}`, download: address.split("/").at(-1) });
   document.body.append(link);

@@ -1,9 +1,9 @@
-// One exchange on the page: the program's side on the left, the mount's on the right. Bytes and words are text.
+// One exchange on the page: the program's side on the left, the mount's on the right. All content is plain text.
 
 import { el } from "../core/dom.js";
 import { toSecond } from "../core/format.js";
 
-/** What stands before the bytes: who speaks to whom, in words for those who do not see it. */
+/** The label before the bytes: who speaks to whom, in words for screen readers. */
 const ARROWS = { ">": ["→", "sent"], "<": ["←", "answered"], "!": ["✕", "refused or failed"], "+": ["+", "connected"], "-": ["−", "gone"], "=": ["↻", "again"], x: ["✕", "dropped"] };
 
 function line(row) {

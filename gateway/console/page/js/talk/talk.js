@@ -1,4 +1,4 @@
-// The conversation of both sides, live. It is listened to only while it is shown, and stands still while it is paused.
+// The live conversation of both sides. The gateway sends it only while it is shown; the display can be paused.
 
 import { button, byId, choice, el } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
@@ -17,7 +17,7 @@ const shown = new Map();
 /** @type {import("./filter.js").Filter} */
 const filter = { what: "programs", side: "", text: "" };
 let paused = false;
-/** @type {any[]} rows that came while it was paused */
+/** @type {any[]} rows received while paused */
 let kept = [];
 let listening = false;
 let sides = "";
@@ -26,7 +26,7 @@ const shows = (exchange) => exchange.mount === state.chosen && passes(exchange, 
 
 function put(rows) {
   const box = byId("conversation");
-  // Whoever reads further up is left there.
+  // Do not scroll while the user reads further up.
   const follows = box.scrollHeight - box.scrollTop - box.clientHeight < 40;
   for (const exchange of exchanges.add(rows)) showOne(box, exchange);
   const alive = new Set(exchanges.all.map((one) => one.key));
@@ -91,7 +91,7 @@ async function copy() {
   try {
     await navigator.clipboard.writeText(text);
   } catch {
-    // Browsers give the clipboard only to pages of this computer or with a certificate: then the old way.
+    // Browsers allow the clipboard API only for local or HTTPS pages; otherwise use the older method.
     const area = el("textarea", { class: "away", "aria-hidden": "true" });
     area.value = text;
     document.body.append(area);
@@ -150,7 +150,7 @@ export function start() {
     all();
   });
   on("open", () => {
-    listening = false;  // whatever was said before this connection, the gateway has not heard
+    listening = false;  // a new connection begins without the conversation
     listen();
   });
   onView(listen);

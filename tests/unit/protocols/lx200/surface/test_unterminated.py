@@ -203,7 +203,7 @@ def test_what_never_ends_needs_no_memory(endless: bytes) -> None:
     framer = Framer()
     assert framer.feed(b":Sr1:Sd1" + endless * 4_000, 0.0) == []
     assert len(framer._frame) <= LONGEST and len(framer._text) <= LONGEST
-    assert len(framer._lost) <= len(load("lx200").commands)
+    assert len(framer._unterminated) <= len(load("lx200").commands)
 
 
 # --- left as it was -----------------------------------------------------------------------------------------------

@@ -1,17 +1,17 @@
 /**
- * Sun, Moon and planets, each with its name; the Moon with the face that it shows.
+ * Draws Sun, Moon and planets with their names; the Moon with its phase.
  */
 import { lit, towards } from "../moon.js";
 
 const RADIUS = { Sun: 8, Moon: 8 }, PLANET = 3.6;
-/** Planets that no eye sees are shown on an enlarged chart only. */
+/** Planets too faint for the eye are shown only on an enlarged chart. */
 const FAINT = ["Uranus", "Neptune", "Pluto"];
 
 export function radius(name) {
   return RADIUS[name] ?? PLANET;
 }
 
-/** The bodies that are over the horizon and on this chart. */
+/** The bodies that are above the horizon and on this chart. */
 export function shown({ scene, view }) {
   return scene.bodies.filter(({ name, at }) => at[2] > -0.01 && (view.scale > 500 || !FAINT.includes(name)));
 }
@@ -52,7 +52,7 @@ function rays(context, x, y, r, colour) {
   context.stroke();
 }
 
-/** The lit half is a half circle towards the Sun and half an ellipse, in or out. */
+/** The lit part: a half circle towards the Sun, plus or minus half an ellipse. */
 function moon(context, colours, x, y, r, part, angle) {
   disk(context, x, y, r, colours["moon-dark"]);
   context.save();

@@ -1,9 +1,9 @@
 /**
- * The lines of the constellations, and their names where there is room.
+ * Draws the lines of the constellations, and their names if there is room.
  */
 import { turned } from "../sphere.js";
 
-/** Lines end so many pixels before their stars, fewer on a small chart; what is lower than this (the sine) is left out. */
+/** The gap between lines and stars, pixels, less on a small chart; lines lower than this (sine) are left out. */
 const GAP = 3.5, SMALL = 90, LOWEST = -0.12;
 
 /** @param {{points: Float64Array}} brush points: x, y and height of every star */
@@ -32,7 +32,7 @@ function stretch(context, points, from, to, gap) {
   context.lineTo(x + right * (1 - part), y + down * (1 - part));
 }
 
-/** Names, for charts that are large enough. */
+/** Draw the names, on charts that are large enough. */
 export function figureNames({ view, colours, catalogue, scene, labels }) {
   if (view.scale < 240) return;
   const size = view.scale < 420 ? 9 : 10.5;

@@ -1,13 +1,13 @@
 /**
- * Where the mount may not go, hatched: too low, too high, too near to the Sun, too far past the meridian.
+ * Hatches the areas where the mount may not go: too low, too high, too near the Sun, too far past the meridian.
  */
 import { angles, circle } from "../sphere.js";
 import { rim } from "./ground.js";
 
-/** Pixels between two lines of the hatching; the lowest Sun that counts, degrees. */
+/** The distance of the hatching lines, pixels; the lowest altitude of the Sun for its limit to apply, degrees. */
 const PITCH = 8, SUN_IS_UP = -1;
 
-/** The hatching, made anew where the colour or the screen is another. */
+/** The hatching pattern; made again when colour or screen resolution changes. */
 export class Hatching {
   #made = "";
   #pattern = null;
@@ -80,7 +80,7 @@ function nearSun(view, scene, { sun: reach }) {
   return { path: circle(sun.at, reach).map((at) => view.point(at)) };
 }
 
-/** What lies outside two hour circles: for a mount that cannot change to the other side of its pier. */
+/** The area outside two hour circles, for a mount that cannot change its pier side. */
 function past(view, scene, { hour_angle: limit }) {
   const { mount } = scene;
   if (limit == null || limit >= 180 || !mount.equatorial || mount.german || !scene.ofDate) return null;
@@ -90,7 +90,7 @@ function past(view, scene, { hour_angle: limit }) {
   return { path, outside: true };
 }
 
-/** Nothing is drawn outside of the sky until the context is restored. */
+/** Clip drawing to the sky until the context is restored. */
 export function withinSky(context, view) {
   context.save();
   rim(context, view);

@@ -1,16 +1,16 @@
 /**
- * What stands still: the sky's disk, the rings of altitude, the meridian, the rim and the letters of the compass.
+ * Draws what does not move: the sky's disk, circles of altitude, the meridian, the rim, the letters of the compass.
  */
 import { angles, DEGREE } from "../sphere.js";
 
-/** Degrees between two rings; on a chart whose radius is more pixels than that they are closer. */
+/** Degrees between two circles of altitude: `CLOSER` on a chart whose radius has more than `LARGE` pixels. */
 const APART = 30, CLOSER = 10, LARGE = 900;
 const LETTERS = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
 
-/** Pixels from the rim to the outer edge of the ring that carries the letters. */
+/** The distance from the rim to the outer edge of the ring with the letters, pixels. */
 const RING = 25;
 
-/** The disk of the sky, a little lighter towards the horizon, in a ring of one colour. */
+/** Draw the disk of the sky, a little lighter towards the horizon, within a ring of one colour. */
 export function disk({ context, view, colours }) {
   context.fillStyle = colours.ring;
   context.beginPath();
@@ -25,13 +25,13 @@ export function disk({ context, view, colours }) {
   context.fill();
 }
 
-/** The horizon as a path. */
+/** Begin a path along the horizon. */
 export function rim(context, view) {
   context.beginPath();
   context.arc(view.x, view.y, view.scale, 0, 2 * Math.PI);
 }
 
-/** Rings of altitude, and the lines to the four points of the compass. */
+/** Draw the circles of altitude, and lines to the four points of the compass. */
 export function grid({ context, view, colours }) {
   context.strokeStyle = colours.grid;
   context.lineWidth = 1;
@@ -48,7 +48,7 @@ export function grid({ context, view, colours }) {
   context.stroke();
 }
 
-/** What the rings are, where there is room. */
+/** Label the circles of altitude if there is room. */
 export function ringNames({ view, colours, labels }) {
   const [centre] = angles(view.vector(view.width / 2, view.height / 2));
   const [right, down] = direction(view, view.scale > LARGE ? centre : view.facing + 45);
@@ -65,7 +65,7 @@ function rings(view) {
   return Array.from({ length: 90 / step - 1 }, (_, index) => (index + 1) * step);
 }
 
-/** The rim with a tick every ten degrees, and the letters outside of it. */
+/** Draw the rim with a tick every ten degrees, and the letters outside. */
 export function compass({ context, view, colours, labels }) {
   context.strokeStyle = colours.rim;
   context.lineWidth = 1.5;
@@ -88,7 +88,7 @@ export function compass({ context, view, colours, labels }) {
   });
 }
 
-/** The way on the canvas from the zenith towards an azimuth. */
+/** The direction on the canvas from the zenith towards an azimuth. */
 function direction(view, azimuth) {
   const angle = (azimuth - view.facing) * DEGREE;
   return [Math.sin(angle), Math.cos(angle)];

@@ -1,8 +1,8 @@
 /**
- * Words on the chart: whoever comes first has the room, and what would lie over another word is left out.
+ * Text on the chart: earlier text has precedence, and text that would overlap it is left out.
  */
 
-/** Free pixels around a word. */
+/** The free space around text, pixels. */
 const AIR = 3;
 export const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', sans-serif";
 
@@ -12,22 +12,22 @@ export class Labels {
     this.context = context;
     this.view = view;
     this.taken = [];
-    /** Widths of words, measured once. */
+    /** Cached widths of text. */
     this.widths = new Map();
   }
 
-  /** A new picture begins. */
+  /** Begin a new picture. */
   begin() {
     this.taken.length = 0;
   }
 
-  /** Nothing is to be written over this. */
+  /** Reserve an area where no text may be drawn. */
   keepFree(x, y, radius) {
     this.taken.push([x - radius, y - radius, x + radius, y + radius]);
   }
 
   /**
-   * Write beside a point, within the sky: to its right, or where there is no room to its left, below or above it.
+   * Write beside a point, within the sky: to its right; without room there, to its left, below or above it.
    * @param {{size: number, weight?: number, colour: string, gap?: number, must?: boolean, spacing?: number}} style
    */
   beside(x, y, text, style) {
@@ -42,7 +42,7 @@ export class Labels {
     if (found) this.#write(found, width, text, style);
   }
 
-  /** Write about a point. */
+  /** Write text centred on a point. */
   over(x, y, text, style) {
     const width = this.#width(text, style), place = [x - width / 2, y - style.size / 2];
     if (style.must || this.#free(place, width, style.size)) this.#write(place, width, text, style);
@@ -54,7 +54,7 @@ export class Labels {
     return this.taken.every(([l, t, r, b]) => right + AIR < l || left - AIR > r || bottom < t || top > b);
   }
 
-  /** Whether all of it lies inside of the horizon. */
+  /** Whether an area is completely inside the horizon. */
   #inSky([left, top], width, height) {
     const { x, y, scale } = this.view;
     const right = Math.max(Math.abs(left - x), Math.abs(left + width - x));

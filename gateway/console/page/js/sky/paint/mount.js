@@ -1,14 +1,14 @@
 /**
- * The mount on the sky: where the tube points, where it has pointed, where it is to go, and the way that it will take.
- * What lies below the horizon is shown dashed at the rim, and a word says so.
+ * Draws the mount on the sky: the direction of the tube, its trail, the target of a goto, and the path to it.
+ * Positions below the horizon are drawn dashed at the rim, with a label.
  */
 import { atRim } from "../sphere.js";
 import { Trail } from "../trail.js";
 
-/** How much of its colour the end of a trail keeps; shades in which a trail is drawn. */
+/** The opacity of the end of a trail; the number of shades of a trail. */
 const OLDEST = 0.12, SHADES = 8;
 const BELOW = "below the horizon";
-/** What dashed lines are made of. */
+/** Patterns of dashed lines. */
 const DASHES = [3, 3];
 
 export function trail({ context, view, colours, trail: { points }, time }) {
@@ -56,7 +56,7 @@ export function target({ context, view, colours, scene, labels }) {
   if (below) labels.beside(x, y, `target ${BELOW}`, { size: 11, weight: 600, colour: colours.target, gap: 14, must: true });
 }
 
-/** The place that somebody has picked: four corners, and its name. */
+/** Draw the picked position: four corners, and its name. */
 export function chosen({ context, view, colours, labels, chosen: place }) {
   if (!place) return;
   const [x, y] = view.point(atRim(place.at)), half = 12, arm = 5;
@@ -77,7 +77,7 @@ export function chosen({ context, view, colours, labels, chosen: place }) {
   }
 }
 
-/** The reticle: a ring that leaves the middle free, and four lines that lead to it. */
+/** Draw the reticle: a ring with a free centre, and four lines that lead to it. */
 export function tube({ context, view, colours, scene, labels }) {
   if (!scene.tube) return;
   const [x, y] = view.point(atRim(scene.tube));
@@ -96,7 +96,7 @@ export function tube({ context, view, colours, scene, labels }) {
   labels.keepFree(x, y, 14);
 }
 
-/** The place that the keys move: a cross. */
+/** Draw the cross that the keys move. */
 export function cursor({ context, view, colours, cursor: at }) {
   if (!at) return;
   const [x, y] = view.point(at);
@@ -110,7 +110,7 @@ export function cursor({ context, view, colours, cursor: at }) {
   });
 }
 
-/** With a dark edge, so that it is seen on whatever it lies. */
+/** Draw with a dark edge, so that it is visible on any background. */
 function twice(context, colour, shade, width, draw) {
   context.lineCap = "butt";
   context.strokeStyle = shade;

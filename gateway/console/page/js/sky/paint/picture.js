@@ -1,5 +1,5 @@
 /**
- * One picture of the sky, drawn from the back to the front. Words are placed by what matters most, and written last.
+ * Draws one picture of the sky from back to front. Text is placed in order of importance and written last.
  */
 import { figureNames, figures } from "./figures.js";
 import { bodies } from "./bodies.js";
@@ -64,7 +64,7 @@ export class Picture {
   }
 }
 
-/** Why there are no stars, in the lower half of the disk. */
+/** Write why there are no stars, in the lower half of the disk. */
 function explain({ context, view, colours }) {
   context.font = `13px ${FONT}`;
   context.fillStyle = colours.letters;

@@ -1,16 +1,16 @@
 /**
- * The stars as dots, the brighter the larger, and the names of the brightest.
+ * Draws the stars as dots, larger for brighter ones, and the names of the brightest.
  *
- * Dots of one size and tint are filled together: a thousand stars are some thirty fills.
+ * Dots of one size and tint are filled together: a thousand stars need about thirty fills.
  */
 
 const TINTS = ["star-cool", "star", "star-warm"];
-/** The faintest star that is drawn, and named, unenlarged on a small chart. */
+/** The faintest magnitude that is drawn, and named, on a small chart without zoom. */
 const FAINTEST = 4.5, NAMED = 1.35;
-/** Stars brighter than this shine. */
+/** Stars brighter than this get a halo. */
 const SHINING = 1.7;
 
-/** How faint stars may be: the more room, the fainter. */
+/** The limiting magnitude: fainter if there is more room. */
 export function faintest(view) {
   return FAINTEST + Math.min(1, Math.max(0, Math.log2(view.scale / 260) * 0.5));
 }
@@ -22,7 +22,7 @@ export function size(view, magnitude) {
 }
 
 /**
- * Where every star is on the canvas, and the sine of its altitude: three numbers a star, written into `points`.
+ * Write three numbers per star into `points`: its position on the canvas, and the sine of its altitude.
  * @param {Float64Array} points
  */
 export function project({ view, scene, catalogue }, points) {
@@ -60,7 +60,7 @@ export function stars({ context, view, colours, catalogue, points }) {
   }
 }
 
-/** The brightest shine a little beyond their dots. */
+/** Draw a halo around the brightest stars. */
 export function glow({ context, view, colours, catalogue, points }) {
   context.globalAlpha = 0.09;
   for (let star = 0; catalogue.magnitudes[star] < SHINING; star += 1) {

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.app.control.gather import look
+from gateway.app.control.gather import status_line
 from gateway.app.gateway import Gateway
 from gateway.app.status import does
 from gateway.core import operations as op
@@ -49,7 +49,7 @@ BUTTONS = {"stop": ("Stop", "mdi:stop-circle"), "park": ("Park", "mdi:parking"),
 def state(gateway: Gateway) -> dict[str, Any]:
     """Return the state of a mount as it is published; a value that is not known is None."""
     controller = gateway.controller
-    seen = look(controller, gateway.config.name or "", str(gateway.mount), len(gateway.programs()))
+    seen = status_line(controller, gateway.config.name or "", str(gateway.mount), len(gateway.programs()))
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     status = seen.status
     return {
@@ -94,9 +94,9 @@ class Events:
             return
         if entry.arrow == "!" and entry.side == MOUNT:
             kind = "note"
-        self.tell(kind, entry.side, entry.note)
+        self.publish(kind, entry.side, entry.note)
 
-    def tell(self, kind: str, who: str, words: str) -> None:
+    def publish(self, kind: str, who: str, words: str) -> None:
         """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
         self._left = min(BURST, self._left + max(0.0, now - self._since) * RATE)

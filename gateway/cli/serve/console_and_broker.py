@@ -30,8 +30,8 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
     """Open the console and print its address; return None if it is off or cannot be opened."""
     if config.page is None:
         return None
-    console = await asyncio.to_thread(_made_ready)  # loading takes a quarter of a second, and clients must not wait
-    page = console(gateways, _access(config.page), config.page.pin or "", config.page.names, _doors(gateways))
+    console = await asyncio.to_thread(_load_console)  # loading takes a quarter of a second, and clients must not wait
+    page = console(gateways, _access(config.page), config.page.pin or "", config.page.names, _shared_ports(gateways))
     host, port = split_address(config.page.at)
     try:
         await page.open(host, port)
@@ -42,12 +42,12 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
         )
         return None
     screen.say(f"ready console {page.where}")
-    for line in from_elsewhere(page):
+    for line in phone_lines(page):
         screen.say(line)
     return page
 
 
-def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
+def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     """Return the surfaces of the HTTP protocols, which the console's server serves by the console's rules."""
     page = config.page
     if page is None:
@@ -60,7 +60,7 @@ def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     ]
 
 
-def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
+def _shared_ports(gateways: Sequence[Gateway]) -> dict[int, Access]:
     """Return the ports of surfaces that browsers can use, too, and the access rules of each."""
     return {
         split_address(port.where)[1]: acceptor.access
@@ -70,7 +70,7 @@ def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
     }
 
 
-def _made_ready() -> type[Console]:
+def _load_console() -> type[Console]:
     """Load the web server."""
     made: type[Console] = import_module("gateway.console.server").Console
     return made
@@ -83,31 +83,31 @@ def _access(page: ConsoleConfig) -> Access:
     return Access(*access_networks(page))
 
 
-def offer(page: Console) -> Offer:
+def console_offer(page: Console) -> Offer:
     """Return the console as an offer for announcements on the network."""
     from gateway.app.discovery.offer import Offer
 
     return Offer("http", "mount-gateway", "tcp", page.host, page.port)
 
 
-def to_be_found(page: Console | None) -> list[Offer]:
+def http_offers(page: Console | None) -> list[Offer]:
     """Return the console's server as offers of the HTTP protocols, for their own discovery."""
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
-    return [Offer(name, "", "tcp", one.host, one.port) for one in announced(page) for name in speaking]
+    return [Offer(name, "", "tcp", one.host, one.port) for one in console_offers(page) for name in speaking]
 
 
-def announced(page: Console | None) -> list[Offer]:
+def console_offers(page: Console | None) -> list[Offer]:
     """Return the offers to announce for a console: none if only this computer reaches it."""
-    return [found] if page is not None and (found := offer(page)).wide else []
+    return [found] if page is not None and (found := console_offer(page)).wide else []
 
 
-def from_elsewhere(page: Console) -> list[str]:
+def phone_lines(page: Console) -> list[str]:
     """Return lines with the address for a phone and its QR code, if other computers reach the page."""
     from gateway.app.discovery.offer import to_type
 
-    found = offer(page)
+    found = console_offer(page)
     if not found.wide:
         return []
     addresses = [f"http://{f'[{address}]' if ':' in address else address}:{page.port}/" for address in to_type(found)]
@@ -133,7 +133,7 @@ def qr_code(address: str) -> list[str]:
     return drawn.getvalue().rstrip("\n").split("\n")
 
 
-def let_in(config: Config) -> brokers.Access | None:
+def broker_access(config: Config) -> brokers.Access | None:
     """Return the credentials for the broker; None if none is configured. Raises UserError for what is missing."""
     mqtt = config.mqtt
     if mqtt is None:

@@ -18,25 +18,25 @@ from gateway.protocols.wireformat.command_set import load
 ANY = "any"
 
 
-def named(text: str) -> str | None:
+def resolve_name(text: str) -> str | None:
     """Return ``PROTOCOL[:MODEL]`` for a name as a user writes it, without a version; None for an unknown name."""
     head, colon, rest = text.partition(":")
     if not colon:
-        return head if head in PROTOCOLS else _found(_every(), head)
-    protocol = head if head in PROTOCOLS else _found(_every(), head)
+        return head if head in PROTOCOLS else _look_up(_all_names(), head)
+    protocol = head if head in PROTOCOLS else _look_up(_all_names(), head)
     if protocol not in PROTOCOLS:
         return None
     if not rest or rest in load(protocol).models:
         return f"{protocol}:{rest}" if rest else protocol
-    own = {word: found for word, found in _every().items() if found.startswith(f"{protocol}:")}
-    return _found(own, rest) or f"{protocol}:{rest}"
+    own = {word: found for word, found in _all_names().items() if found.startswith(f"{protocol}:")}
+    return _look_up(own, rest) or f"{protocol}:{rest}"
 
 
-def suggestion(word: str) -> str:
+def suggest_name(word: str) -> str:
     """Return a hint for an unknown word: the name that is most like it, else the protocol of each maker."""
     known = [*PROTOCOLS, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
-    plain = _plain(word)
-    for choices in (known, sorted(_every())):
+    plain = _normalised(word)
+    for choices in (known, sorted(_all_names())):
         if close := similar(plain if choices is not known else word, choices, least=0.7):
             return f"did you mean {close[0]!r}?"
     which = ", ".join(
@@ -46,22 +46,22 @@ def suggestion(word: str) -> str:
 
 
 @cache
-def _every() -> Mapping[str, str]:
+def _all_names() -> Mapping[str, str]:
     """Return every name, without blanks and punctuation, with the ``PROTOCOL[:MODEL]`` it stands for."""
-    rows = {_plain(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
+    rows = {_normalised(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
     for protocol in PROTOCOLS:
-        for model, words in called(protocol).items():
+        for model, words in names_by_model(protocol).items():
             rows |= dict.fromkeys(words, protocol if model == ANY else f"{protocol}:{model}")
     return rows | {protocol: protocol for protocol in PROTOCOLS}
 
 
-def called(protocol: str) -> dict[str, Sequence[str]]:
+def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
     """Return the names of each model of a protocol. Raises MappingError."""
     return {model: row["words"] for model, row in load(protocol).extra("called.toml").items()}
 
 
-def _found(words: Mapping[str, str], written: str) -> str | None:
-    plain = _plain(written)
+def _look_up(words: Mapping[str, str], written: str) -> str | None:
+    plain = _normalised(written)
     return words.get(plain) or words.get(_makers().sub("", plain))
 
 
@@ -74,5 +74,5 @@ def _makers() -> re.Pattern[str]:
     return re.compile(f"^(?:{makers})?(?:{brands})?(?=.)")
 
 
-def _plain(word: str) -> str:
+def _normalised(word: str) -> str:
     return re.sub("[^a-z0-9]", "", word.lower())

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.first_words import first_words, last_words
+from gateway.app.control.user_messages import first_messages, last_message
 from gateway.core.operations import AbortMotion
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running, ask
@@ -18,7 +18,7 @@ from tests.support.virtual import run
 
 def said(bridge: Any, model: str | None = None, version: str | None = None) -> tuple[list[str], list[str]]:
     """What is told and what is warned of."""
-    lines = list(first_words(bridge.controller, model, version))
+    lines = list(first_messages(bridge.controller, model, version))
     return [line.text for line in lines if not line.warns], [line.text for line in lines if line.warns]
 
 
@@ -129,11 +129,11 @@ def test_at_the_end_it_says_how_the_mount_was_left() -> None:
             await asyncio.sleep(2)
             moved = bridge.controller.reconciler.busy
             await bridge.controller.close()
-            told = last_words(bridge.controller, moved)
+            told = last_message(bridge.controller, moved)
             assert told is not None
             assert (told.text, told.warns) == ("stopped the mount; tracking is on", False)
             await asyncio.sleep(100)
-            told = last_words(bridge.controller, False)
+            told = last_message(bridge.controller, False)
             assert told is not None
             assert told.text == "the mount was not moving; tracking was on when it last said so"
 
@@ -144,7 +144,7 @@ def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             bridge.controller.reconciler.owe_stop()
-            told = last_words(bridge.controller, True)
+            told = last_message(bridge.controller, True)
             assert told is not None
             assert told.warns
             assert told.text.startswith("the mount has not acknowledged the stop: look at it")

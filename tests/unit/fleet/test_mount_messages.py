@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from gateway.core.wire_log import SKY_READY, WireLog
-from gateway.fleet.told import BURST, LONGEST, RATE, Events
+from gateway.fleet.mount_messages import BURST, LONGEST, RATE, Events
 from tests.support.each import each
 
 
@@ -56,5 +56,5 @@ def test_what_is_too_much_is_counted() -> None:
 
 def test_words_are_shortened_and_names_are_printable() -> None:
     there = There()
-    there.events.tell("refused", "a\x1bb", "x" * 5000)
+    there.events.publish("refused", "a\x1bb", "x" * 5000)
     assert there.told[0]["who"] == "a\\x1bb" and len(there.told[0]["words"]) == LONGEST

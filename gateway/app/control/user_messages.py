@@ -17,41 +17,41 @@ from gateway.mount.controller import MountController
 from gateway.mount.safety.admission.contradictions import contradiction_warning
 
 
-class Said(Struct, frozen=True):
+class UserMessage(Struct, frozen=True):
     """One message; ``warns``: the user should do something about it."""
 
     text: str
     warns: bool = False
 
 
-def first_words(controller: MountController, model: str | None, version: str | None) -> Iterator[Said]:
+def first_messages(controller: MountController, model: str | None, version: str | None) -> Iterator[UserMessage]:
     """Yield the messages at the start; ``model`` and ``version`` are those that the user named, or None."""
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     status: op.Status | None = controller.cache.value(op.GetStatus)
     if identity is None:
         return
-    yield Said(f"found {gather(controller, '', '', ()).found}")
+    yield UserMessage(f"found {gather(controller, '', '', ()).found}")
     where = f"site {site(controller)}" if site(controller) else "site not known"
-    yield Said(f"{where}; clock {clock(controller) or 'not known'}")
-    if words := _another(controller, identity, model, version):
-        yield Said(words, warns=True)
+    yield UserMessage(f"{where}; clock {clock(controller) or 'not known'}")
+    if words := _contradiction(controller, identity, model, version):
+        yield UserMessage(words, warns=True)
     if status is not None and not status.aligned:
-        yield Said(
+        yield UserMessage(
             "the mount is not aligned: where it points means nothing yet, and no limit can be watched; align it "
             "at its hand control",
             warns=True,
         )
     if not site(controller):
-        yield Said(
+        yield UserMessage(
             "the site is not known: gotos are not checked against the horizon; --site LAT,LON sets it "
             "(north and east are positive)",
             warns=True,
         )
     if words := contradiction_warning(controller.context):
-        yield Said(words.removeprefix("WARNING: "), warns=True)
+        yield UserMessage(words.removeprefix("WARNING: "), warns=True)
 
 
-def _another(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
+def _contradiction(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
     """Return the warning about a named model or version that the mount contradicts; empty if none."""
     told = controller.driver.reported_model(identity)
     if model is not None and told is not None and told != model:
@@ -72,18 +72,22 @@ def _numbers(version: str) -> list[int]:
     return [int(number) for number in re.findall(r"\d+", version)]
 
 
-def last_words(controller: MountController, moved: bool) -> Said | None:
+def last_message(controller: MountController, moved: bool) -> UserMessage | None:
     """Return the message at the end; ``moved``: there was a motion to stop. None if no mount was found."""
     status: op.Status | None = controller.cache.value(op.GetStatus)
     if controller.cache.value(op.GetIdentity) is None:
         return None
     if controller.wanted.owed:
-        return Said("the mount has not acknowledged the stop: look at it, and switch it off if it moves", warns=True)
+        return UserMessage(
+            "the mount has not acknowledged the stop: look at it, and switch it off if it moves", warns=True
+        )
     words = "stopped the mount" if moved else "the mount was not moving"
     if status is None:
-        return Said(words)
+        return UserMessage(words)
     how, age = (
         "off" if status.tracking is op.Tracking.OFF else "on",
         controller.cache.age(op.GetStatus, controller.now()),
     )
-    return Said(f"{words}; tracking is {how}" if age <= LATELY else f"{words}; tracking was {how} when it last said so")
+    return UserMessage(
+        f"{words}; tracking is {how}" if age <= LATELY else f"{words}; tracking was {how} when it last said so"
+    )
