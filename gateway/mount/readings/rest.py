@@ -73,7 +73,7 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
         raise Fault("a program has set the mount moving again; prevent that with: mount-gateway stop --hold")
     if rate is None:
         raise Fault(f"the stop was sent, but the gateway cannot see whether the mount is at rest: {trouble}")
-    raise Fault(f"the mount acknowledged the stop, but moves after {seconds:.0f} s, at {rate:.3f} degrees a second")
+    raise Fault(f"the stop was acknowledged, but the mount still moves after {seconds:.0f} s: {rate:.3f} degrees/s")
 
 
 async def _sample(context: Context, reader: Reader) -> Sample:
