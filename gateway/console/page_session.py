@@ -63,7 +63,7 @@ class PageSession:
         """Send the state until cancelled or disconnected; then release all keys."""
         mounts = self._mounts
         subscription = mounts.publisher.subscribe()
-        guard = self._loop.create_task(self._look_after_arrows())
+        guard = self._loop.create_task(self._watch_keys())
         try:
             await self._send({"hello": {
                 "version": VERSION, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
@@ -100,7 +100,7 @@ class PageSession:
     async def _send(self, value: Any) -> None:
         await self._socket.send(msgspec.json.encode(value).decode())
 
-    async def _look_after_arrows(self) -> None:
+    async def _watch_keys(self) -> None:
         """Release keys when the page is silent; else repeat their orders. A stalled browser does not delay this."""
         while True:
             await asyncio.sleep(CHECK)

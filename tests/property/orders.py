@@ -36,7 +36,7 @@ class Event(Struct, frozen=True):
 
 def sky(sim: Any, az: float, alt: float) -> tuple[float, float]:
     """Right ascension and declination of date of a place over the true horizon."""
-    ground = sim.mechanics.ground
+    ground = sim.mechanics.true_sky
     hour_angle, dec = horizon_to_hour_angle(az, alt, ground.latitude)
     return wrap360(ground.sidereal(sim.clock()) - hour_angle), dec
 
@@ -130,7 +130,7 @@ def _shifted(sim: Any, east: float, north: float) -> tuple[float, float]:
 
 def sited(sim: Any, north: float, east: float) -> tuple[float, float]:
     """So far from where the mount really stands, to whole arcminutes."""
-    ground = sim.mechanics.ground
+    ground = sim.mechanics.true_sky
     return round((ground.latitude + north) * 60.0) / 60.0, round((ground.longitude + east) * 60.0) / 60.0
 
 

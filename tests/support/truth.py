@@ -24,7 +24,7 @@ def moving(simulator: Simulated) -> bool:
 def altitude(simulator: Simulated) -> float:
     """Return the altitude at which the tube really points, degrees."""
     ra, dec = simulator.truth()
-    ground = simulator.mechanics.ground
+    ground = simulator.mechanics.true_sky
     return hour_angle_to_horizon(ground.sidereal(simulator.now) - ra, dec, ground.latitude)[1]
 
 

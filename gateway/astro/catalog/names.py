@@ -16,7 +16,7 @@ _TABLE = read_table("stars.toml")
 #: Name -> Hipparcos number.
 HIPPARCOS: dict[str, int] = _TABLE["numbers"]
 #: Other name or spelling -> name.
-ALSO: dict[str, str] = _TABLE["also"]
+OTHER_NAMES: dict[str, str] = _TABLE["also"]
 #: Name -> right ascension and declination, degrees, at the catalogue's epoch; proper motion, mas a year.
 PLACES: dict[str, tuple[float, float, float, float]] = _TABLE["places"]
 _BY_NUMBER = {HIPPARCOS[name]: place for name, place in PLACES.items()}
@@ -27,7 +27,7 @@ ALIKE, SUGGESTED = 0.72, 3
 def by_number(number: int, year: float) -> tuple[float, float] | None:
     """Return the J2000 position in degrees of a star in ``PLACES`` in that year (2026.5); None for any other star."""
     place = _BY_NUMBER.get(number)
-    return None if place is None else stars.moved(*place, year)
+    return None if place is None else stars.with_proper_motion(*place, year)
 
 
 def normalized(name: str) -> str:
@@ -36,7 +36,7 @@ def normalized(name: str) -> str:
     return letters.removeprefix("the")
 
 
-_STARS = {normalized(name): HIPPARCOS[ALSO.get(name, name)] for name in (*HIPPARCOS, *ALSO)}
+_STARS = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
 
 
 def star(name: str) -> int | None:
@@ -61,14 +61,14 @@ def look_up(name: str, year: float) -> Entry | None:
 def beginning(text: str, most: int) -> list[str]:
     """Return names that begin with a text: alignment stars first, other spellings last, shorter names before longer."""
     typed = normalized(text)
-    spelled = {normalized(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
+    spelled = {normalized(known): known for known in (*_deep_sky(), *OTHER_NAMES, *HIPPARCOS)}
     longer = [known for spelling, known in spelled.items() if typed and spelling.startswith(typed)]
-    return sorted(longer, key=lambda known: (known in ALSO, known not in PLACES, len(known)))[:most]
+    return sorted(longer, key=lambda known: (known in OTHER_NAMES, known not in PLACES, len(known)))[:most]
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     """Return known names that begin with an unknown one or are similar to it; ``more`` are additional known names."""
-    spelled = {normalized(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS, *more)}
+    spelled = {normalized(known): known for known in (*_deep_sky(), *OTHER_NAMES, *HIPPARCOS, *more)}
     typed = normalized(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
     close = [*longer, *similar(typed, spelled, SUGGESTED, ALIKE)]

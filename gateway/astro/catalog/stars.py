@@ -56,11 +56,11 @@ def hipparcos(number: int, year: float) -> Entry | None:
         line = numbers.line(index)
     # VizieR's own columns: RArad 16-28, DErad 30-42, pmRA 52-59, pmDE 61-68, Hpmag 130-136.
     ra, dec = (math.degrees(float(line[a:b])) for a, b in ((15, 28), (29, 42)))
-    ra, dec = moved(ra, dec, float(line[51:59]), float(line[60:68]), year)
+    ra, dec = with_proper_motion(ra, dec, float(line[51:59]), float(line[60:68]), year)
     return Entry(f"HIP{number}", "*", ra, dec, float(line[129:136]))
 
 
-def moved(ra: float, dec: float, east: float, north: float, year: float) -> tuple[float, float]:
+def with_proper_motion(ra: float, dec: float, east: float, north: float, year: float) -> tuple[float, float]:
     """Return a position of the catalogue's epoch moved to that year; degrees, and milliarcseconds a year."""
     # A linear motion is exact enough: Barnard's star leaves the great circle by 0.001" in a century.
     years = (year - _EPOCH) * _PER_YEAR

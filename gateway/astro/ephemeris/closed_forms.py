@@ -105,7 +105,7 @@ def moon_orientation(unix: float) -> Matrix:
     t = centuries(unix)
     node = 125.0445479 + t * (-1934.1362891 + 0.0020754 * t)
     angles = delaunay(t)
-    tilt, along, turn = _physical(t, node, angles)
+    tilt, along, turn = _physical_libration(t, node, angles)
     in_longitude, in_obliquity = nutation(t)
     # The lunar equator's descending node lies where the orbit ascends, and the prime meridian faces the Earth there.
     to_node = about_z(180.0 + math.degrees(angles[3]) + turn - along)
@@ -123,7 +123,7 @@ def place_on_moon(moon: Vector, unix: float, latitude: float, longitude: float) 
     return moon[0] + _MOON_RADIUS * x, moon[1] + _MOON_RADIUS * y, moon[2] + _MOON_RADIUS * z
 
 
-def _physical(t: float, node: float, angles: tuple[float, ...]) -> tuple[float, float, float]:
+def _physical_libration(t: float, node: float, angles: tuple[float, ...]) -> tuple[float, float, float]:
     """Return Eckhardt's physical libration: the corrections of inclination, node and longitude, degrees."""
 
     def series(terms: tuple[tuple[tuple[int, int, int, int], float, float], ...]) -> float:

@@ -112,8 +112,8 @@ class TurnRunner:
             answer, fault = None, None
             try:
                 patience = turn.arrived + REFUSE_AFTER - self._controller.now()
-                told = await self._controller.perform(self._to_internal(wanted), turn.stops, self._activity, patience)
-                answer = self._to_client(wanted, told)
+                value = await self._controller.perform(self._to_internal(wanted), turn.stops, self._activity, patience)
+                answer = self._to_client(wanted, value)
             except Fault as error:
                 words = f"{type(wanted).__name__}: {error}"
                 (self._log.note if isinstance(wanted, Read) else self._log.refused)(words)

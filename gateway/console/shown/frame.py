@@ -40,7 +40,7 @@ class Frame:
         """The whole state as a message, for a new page."""
         content = self._content
         state = {"mounts": content.mounts, "recordings": content.recordings}
-        return _text({"state": state, **_line(content.times)})
+        return _encoded({"state": state, **_line(content.times)})
 
     @cached_property
     def talk(self) -> str:
@@ -50,7 +50,7 @@ class Frame:
 
 def talk(rows: Sequence[Any]) -> str:
     """Encode rows of the conversation as a message; empty if there are none."""
-    return _text({"talk": rows}) if rows else ""
+    return _encoded({"talk": rows}) if rows else ""
 
 
 def changes(before: Content, after: Content, times: Times) -> str:
@@ -61,10 +61,10 @@ def changes(before: Content, after: Content, times: Times) -> str:
     if before.recordings != after.recordings:
         diff["recordings"] = after.recordings
     message = ({"diff": diff} if diff else {}) | _line(times)
-    return _text(message) if message else ""
+    return _encoded(message) if message else ""
 
 
-def _text(message: Any) -> str:
+def _encoded(message: Any) -> str:
     return msgspec.json.encode(message).decode()
 
 

@@ -153,7 +153,7 @@ class ShownMount:
         now, many = self._loop.time(), sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
         if now - self._programs_at >= PROGRAMS_FRESH or many != len(self._program_list):
             self._programs_at = now
-            self._program_list = await _gathered(self._programs.connections(now), AT_ONCE)
+            self._program_list = await _collected(self._programs.connections(now), AT_ONCE)
         return self._program_list
 
     async def _sky_bodies(self) -> list[dict[str, Any]]:
@@ -163,11 +163,11 @@ class ShownMount:
         fresh = BODIES_FRESH if len(self._bodies) == len(view.BODIES) else BODIES_MISSING
         if now - self._bodies_at >= fresh or by != self._bodies_basis:
             self._bodies_at, self._bodies_basis = now, by
-            self._bodies = await _gathered(view.bodies(controller), 1)
+            self._bodies = await _collected(view.bodies(controller), 1)
         return self._bodies
 
 
-async def _gathered(found: Iterable[dict[str, Any]], at_once: int) -> list[dict[str, Any]]:
+async def _collected(found: Iterable[dict[str, Any]], at_once: int) -> list[dict[str, Any]]:
     """Collect all items, with a pause after every ``at_once`` of them."""
     kept = []
     for count, one in enumerate(found, 1):

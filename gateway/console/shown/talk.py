@@ -31,9 +31,9 @@ class Talk:
         self._number = 0
         self._open: dict[str, tuple[int, float]] = {}
         self._asked: int | None = None
-        self._rows = self._fresh()
+        self._rows = self._new_rows()
 
-    def _fresh(self) -> Rows:
+    def _new_rows(self) -> Rows:
         surfaces = [endpoint.protocol for endpoint in self._gateway.endpoints]
         return Rows(self._gateway.mount.protocol, surfaces)
 
@@ -43,7 +43,7 @@ class Talk:
             return
         self._listening, wire_log = on, self._gateway.wire_log
         if on:
-            self._rows, self._open, self._asked = self._fresh(), {}, None
+            self._rows, self._open, self._asked = self._new_rows(), {}, None
             wire_log.sinks.append(self._entries.append)
         else:
             self._entries.clear()

@@ -22,13 +22,13 @@ _NOWHERE: Pair = (math.nan, math.nan)
 class AxisMotion:
     """The motors of a mount. ``correction`` is what a sync adds to the axis positions to get the believed ones.
 
-    ``sky`` is the site and clock that the mount believes in. ``ground`` is its true site and clock, which no command
+    ``sky`` is the site and clock that the mount believes in. ``true_sky`` is its true site and clock, which no command
     changes. ``acceleration`` is in degrees a second squared; infinite for motors without ramps, whose speed changes at
     once.
     """
 
     def __init__(self, build: Build, sky: Sky, now: float, axes: Pair) -> None:
-        self.build, self.sky, self.ground = build, sky, sky
+        self.build, self.sky, self.true_sky = build, sky, sky
         self.fastest = 4.0  # degrees a second
         self.acceleration = self.fastest / RAMP_SECONDS
         self.correction: Pair = (0.0, 0.0)

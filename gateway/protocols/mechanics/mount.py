@@ -38,8 +38,8 @@ class Mechanics(AxisMotion):
 
     def truth(self, now: float) -> Pair:
         """Return the true right ascension and declination of date, whatever site and clock the mount believes in."""
-        hour_angle, dec = Geometry(self.build, self.ground.latitude).sky(*self.axes(now))
-        return wrap360(self.ground.sidereal(now) - hour_angle), dec
+        hour_angle, dec = Geometry(self.build, self.true_sky.latitude).sky(*self.axes(now))
+        return wrap360(self.true_sky.sidereal(now) - hour_angle), dec
 
     def runs_on(self, now: float) -> bool:
         """Whether a motor is still changing to its ordered speed, rest included."""
@@ -183,11 +183,11 @@ class Mechanics(AxisMotion):
             return
         self.cancel(now)
         first, second = self.axes(now)
-        truth = Geometry(self.build, self.ground.latitude).sky(first, second)
+        truth = Geometry(self.build, self.true_sky.latitude).sky(first, second)
         believed = self.geometry.sky(first + self.correction[0], second + self.correction[1])
         self._advance_and_note(now)
         self.build, self.flipped, self._follows_aim = build, False, False
-        there = Geometry(build, self.ground.latitude).axes(*truth, False)
+        there = Geometry(build, self.true_sky.latitude).axes(*truth, False)
         assumed = self.geometry.axes(*believed, False)
         self.correction = wrap180(assumed[0] - there[0]), wrap180(assumed[1] - there[1])
         for motor, position in zip(self._axes.values(), there, strict=True):

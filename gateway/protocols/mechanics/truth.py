@@ -73,13 +73,13 @@ def truth_of(simulator: Simulated) -> Truth:
     now, mechanics = simulator.now, simulator.mechanics
     first, second = mechanics.axes(now)
     rates, moving = mechanics.speeds(now), mechanics.moving(now)
-    hour_angle, dec = Geometry(mechanics.build, mechanics.ground.latitude).sky(first, second)
-    azimuth, altitude = hour_angle_to_horizon(hour_angle, dec, mechanics.ground.latitude)
+    hour_angle, dec = Geometry(mechanics.build, mechanics.true_sky.latitude).sky(first, second)
+    azimuth, altitude = hour_angle_to_horizon(hour_angle, dec, mechanics.true_sky.latitude)
     sun_ra, sun_dec = sun(now)
     return Truth(
         t=now, axis1=first, axis2=second, altitude=altitude, azimuth=azimuth, hour_angle=hour_angle,
         past_meridian=abs(wrap180(first - 90.0)) - 90.0 if mechanics.build is Build.GERMAN else None,
-        sun_distance=separation(hour_angle, dec, mechanics.ground.sidereal(now) - sun_ra, sun_dec),
+        sun_distance=separation(hour_angle, dec, mechanics.true_sky.sidereal(now) - sun_ra, sun_dec),
         rate1=rates[0], rate2=rates[1], moving=moving,
         tracking=mechanics.tracking(now) and not mechanics.runs_on(now),
     )  # fmt: skip

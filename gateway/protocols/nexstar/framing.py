@@ -22,7 +22,7 @@ UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
 STRAY = frozenset(b"#? \r\n\0")
 #: Extra bytes that some programs send right after a command, and at most how many: a number after ``y``, the mode that
 #: belongs to ``T`` after ``t``, and four digits too many after a ``B`` below the horizon.
-STRAY_BEHIND = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
+STRAY_AFTER = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
 
 
 @lru_cache(maxsize=1)
@@ -51,7 +51,7 @@ class Framer(LengthFramer):
         super().__init__()
         self._lengths = all_lengths()
         #: Stray bytes allowed after the last request, and how many more of them.
-        self._behind, self._more = b"", 0
+        self._stray, self._stray_left = b"", 0
 
     def _cut(self, data: bytes) -> list[bytes]:
         frames: list[bytes] = []
@@ -62,10 +62,10 @@ class Framer(LengthFramer):
                 pending.append(byte)
                 if len(pending) == self._lengths[pending[0]]:
                     frames.append(bytes(pending))
-                    self._behind, self._more = STRAY_BEHIND.get(pending[0], (b"", 0))
+                    self._stray, self._stray_left = STRAY_AFTER.get(pending[0], (b"", 0))
                     pending.clear()
-            elif self._more and byte in self._behind:
-                self._more -= 1
+            elif self._stray_left and byte in self._stray:
+                self._stray_left -= 1
             elif byte not in STRAY:
                 self._dropping = True
                 self.dropped.add(bytes((byte, *rest)), self.noise)

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.app.control.request_types import Spot
 from gateway.astro.catalog import names, stars
-from gateway.astro.catalog.names import ALSO, HIPPARCOS
+from gateway.astro.catalog.names import HIPPARCOS, OTHER_NAMES
 from gateway.astro.catalog.objects import NotInstalled
 from gateway.astro.spherical import separation
 from gateway.cli.completion import script
@@ -61,8 +61,8 @@ def test_every_name_is_a_star_of_the_catalogue() -> None:
     for name, entry in entries.items():
         assert entry is not None and entry.magnitude is not None, name
         assert entry.magnitude < 5.5 or name in ("Barnard's Star", "Proxima Centauri"), name
-    assert set(ALSO.values()) <= set(HIPPARCOS) and not set(ALSO) & set(HIPPARCOS)
-    assert len(names._STARS) == len(HIPPARCOS) + len(ALSO)  # no two of them are spelled alike
+    assert set(OTHER_NAMES.values()) <= set(HIPPARCOS) and not set(OTHER_NAMES) & set(HIPPARCOS)
+    assert len(names._STARS) == len(HIPPARCOS) + len(OTHER_NAMES)  # no two of them are spelled alike
 
 
 def test_the_names_mean_what_they_mean_elsewhere() -> None:
@@ -70,7 +70,7 @@ def test_the_names_mean_what_they_mean_elsewhere() -> None:
     from ephem.stars import stars as ephems
     from skyfield.named_stars import named_star_dict as skyfields
 
-    meant = {name: HIPPARCOS[ALSO.get(name, name)] for name in (*HIPPARCOS, *ALSO)}
+    meant = {name: HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
     compared = [name for name in meant if name in skyfields and name not in OTHERWISE]
     assert len(compared) > 90
     assert {name: meant[name] for name in compared} == {name: skyfields[name] for name in compared}

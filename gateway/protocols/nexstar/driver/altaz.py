@@ -15,7 +15,7 @@ from gateway.protocols.base.driver import SLEWING, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.pointing import axis_readings, stop_current_motion
-from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
+from gateway.protocols.nexstar.driver.state import AXES, NexStar, rate_zero
 
 Pair = tuple[float, float]
 
@@ -99,7 +99,7 @@ def stop_axis(mount: NexStar, axis: int) -> Steps:
         return
     if not pulsed:
         for number in (axis, 3 - axis):
-            yield rest(number)
+            yield rate_zero(number)
     yield from tracking.resume(mount)
 
 

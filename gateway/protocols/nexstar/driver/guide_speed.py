@@ -11,7 +11,7 @@ from gateway.core.errors import Busy
 from gateway.protocols.base.driver import Remark, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
+from gateway.protocols.nexstar.driver.state import AXES, NexStar, rate_zero
 
 #: Steps of a variable rate per degree a second: it is counted in quarter arcseconds a second.
 _STEPS = 4 * 3600
@@ -52,7 +52,7 @@ def end(mount: NexStar, axis: int) -> Steps:
     if axis == 1 and mount.drive == "replaced":
         yield from tracking.keep_rate(mount)
         return
-    yield rest(axis)
+    yield rate_zero(axis)
 
 
 def pulse_seconds(ms: int, asked: float, turns: float) -> float:

@@ -37,7 +37,7 @@ class HandControl(Driver):
         self.shown: Version | None = None
         self.number: int | None = None
         #: Commands that it has not answered.
-        self.mute: set[str] = set()
+        self.unanswered: set[str] = set()
         self.starsense = named is not None and named.starsense
         self.motors: dict[int, Version] = {}
         self.focuser = False
@@ -69,13 +69,13 @@ class HandControl(Driver):
 
         Raises Unsupported if the hand control lacks the command or has not answered it.
         """
-        if not self.supports(operation.command) or operation.command in self.mute:
+        if not self.supports(operation.command) or operation.command in self.unanswered:
             raise Unsupported
         patience = VARIANT_PATIENCE if operation.command == "v" else None
         try:
             return (yield Send(operation.command, dict(operation.fields), patience, raw=True))["raw"]
         except Silence:
-            self.mute.add(operation.command)
+            self.unanswered.add(operation.command)
             raise Unsupported from None
 
     def probe(self) -> Steps:

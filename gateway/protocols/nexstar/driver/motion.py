@@ -14,7 +14,7 @@ from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.pointing import Arrived, need_alignment, pier_side, stop_current_motion
-from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rest
+from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rate_zero
 
 FOCUSER = 18
 LONGEST_PULSE = 2550  # milliseconds
@@ -148,7 +148,7 @@ def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
         mount.goto = None
     if not mount.moves_by_gotos:
         for axis in sorted(AXES, key=lambda axis: -mount.moving.get(axis, 0.0)):
-            yield rest(axis)
+            yield rate_zero(axis)
     mount.moving.clear()
     if going is None:
         yield Send("M")

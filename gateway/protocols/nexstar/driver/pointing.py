@@ -11,7 +11,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, NexStar, rest
+from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, NexStar, rate_zero
 
 #: Seconds after a goto's acknowledgement in which ``L`` = 0 may mean that it has not begun yet.
 START_GRACE = 3.0
@@ -121,7 +121,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
     """
     mount.steps.clear()
     for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.added_rates else ())}):
-        yield rest(axis)
+        yield rate_zero(axis)
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
     mount.added_rates.clear()
@@ -157,7 +157,7 @@ def _stop_seeking(mount: NexStar) -> Steps:
     """Send rate 0 to both motors, because ``M`` does not end a search for the home switches."""
     mount.goto, mount.home_state = None, 0
     for axis in AXES:
-        yield rest(axis)
+        yield rate_zero(axis)
 
 
 def slewing(mount: NexStar, _: op.Slewing) -> Steps:

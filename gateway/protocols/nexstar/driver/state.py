@@ -246,7 +246,7 @@ class NexStar(HandControl):
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
-def rest(axis: int) -> Send:
+def rate_zero(axis: int) -> Send:
     """Return the command that ends hand motion of one axis."""
     return Send(f"slew_{AXES[axis]}_pos", {"rate": 0})
 

@@ -23,7 +23,7 @@ from gateway.protocols.wireformat.rows import Version
 
 HANDLERS: dict[str, Handler] = {**COMMANDS, **DEVICES}
 
-AWAKE_OR_NOT = b"yKV"
+ANSWERED_ASLEEP = b"yKV"
 PASS_THROUGH = ord("P")
 
 
@@ -41,11 +41,11 @@ class SimulatedHandControl(SimulatedMount):
         """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""
         self.advance_to_now()
         if data:
-            self.heard = self.now
+            self.last_byte_at = self.now
         return super().feed(data, framer, later)
 
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
-        if frame[0] not in self._opcodes or (self.asleep and frame[0] not in AWAKE_OR_NOT):
+        if frame[0] not in self._opcodes or (self.asleep and frame[0] not in ANSWERED_ASLEEP):
             return b""
         if frame[0] == PASS_THROUGH:
             return self._pass(frame)

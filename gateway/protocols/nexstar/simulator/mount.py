@@ -85,10 +85,10 @@ class SimulatedMount(Simulated):
         if model not in protocol.models:
             raise UserError(f"no NexStar model is called {model!r}; there are {', '.join(protocol.models)}")
         self.row: Model = protocol.models[model]
-        self._know_version(version, starsense)
+        self._set_version(version, starsense)
         self.model, self.commands = model, protocol
         self.clock, self.now = clock, clock()
-        self.heard = self.now
+        self.last_byte_at = self.now
         rates = protocol.extra("rates.toml")[self.row["rates"]]
         self.keys = [*(times * SIDEREAL_RATE for times in rates["sidereal"]), *rates["degrees"]]
         self.motors = parse_version(self.row["motors"])
@@ -100,7 +100,7 @@ class SimulatedMount(Simulated):
         self.asleep, self.mode = False, OFF
         self._set_up(wedge, rates["fastest"], speed, ramps)
 
-    def _know_version(self, version: str | None, starsense: bool) -> None:
+    def _set_version(self, version: str | None, starsense: bool) -> None:
         """Set the version that ``V`` reports and the version whose commands it has. Raises UserError."""
         try:
             number = numbered(version or (STARSENSE if starsense else self.row["versions"][-1]))
@@ -173,7 +173,7 @@ class SimulatedMount(Simulated):
         self.now = self.clock()
         since = self.mechanics.suspended_since
         if since is not None and self.mode != OFF and not self.asleep:
-            due = self.heard + RESTORE_WHEN_QUIET
+            due = self.last_byte_at + RESTORE_WHEN_QUIET
             if self.mechanics.build is Build.ALTAZ:
                 due = min(due, since + RESTORE_ALTAZ)
             if due <= self.now:
