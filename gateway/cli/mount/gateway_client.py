@@ -12,6 +12,7 @@ import contextlib
 from collections.abc import Callable, Coroutine, Iterable
 
 from gateway.app.control.exchange import ControlEndpoint
+from gateway.app.control.request_types import Request, encode
 from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError
 from gateway.system import streams
@@ -84,11 +85,11 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
         )
 
 
-async def send_request(endpoint: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
+async def send_request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWERED) -> str:
     """Send a request and return the gateway's answer, or ``failed REASON`` if there is none."""
     from gateway.app.reach import ask
 
-    answer = await ask(endpoint, f"wish {line}", seconds)
+    answer = await ask(endpoint, f"wish {encode(request)}", seconds)
     if answer is None:
         return "failed the gateway has ended"
     if answer.startswith("failed this gateway knows no order"):
