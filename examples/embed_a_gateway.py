@@ -1,7 +1,7 @@
 """Run a gateway inside a program, over a simulated mount, and point it.
 
-Run it: ``python examples/embed_a_gateway.py``. Write ``"nexstar@/dev/ttyUSB0"`` for ``"nexstar@sim"`` to have it move a
-real mount: leaving the ``async with`` block stops it, however the block is left.
+Run it: ``python examples/embed_a_gateway.py``. To move a real mount, write ``"nexstar@/dev/ttyUSB0"`` for
+``"nexstar@sim"``: leaving the ``async with`` block stops it, also after an exception.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from gateway import Fault, UserError, open_gateway
 async def main() -> None:
     async with open_gateway(
         "nexstar@sim",
-        ["lx200@tcp://127.0.0.1:0"],  # port 0: any that is free
+        ["lx200@tcp://127.0.0.1:0"],  # port 0: any free port
         site=(48.1, 11.6),  # degrees, north and east positive
-        lowest=-90,  # whatever the time is, the example's target is allowed
+        lowest=-90,  # allow the example's target at any time of day
         sun=0,
         speed=20,  # a simulated mount that slews 20 times faster than a real one
         warn=lambda text: print(f"note: {text}", file=sys.stderr),

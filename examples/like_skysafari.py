@@ -1,4 +1,4 @@
-"""Points a mount as SkySafari does, without a phone: a connection for every command, a goto, then where it is.
+"""Points a mount as SkySafari does, without a phone: a connection for every command, a goto, then its position.
 
 Run it beside ``mount-gateway demo``: ``python examples/like_skysafari.py 127.0.0.1 4030 05:34:32 +22*00:52``. Without
 arguments it starts a gateway over a simulated mount for itself. It needs nothing but Python.
@@ -11,7 +11,7 @@ import sys
 
 
 async def ask(where: tuple[str, int], command: str, until: str = "#") -> str:
-    """The reply to one command, over a connection of its own. ``:MS#`` answers 0, or 1 and why not."""
+    """Return the reply to one command, over a connection of its own. The reply to ``:MS#`` is 0, or 1 and a reason."""
     async with asyncio.timeout(10):
         reader, writer = await asyncio.open_connection(*where)
         try:
@@ -26,20 +26,20 @@ async def ask(where: tuple[str, int], command: str, until: str = "#") -> str:
 
 
 async def point(where: tuple[str, int], ra: str, dec: str) -> None:
-    """GoTo, as the button does it, and the position until the mount rests: at the goal, unless somebody stopped it."""
+    """Go to a position like the GoTo button, and print positions until the mount rests, at the target or stopped."""
     for command in (f":Sr{ra}#", f":Sd{dec}#"):
         if await ask(where, command, until="") != "1":
             raise SystemExit(f"{command} is not accepted; write 05:34:32 and +22*00:52")
     if (refused := await ask(where, ":MS#", until="0#")) != "0":
-        raise SystemExit(f"it does not go there: {refused[1:]}")
+        raise SystemExit(f"the gateway refuses the goto: {refused[1:]}")
     while await ask(where, ":D#"):
-        print(f"on its way: {await ask(where, ':GR#')} {await ask(where, ':GD#')}", flush=True)
+        print(f"slewing: {await ask(where, ':GR#')} {await ask(where, ':GD#')}", flush=True)
         await asyncio.sleep(0.5)
-    print(f"it rests at {await ask(where, ':GR#')} {await ask(where, ':GD#')}")
+    print(f"at rest: {await ask(where, ':GR#')} {await ask(where, ':GD#')}")
 
 
 async def alone() -> None:
-    """On a simulated mount, twenty times as fast as a real one."""
+    """Use a simulated mount that is twenty times as fast as a real one."""
     from gateway import open_gateway
 
     async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"], speed=20) as gateway:

@@ -1,6 +1,6 @@
-"""Take a conversation between a program and a mount apart, and build frames of both protocols.
+"""Decode a conversation between a program and a mount, and build frames of both protocols.
 
-Run it: ``python examples/read_a_conversation.py``. It opens nothing and needs no mount.
+Run it: ``python examples/read_a_conversation.py``. It opens no port and needs no mount.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A client of a few lines: it asks whatever speaks LX200 over TCP where the telescope points.
+"""A client of a few lines: it asks any LX200 server over TCP where the telescope points.
 
-Run it: ``python examples/tiny_client.py 127.0.0.1 4030``. Without arguments it starts a gateway over a simulated mount
-for itself, shows what passes between the gateway and the mount, and asks that one.
+Run it: ``python examples/tiny_client.py 127.0.0.1 4030``. Without arguments it starts a gateway over a simulated mount,
+prints the traffic between that gateway and the mount, and asks that gateway.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gateway.core.wire_log import Entry
 
 
 async def ask(host: str, port: int) -> tuple[float, float]:
-    """Right ascension and declination, in degrees of the equinox of date. Raises OSError, TimeoutError, FrameError."""
+    """Return right ascension and declination of date in degrees. Raises OSError, TimeoutError, FrameError."""
     async with asyncio.timeout(10):
         reader, writer = await asyncio.open_connection(host, port)
         try:
@@ -30,7 +30,7 @@ async def ask(host: str, port: int) -> tuple[float, float]:
 
 
 def show(entry: Entry) -> None:
-    """The hook: every command and reply on either side passes here."""
+    """Print the traffic with the mount: the gateway calls this for every command and reply on either side."""
     if entry.arrow in "<>" and entry.side == "mount":
         print(f"    mount {entry.arrow} {entry.data!r}")
 

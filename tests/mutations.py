@@ -1,10 +1,10 @@
-"""Whether the tests would notice: breaks the gateway in one place after another, and says which breakage stayed unseen.
+"""Checks that the tests notice errors: it breaks the gateway in one place after another and lists what stayed unseen.
 
     python -m tests.mutations [--only WORD ...] [--processes 2]
 
-Each line of ``MUTATIONS`` says what is broken, what of the source is replaced by what, and which tests must turn red.
-The source is looked for by its words and not by a file's name, so that a module may move. Nothing is changed in place:
-copies in a temporary folder are. A line whose words are found nowhere is told of like one that survived.
+Each row of ``MUTATIONS`` describes an error, the change of the source that makes it, and the tests that must fail. The
+source is found by a regular expression and not by a file's name, so that a module may move. Nothing is changed in
+place, only in copies in a temporary folder. A row whose expression matches nothing is reported like a survivor.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-#: What a copy consists of, and the patience with one run, seconds.
+#: The parts of a copy, and the time limit of one run, seconds.
 PARTS, PATIENCE = ("gateway", "mappings", "tests", "docs", "pyproject.toml", "README.md", "CHANGELOG.md"), 300.0
 
 
 class Mutation(NamedTuple):
-    """``old`` is a regular expression, looked for in ``files``; every place where it fits is changed."""
+    """``old`` is a regular expression, searched in ``files``; every match is replaced by ``new``."""
 
     what: str
     old: str
@@ -39,7 +39,7 @@ class Mutation(NamedTuple):
 
 
 def answer(command: str) -> tuple[str, str]:
-    """The row of a question no longer says of which kind its answer is, so that it is believed as it comes."""
+    """Return an edit that removes the kind of reply from a request's row, so that its reply is accepted unverified."""
     return rf'(^\["?{re.escape(command)}"?\]\n(?:(?!\[).*\n)*?answer = )"\w+"', r'\g<1>"stream"'
 
 
@@ -48,40 +48,41 @@ READINGS = "tests/integration/readings"
 ALTERED = f"{READINGS}/test_altered_answers.py"
 TABLES = "mappings/*/commands.toml"
 MUTATIONS = [
-    # --- replies that are told again
+    # --- cached replies
     Mutation(
-        "no reply is ever told again",
+        "no cached reply is ever repeated",
         r"(return self\._replies\.get\(command\) if )",
         r"\g<1>False and ",
         f"{READINGS}/test_positions.py",
     ),
     Mutation(
-        "a change of what was read outdates no reply",
+        "a changed reading invalidates no cached reply",
         r"self\.count \+= 1",
         "self.count += 0",
         f"{READINGS}/test_told_alike.py",
+        "gateway/core/*.py",
     ),
     Mutation(
-        "a reply is told again however old it is",
+        "a cached reply never expires",
         r"self\._until = min\(.*",
         'self._until = float("inf")',
         f"{READINGS}/test_told_alike.py {READINGS}/test_positions.py",
     ),
-    # --- answers that are believed
+    # --- accepted replies
     Mutation(
-        "whatever comes first is believed",
+        "the first reply is accepted",
         r'(def _replies_needed\(self, kind.*\n +""".*\n)',
         r"\g<1>        return 1\n",
         ALTERED,
     ),
     Mutation(
-        "two answers agree always",
+        "two replies always agree",
         r'(def _agree\(.*\n +""".*\n)',
         r"\g<1>        return True\n",
         f"{ALTERED} tests/unit/mount/link",
     ),
     *(
-        Mutation(f"the answer to {command} is believed as it comes", *answer(command), ALTERED, TABLES)
+        Mutation(f"the reply to {command} is accepted unverified", *answer(command), ALTERED, TABLES)
         for command in ("p", "GW", "h?", "gps_linked", "guide_rate")
     ),
     Mutation(
@@ -104,75 +105,72 @@ MUTATIONS = [
         "tests/integration/test_driven_models.py",
     ),
     Mutation(
-        "a sync of a hand control without one is forgotten",
+        "a sync that the hand control does not have is forgotten",
         r"mount\.offset = \(wrap180.*",
         "pass",
         "tests/integration/test_driven_models.py",
     ),
-    # --- what ends a motion
+    # --- ends of motions
     Mutation(
-        "a stop waits for its turn",
+        "a stop waits in the queue",
         r"^STOP, MOTION, POSITION, WAITED, SETTING, READ = range\(6\)",
         "MOTION, POSITION, WAITED, SETTING, READ, STOP = range(6)",
         f"{STOPS}/test_stop_first.py",
     ),
     Mutation(
-        "an end counts as done when it was sent",
+        "an end counts as done once it is sent",
         r"(def next_step\(.*\n.*\n)",
         r"\g<1>    return Step.DONE\n",
         f"{STOPS}/test_lost_stops.py tests/unit/mount/motion",
     ),
     Mutation(
-        "what was asked for first is done first, ends too",
+        "orders are carried out by age, ends too",
         r"key=lambda order: \(order\.rank, order\.number\)",
         "key=lambda order: order.number",
         "tests/unit/mount/motion tests/integration/motion/test_goto_whole.py",
     ),
+    Mutation("a motion needs no client", r"found\.append(\(\(motion)", r"\g<1>", f"{SAFETY}/test_dead_man.py"),
     Mutation(
-        "nobody need be there while a mount moves", r"found\.append(\(\(motion)", r"\g<1>", f"{SAFETY}/test_dead_man.py"
-    ),
-    Mutation(
-        "stopped is said without a look",
+        "the mount is reported at rest without a reading",
         r"(^async def come_to_rest\(.*\n)",
         r"\g<1>    return\n",
         "tests/unit/mount/readings/test_rest.py",
     ),
     Mutation(
-        "nothing is sent first when the line is back",
+        "nothing is sent first after a reconnect",
         r"self\.reopened\.emit\(words\)",
         "pass",
         f"{STOPS}/test_line_back.py",
     ),
     # --- limits
     Mutation(
-        "nothing is too low and nothing too high",
-        r"return sinking or rising",
-        "return False",
-        f"{SAFETY}/test_altitude.py",
+        "no altitude is too low or too high", r"return sinking or rising", "return False", f"{SAFETY}/test_altitude.py"
     ),
-    Mutation("the Sun is far away", r"(def near_sun\(.*\n.*\n)", r"\g<1>    return ALLOWED\n", f"{SAFETY}/test_sun.py"),
     Mutation(
-        "the meridian is far away",
+        "the Sun is always far away", r"(def near_sun\(.*\n.*\n)", r"\g<1>    return ALLOWED\n", f"{SAFETY}/test_sun.py"
+    ),
+    Mutation(
+        "the meridian is always far away",
         r"(def meridian\(.*\n.*\n)",
         r"\g<1>    return ALLOWED\n",
         f"{SAFETY}/test_hour_angle.py",
     ),
     Mutation(
-        "a motor that stalls goes unnoticed",
+        "a stalled motor goes unnoticed",
         r"course\.seen < PART \* course\.speed \* elapsed",
         "False",
         "tests/unit/mount/safety/test_stalled.py",
     ),
     Mutation(
-        "a sync may lead anywhere",
+        "a sync may have any size",
         r"raise SyncTooFar\(",
         "return SyncTooFar(",
         "tests/unit/mount/safety/test_sync_sum.py",
     ),
-    Mutation("a mount that is held can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
+    Mutation("a mount on hold can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
     # --- the layers
     Mutation(
-        "what is below knows what is above",
+        "a lower layer imports a higher one",
         r"(\Z)",
         "\n\ndef _main() -> object:\n    from gateway.cli import main\n\n    return main\n",
         "tests/project/test_structure.py",
@@ -182,7 +180,7 @@ MUTATIONS = [
 
 
 class Outcome(NamedTuple):
-    """``seen``: the tests turned red. ``words``: what to say of it."""
+    """``seen``: whether the tests failed. ``words``: how."""
 
     seen: bool
     words: str
@@ -190,7 +188,7 @@ class Outcome(NamedTuple):
 
 @contextmanager
 def changed(copy: Path, mutation: Mutation) -> Iterator[int]:
-    """-> the number of places; they are as they were afterwards."""
+    """Change the files and yield the number of places; restore the files afterwards."""
     before: dict[Path, str] = {}
     places = 0
     for path in sorted(copy.glob(mutation.files)):
@@ -208,12 +206,12 @@ def changed(copy: Path, mutation: Mutation) -> Iterator[int]:
 
 
 def red(copy: Path, tests: str) -> Outcome:
-    """Run tests against a copy until the first one fails."""
+    """Run tests on a copy until the first one fails."""
     command = [sys.executable, "-B", "-bb", "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *tests.split()]
     try:
         done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=PATIENCE, check=False)
     except subprocess.TimeoutExpired:
-        return Outcome(True, "the tests come to no end")
+        return Outcome(True, "the tests do not end")
     failed = re.search(r"^(?:FAILED|ERROR) (\S+::\S+)", done.stdout, re.MULTILINE)
     if failed:
         return Outcome(True, failed[1])
@@ -223,11 +221,11 @@ def red(copy: Path, tests: str) -> Outcome:
 
 
 def play(mutation: Mutation, copies: SimpleQueue[Path]) -> Outcome:
-    """One mutation in a copy that nobody else uses meanwhile."""
+    """Try one mutation in a copy that no other thread uses meanwhile."""
     copy = copies.get()
     try:
         with changed(copy, mutation) as places:
-            return red(copy, mutation.tests) if places else Outcome(False, "its words are found nowhere")
+            return red(copy, mutation.tests) if places else Outcome(False, "its expression matches nothing")
     finally:
         copies.put(copy)
 

@@ -243,7 +243,7 @@ def configure_binding(controller: MountController, binding: SurfaceBinding) -> N
 def make_transport(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
     """Make the transport to a mount; the watchdog process may use the same port."""
     if mount.where == "sim":
-        from gateway.app.simulated import simulated_wire
+        from gateway.app.simulated import simulated_transport
 
-        return simulated_wire(mount, config)
+        return simulated_transport(mount, config)
     return SerialTransport(mount.where, config.baud, watched)

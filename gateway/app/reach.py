@@ -26,7 +26,7 @@ AGAIN = 0.5
 HEARD = 3.0
 
 
-class Found(Struct):
+class SearchResult(Struct):
     """The result of a search: gateways that can be asked, motion markers of killed gateways, and doubts."""
 
     gateways: list[tuple[Path, ControlEndpoint]]
@@ -46,9 +46,9 @@ def scope_of(state: str | None) -> Scope:
     return Scope(directory(state), alone=bool(state or os.environ.get("STATE_DIRECTORY")))
 
 
-def unseen(scope: Scope) -> list[processes.Process]:
+def unreachable_gateways(scope: Scope) -> list[processes.Process]:
     """Return the gateway processes that belong to the scope, or may belong to it, and cannot be asked."""
-    if scope.alone and _sure_of(scope.folder):
+    if scope.alone and _must_hold_endpoint(scope.folder):
         return []
     known = {endpoint.pid for _, endpoint in _all_endpoints(scope.folder)[0]}
     return [process for process in processes.gateways() if process.pid not in known]
@@ -59,7 +59,7 @@ def reachable(process: processes.Process) -> bool:
     return user() in (0, process.user)
 
 
-def look(scope: Scope) -> Found:
+def search(scope: Scope) -> SearchResult:
     """Search the folders of the scope; this sends nothing to any gateway."""
     seen, doubts = _all_endpoints(scope.folder)
     here = os.path.realpath(scope.folder)
@@ -68,7 +68,7 @@ def look(scope: Scope) -> Found:
         if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == here:
             gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
     markers = [mark for mark in map(read_marker, sorted(scope.folder.glob("*.moving"))) if mark is not None]
-    return Found(list(gateways.values()), markers, doubts)
+    return SearchResult(list(gateways.values()), markers, doubts)
 
 
 def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:
@@ -98,7 +98,7 @@ def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEn
         return []
 
 
-def _sure_of(folder: Path) -> bool:
+def _must_hold_endpoint(folder: Path) -> bool:
     """Whether a gateway with this state folder must have left an endpoint file in it that this user can read.
 
     That is so if the folder belongs to this user (every folder counts as root's) and can be written to.
@@ -113,7 +113,7 @@ def _sure_of(folder: Path) -> bool:
         return False
 
 
-def doubt(process: processes.Process) -> str:
+def explain_unreachable(process: processes.Process) -> str:
     """Return a sentence about a gateway that cannot be asked: what it is, and how to stop its mount."""
     if reachable(process):
         return (
@@ -147,7 +147,7 @@ class _Asking(asyncio.DatagramProtocol):
             self.done.set_exception(exc)
 
 
-def silent(pid: int) -> str:
+def explain_no_answer(pid: int) -> str:
     """Return a sentence about a gateway that does not answer: what the reason may be, and what to do."""
     ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
     resume = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} resumes it; or " if processes.suspended(pid) else ""
@@ -174,8 +174,8 @@ async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | Non
                 await asyncio.wait({asking.done}, timeout=AGAIN)
         return asking.done.result()
     except ConnectionError:
-        return f"failed {silent(endpoint.pid)}" if processes.is_gateway(endpoint.pid) else None
+        return f"failed {explain_no_answer(endpoint.pid)}" if processes.is_gateway(endpoint.pid) else None
     except (OSError, TimeoutError):
-        return f"failed {silent(endpoint.pid)}" if processes.exists(endpoint.pid) else None
+        return f"failed {explain_no_answer(endpoint.pid)}" if processes.exists(endpoint.pid) else None
     finally:
         transport.close()

@@ -57,13 +57,13 @@ def make_simulator(
     return make(endpoint.model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
 
 
-def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatedTransport:
+def simulated_transport(endpoint: Endpoint, config: MountConfig) -> SimulatedTransport:
     """Make the transport to a simulated mount ``…@sim`` in this process."""
     simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
     return SimulatedTransport(f"sim {endpoint.protocol}", simulator.connection, config.latency)
 
 
-class _Caller:
+class _SimulatedConnection:
     """One connection to a simulated mount, which all connections share; each reply is sent after the latency.
 
     With ``baud`` the bytes are paced at that rate in both directions.
@@ -76,34 +76,34 @@ class _Caller:
     ) -> None:
         self._latency, self._write = latency, write
         #: How many replies are delayed and not sent yet.
-        self._owed = 0
-        self._answer: Callable[[bytes], bytes] = simulator.connection(self._later)
-        self.feed: Callable[[bytes], None] = self._heard
+        self._pending = 0
+        self._answer: Callable[[bytes], bytes] = simulator.connection(self._send_later)
+        self.feed: Callable[[bytes], None] = self._receive
         self._paces: list[SerialPace] = []
         if baud is not None:
-            self._paces = [SerialPace(baud, self._heard), SerialPace(baud, write)]
+            self._paces = [SerialPace(baud, self._receive), SerialPace(baud, write)]
             self.feed, self._write = self._paces[0].send, self._paces[1].send
 
-    def _later(self, seconds: float, answer: bytes) -> None:
+    def _send_later(self, seconds: float, answer: bytes) -> None:
         """Send a reply after the latency and ``seconds`` more."""
-        self._owed += 1
-        asyncio.get_running_loop().call_later(self._latency + seconds, self._give, answer)
+        self._pending += 1
+        asyncio.get_running_loop().call_later(self._latency + seconds, self._send, answer)
 
-    def _give(self, answer: bytes) -> None:
-        self._owed -= 1
+    def _send(self, answer: bytes) -> None:
+        self._pending -= 1
         self._write(answer)
 
-    def _heard(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         answer = self._answer(data)
         if answer and self._latency:
-            self._later(0.0, answer)
+            self._send_later(0.0, answer)
         elif answer:
             self._write(answer)
 
     @property
     def answered(self) -> bool:
         """Whether every reply has been sent."""
-        return not self._owed
+        return not self._pending
 
     def peer_closed(self) -> None:
         """Do nothing: a mount does not notice who is connected."""
@@ -130,7 +130,7 @@ async def serve_simulator(
     """
 
     def arrivals(pace: int | None) -> Arrive:
-        return lambda name, host, write: _Caller(simulator, latency, pace, write)
+        return lambda name, host, write: _SimulatedConnection(simulator, latency, pace, write)
 
     return [
         await open_port(place, arrivals(baud or (None if place.startswith(NETWORK) else BAUD)), baud)

@@ -15,7 +15,7 @@ from gateway.core.operations import Equatorial, Status
 from gateway.protocols.wireformat.sexagesimal import hours, signed
 
 #: A position older than this many seconds is shown with its age.
-OLD = 10.0
+OLD_AFTER = 10.0
 #: The first two parts, name and position, are shown at any width.
 LEAST = 2
 
@@ -69,10 +69,10 @@ class State(Struct, frozen=True):
 
 
 class Rate:
-    """The rate of a counter that is sampled now and then, averaged over the last ``looks`` samples."""
+    """The rate of a counter that is sampled now and then, averaged over the last ``samples`` samples."""
 
-    def __init__(self, looks: int = 5) -> None:
-        self._seen: deque[tuple[float, int]] = deque(maxlen=looks + 1)
+    def __init__(self, samples: int = 5) -> None:
+        self._seen: deque[tuple[float, int]] = deque(maxlen=samples + 1)
 
     def per_second(self, now: float, count: int) -> float:
         """Add a sample, ``count`` at the time ``now`` (seconds), and return the rate per second; 0 at first."""
@@ -81,9 +81,9 @@ class Rate:
         return (count - before) / (now - then) if now > then else 0.0
 
 
-def status(looks: Sequence[StatusLine], columns: int | None = None) -> str:
+def status(lines: Sequence[StatusLine], columns: int | None = None) -> str:
     """Return all mounts on one line of at most ``columns`` characters; None: of any length."""
-    parts = [_parts(look) for look in looks]
+    parts = [_parts(line) for line in lines]
     text = ""
     for kept in range(len(parts[0]), LEAST - 1, -1):
         text = "  |  ".join("  ".join(part for part in of_one[:kept] if part) for of_one in parts)
@@ -93,47 +93,47 @@ def status(looks: Sequence[StatusLine], columns: int | None = None) -> str:
     return text[: columns - 1] + "…" if columns > 0 else ""
 
 
-def _parts(look: StatusLine) -> list[str]:
+def _parts(line: StatusLine) -> list[str]:
     """Return name, position, activity, programs and rate; a part that is not known is empty."""
-    if look.state in ("opening", "down"):
-        points, is_doing = f"{look.state}{': ' if look.reason else ''}{look.reason}", ""
+    if line.state in ("opening", "down"):
+        points, is_doing = f"{line.state}{': ' if line.reason else ''}{line.reason}", ""
     else:
-        points, is_doing = where(look), does(look)
-    programs = f"{look.programs or 'no'} program{'' if look.programs == 1 else 's'}"
-    return [look.name, points, is_doing, programs, f"{look.rate:.1f}/s"]
+        points, is_doing = where(line), activity(line)
+    programs = f"{line.programs or 'no'} program{'' if line.programs == 1 else 's'}"
+    return [line.name, points, is_doing, programs, f"{line.rate:.1f}/s"]
 
 
-def where(look: StatusLine) -> str:
+def where(line: StatusLine) -> str:
     """Return where the mount points, as text."""
-    if look.position is None:
+    if line.position is None:
         return "no position yet"
-    old = f" {look.age:.0f} s ago" if look.age > OLD else ""
-    return f"{on_the_sky(look.position)}{old}"
+    old = f" {line.age:.0f} s ago" if line.age > OLD_AFTER else ""
+    return f"{format_position(line.position)}{old}"
 
 
-def on_the_sky(place: Equatorial) -> str:
+def format_position(place: Equatorial) -> str:
     """Return a position as people write it: ``05:34:32 +22°00'52"``."""
     degrees, minutes, seconds = signed(place.dec).replace("*", ":").split(":")
     return f"{hours(place.ra)} {degrees}°{minutes}'{seconds}\""
 
 
-def does(look: StatusLine) -> str:
+def activity(line: StatusLine) -> str:
     """Return a few words: ``held`` if nothing may move the mount, and its activity."""
-    return "held, " * look.held + _is(look) if _is(look) else "held" * look.held
+    return "held, " * line.held + _condition(line) if _condition(line) else "held" * line.held
 
 
-def _is(look: StatusLine) -> str:
+def _condition(line: StatusLine) -> str:
     """Return the most important activity or condition of the mount in one to three words; empty if not known."""
-    if look.slewing:
+    if line.slewing:
         return "slewing"
-    if look.by_hand:
+    if line.by_hand:
         return "moved by hand"
-    if look.state == "busy":
+    if line.state == "busy":
         return "busy"
-    if look.asleep:
+    if line.asleep:
         return "asleep"
-    if look.status is None:
+    if line.status is None:
         return ""
-    if not look.status.aligned:
+    if not line.status.aligned:
         return "not aligned"
-    return "not tracking" if look.status.tracking.value == "off" else "tracking"
+    return "not tracking" if line.status.tracking.value == "off" else "tracking"

@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
-from gateway.app.reach import Scope, ask, doubt, look, reachable, unseen
+from gateway.app.reach import Scope, ask, explain_unreachable, reachable, search, unreachable_gateways
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
 from gateway.mount.readings.rest import come_to_rest
@@ -41,33 +41,35 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
     report = Report([], [])
     asked: set[tuple[int, int]] = set()
     for attempt in range(LOOKS):
-        found = look(scope)
+        found = search(scope)
         new = [
             (path, endpoint)
             for path, endpoint in found.gateways
-            if (_meant(endpoint.mount, only) or only == endpoint.name) and (endpoint.pid, endpoint.port) not in asked
+            if (_matches(endpoint.mount, only) or only == endpoint.name) and (endpoint.pid, endpoint.port) not in asked
         ]
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
-        markers = {mark.mount: mark for mark in found.markers if _meant(mark.mount, only)}
+        markers = {mark.mount: mark for mark in found.markers if _matches(mark.mount, only)}
         if word == "release" or attempt > 0:
             markers.clear()
         mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
-        told = await asyncio.gather(
+        answers_by_mount = await asyncio.gather(
             *(
-                _of_mount([one for one in new if one[1].mount == mount], word, markers.get(mount), scope.folder)
+                _order_mount([one for one in new if one[1].mount == mount], word, markers.get(mount), scope.folder)
                 for mount in mounts
             )
         )
-        report.outcomes += [(mount, answer) for mount, answers in zip(mounts, told, strict=True) for answer in answers]
-        others = unseen(scope)
-        report.doubts = [*found.doubts, *map(doubt, others)]
+        report.outcomes += [
+            (mount, answer) for mount, answers in zip(mounts, answers_by_mount, strict=True) for answer in answers
+        ]
+        others = unreachable_gateways(scope)
+        report.doubts = [*found.doubts, *map(explain_unreachable, others)]
         if not any(reachable(process) for process in others):
             break
         await asyncio.sleep(BETWEEN)
     return report
 
 
-async def _of_mount(
+async def _order_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], word: str, left: MarkerContent | None, folder: Path
 ) -> list[str]:
     """Return the answers of a mount's gateways; if none exists any more, stop the mount from here and return that."""
@@ -79,7 +81,7 @@ async def _of_mount(
     return [await _stop_directly(left, folder)] if left is not None and not answers else answers
 
 
-def _meant(mount: str, only: str | None) -> bool:
+def _matches(mount: str, only: str | None) -> bool:
     """Whether ``only`` names this mount, by its endpoint or only its port; an unknown mount ("") may be any."""
     return only is None or not mount or only in (mount, mount.partition("@")[2])
 

@@ -50,7 +50,7 @@ class ConnectionAcceptor:
             binding.surface.protocol.name, binding.framing, where, controller.now, controller.loop.call_later, warn
         )
         self._clients: set[CommandProcessor] = set()
-        self._left: dict[str, tuple[float, Kept]] = {}
+        self._saved_states: dict[str, tuple[float, Kept]] = {}
         self._connections: set[ClientConnection] = set()
 
     @property
@@ -78,7 +78,7 @@ class ConnectionAcceptor:
         """
         binding = self.binding
         session = binding.surface.session(binding.model, binding.settings, self.clock, self.shared)
-        at, kept = self._left.get(host, (-1e9, session.kept))
+        at, kept = self._saved_states.get(host, (-1e9, session.kept))
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
         activity = self.controller.presence.connected(host)
@@ -126,7 +126,7 @@ class ConnectionAcceptor:
 
     def reconnecting_hosts(self) -> list[str]:
         """Return the hosts whose last connection ended a few seconds ago."""
-        return [host for host, (at, _) in self._left.items() if self.controller.now() - at <= PRESENT_FOR]
+        return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENT_FOR]
 
     def connections(self) -> list[ClientConnection]:
         return [one for one in self._connections if not one.stranger]
@@ -149,9 +149,9 @@ class ConnectionAcceptor:
         """The client has disconnected: save its state for the next connection from this host."""
         if client.activity.closed is None:
             self.controller.presence.disconnected(client.activity)
-        self._left[host] = (self.controller.now(), copy(client.session.kept))
-        for old in [key for key, (at, _) in self._left.items() if self.controller.now() - at > INHERIT_FOR]:
-            del self._left[old]
+        self._saved_states[host] = (self.controller.now(), copy(client.session.kept))
+        for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > INHERIT_FOR]:
+            del self._saved_states[old]
 
 
 def _is_serial(name: str, host: str) -> bool:

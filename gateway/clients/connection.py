@@ -71,12 +71,12 @@ class ClientConnection:
         client: CommandProcessor,
         binding: SurfaceBinding,
         first: FirstCommands,
-        left: Callable[[], None],
+        closed: Callable[[], None],
         save_state: Callable[[], None],
         lasting: bool,
         rights: Rights,
     ) -> None:
-        self.client, self._profiles, self._left, self.lasting = client, binding.profiles, left, lasting
+        self.client, self._profiles, self._closed, self.lasting = client, binding.profiles, closed, lasting
         self._save_state = save_state
         self._first: FirstCommands | None = first
         self._filter: StrangerFilter | None = None
@@ -96,7 +96,7 @@ class ClientConnection:
         self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
         #: Whether its lateness was logged; whether the other end has closed.
-        self._said_late = self._peer_closed = False
+        self._logged_late = self._peer_closed = False
         self._deliver = (
             self._deliver_serial if lasting else self._deliver_recognising if binding.profiles else client.feed
         )
@@ -129,11 +129,11 @@ class ClientConnection:
         self._backlog.add(len(data), now, self._wanted.value.stops)
 
     def _note_late(self) -> None:
-        """The sender may have disconnected, so the motions it started are no longer held by it."""
+        """Treat the client as disconnected, because its bytes are old, and say this in the log once."""
         if self.client.activity.closed is None:
             self._controller.presence.disconnected(self.client.activity)
-        if not self._said_late:
-            self._said_late = True
+        if not self._logged_late:
+            self._logged_late = True
             self.client.log.note(
                 "sends faster than its commands can be carried out: they are too old "
                 "to begin a motion until it has caught up"
@@ -236,4 +236,4 @@ class ClientConnection:
         if self._filter is not None and not self.stranger and self._filter.waiting:
             self.client.log.put("x", self._filter.waiting, UNRECOGNISED)
         self.client.close()
-        self._left()
+        self._closed()

@@ -48,7 +48,7 @@ async def look_up(controller: MountController, name: str) -> dict[str, Any]:
 
 async def suggestions(text: str) -> list[dict[str, str]]:
     """Return objects whose names begin with the text typed so far."""
-    found = await asyncio.to_thread(objects.beginning, text, SUGGESTED) if text.strip() else []
+    found = await asyncio.to_thread(objects.completions, text, SUGGESTED) if text.strip() else []
     return [{"name": name} for name in found]
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from gateway.app.control.gather import status_line
 from gateway.app.gateway import Gateway
-from gateway.app.status import does
+from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, show
@@ -54,7 +54,7 @@ def state(gateway: Gateway) -> dict[str, Any]:
     status = seen.status
     return {
         "online": seen.state in ("up", "busy"),
-        "does": does(seen) or seen.state,
+        "does": activity(seen) or seen.state,
         **_places(gateway, seen.position),
         "tracking": None if status is None else status.tracking is not op.Tracking.OFF,
         "moving": seen.slewing or seen.by_hand,

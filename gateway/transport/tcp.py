@@ -25,8 +25,7 @@ LINGER = 2.0
 #: Seconds between two checks whether all commands of a client that sends no more were answered.
 CHECK_EVERY = 0.02
 #: Seconds without data before a keep-alive probe, seconds between probes, and their number; and milliseconds after
-#: which replies without acknowledgement end the connection. Each system has some of these
-#: names.
+#: which replies without acknowledgement end the connection. Each system has some of these names.
 KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 

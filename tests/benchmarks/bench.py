@@ -1,6 +1,6 @@
-"""``python tests/benchmarks/bench.py [--quick] [--json FILE]``: how fast, how thrifty, how large, beside what is bare.
+"""``python tests/benchmarks/bench.py [--quick] [--json FILE]``: speed, line load and memory, against minimal programs.
 
-Takes under six minutes, with ``--quick`` under two minutes; needs Linux. README.md here explains the figures.
+It takes under six minutes, with ``--quick`` under two minutes, and needs Linux. README.md here explains the figures.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from figures import Figure, table
 
 
 def main() -> int:
-    """Measure and print -> 0, also when a goal is missed: that depends on the machine as well."""
+    """Measure and print; return 0 even if a goal is missed, because that depends on the machine too."""
     parser = argparse.ArgumentParser(description="Measure the gateway on this machine.")
     parser.add_argument("--quick", action="store_true", help="fewer rounds: under two minutes")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file, too")
@@ -34,7 +34,7 @@ def main() -> int:
     began = time.monotonic()
     figures: list[Figure] = []
     with tempfile.TemporaryDirectory(prefix="mount-gateway-bench-") as bytecode:
-        # compiled once and not while the first gateway is measured, whose thread for the sky would compile it
+        # Compile now: otherwise the first gateway's thread for the sky would compile while it is measured.
         sky = [sys.executable, "-c", "import gateway.astro.ephemeris.by_astropy"]
         subprocess.run(sky, cwd=processes.ROOT, env=processes.environment(bytecode), check=True)
         for part in (starting, round_trip, one_address, line_load):

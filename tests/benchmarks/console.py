@@ -2,14 +2,14 @@
 
     python tests/benchmarks/console.py [--seconds 15] [--pages 20] [--clients 100] [--stops 40] [--rounds 5]
 
-One gateway with a simulated mount whose line lies in this process. 100 programs poll it, first while the mount tracks,
-and then while one of them presses an arrow and stops again and again; told are the 99th percentiles of ``:GR#`` (the
-median of the rounds) and of such a stop (of all rounds together). In every round the same pages, one of them in
-Chromium, look first at another gateway and then at this one: either way this computer has the same to do. The pages
-live in a process of their own (``console_pages.py``). Then a page presses an arrow and STOP: what counts is the first
-stopping byte on the mount's line, less the exchange in flight. Resident memory and the time to the surfaces' ``ready``
-are told against ``--no-console``. ``chrt -f 10`` in front keeps what else runs on this computer out of the figures.
-Everything stays on the loopback interface; every process is ended by its own id.
+One gateway with a simulated mount whose line is in this process. 100 programs poll it, first while the mount tracks,
+and then while one of them presses a direction key and stops again and again. The figures are the 99th percentiles of
+``:GR#`` (the median of the rounds) and of such a stop (of all rounds together). In every round the same pages, one of
+them in Chromium, are connected first to another gateway and then to this one, so that the computer has the same work.
+The pages run in a process of their own (``console_pages.py``). Then a page presses a direction key and STOP: the
+measure is the first stopping byte on the mount's line, minus the exchange in flight. Resident memory and the time to
+the surfaces' ``ready`` are compared with ``--no-console``. ``chrt -f 10`` in front keeps other programs out of the
+figures. All traffic stays on the loopback interface; every process is ended by its own id.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from tests.benchmarks.processes import HOST, environment
 from tests.soak.paced import PacedMount
 
 POLL = 0.5
-#: Seconds for which a program holds an arrow, and rests.
+#: Seconds for which a program holds a direction key, and then waits.
 PRESSED = 0.25
-#: Seconds in which a gateway that has just started loads the astronomy.
+#: Seconds in which a newly started gateway loads the astronomy.
 WARM = 8.0
 
 
@@ -49,7 +49,7 @@ def is_stop(request: bytes) -> bool:
 
 
 def beyond_the_exchange(mount: PacedMount, asked: float) -> float | None:
-    """Seconds from a stop's request, or from the end of the exchange then in flight, to its first byte at the mount."""
+    """Return seconds from a stop request, or the end of the exchange in flight, to its first byte at the mount."""
     stop = next((one for one in mount.exchanges if one.came >= asked and is_stop(one.request)), None)
     if stop is None:
         return None
@@ -58,11 +58,11 @@ def beyond_the_exchange(mount: PacedMount, asked: float) -> float | None:
 
 
 async def polled(port: int, seconds: float, times: list[float]) -> None:
-    """A program that asks where the mount points, twice a second."""
+    """Poll the position twice a second."""
     reader, writer = await asyncio.open_connection(HOST, port)
     end = time.perf_counter() + seconds
     await asyncio.sleep(POLL * random.random())
-    await _asked(reader, writer)  # the first question finds a gateway that has just let the program in
+    await _asked(reader, writer)  # the first request is slower, because the gateway has just accepted the program
     while time.perf_counter() < end:
         times.append(await _asked(reader, writer))
         await asyncio.sleep(POLL * random.uniform(0.5, 1.5))
@@ -77,7 +77,7 @@ async def _asked(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> 
 
 
 async def stopped(port: int, many: int, mount: PacedMount, times: list[float]) -> None:
-    """A program that presses an arrow and stops, again and again."""
+    """Press a direction key and stop, again and again."""
     _, writer = await asyncio.open_connection(HOST, port)
     for count in range(many):
         writer.write((b":Mn#", b":Ms#")[count % 2])
@@ -92,7 +92,7 @@ async def stopped(port: int, many: int, mount: PacedMount, times: list[float]) -
 
 @contextlib.asynccontextmanager
 async def pages(where: str, many: int) -> AsyncIterator[None]:
-    """So many pages are open, one of them in Chromium."""
+    """Keep this many pages open, one of them in Chromium."""
     program = str(Path(__file__).with_name("console_pages.py"))
     process = await asyncio.create_subprocess_exec(
         sys.executable, program, where, str(many), "--chromium",
@@ -109,7 +109,7 @@ async def pages(where: str, many: int) -> AsyncIterator[None]:
 
 
 def resident(pid: int) -> float:
-    """MiB."""
+    """Return MiB."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) / 1024.0
 
@@ -125,7 +125,7 @@ class Running(NamedTuple):
 
 @contextlib.asynccontextmanager
 async def gateway(port: int, console: bool, bytecode: str) -> AsyncIterator[Running]:
-    """A gateway over the mount's port."""
+    """Run a gateway over the mount's port."""
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         process = await asyncio.create_subprocess_exec(
@@ -158,7 +158,7 @@ class Round(NamedTuple):
 
 
 async def stretch(options: argparse.Namespace, running: Running, mount: PacedMount) -> Round:
-    """Programs poll; then one moves and stops besides."""
+    """Let programs poll; then let one of them also move and stop."""
     polls: list[float] = []
     stops: list[float] = []
     await asyncio.gather(*(polled(running.port, options.seconds, polls) for _ in range(options.clients)))
@@ -171,7 +171,7 @@ async def stretch(options: argparse.Namespace, running: Running, mount: PacedMou
 
 
 async def simulated() -> tuple[PacedMount, int]:
-    """A mount on a line, and its port."""
+    """Return a mount on a line, and its port."""
     simulator = make_simulator(parse_device("nexstar:6-8se"), clock=time.time)
     mount = PacedMount(simulator, random.Random(1))
     return mount, await mount.listen()
@@ -211,7 +211,7 @@ def _tell(pages: int, found: dict[str, list[Round]]) -> None:
 
 
 async def _starts(options: argparse.Namespace, port: int, bytecode: str) -> None:
-    """In turn without a console and with one; the very first start compiles, and does not count."""
+    """Start alternately without a console and with one; the very first start compiles, and does not count."""
     times: dict[bool, list[float]] = {False: [], True: []}
     for count in range(options.starts + 1):
         for console, found in times.items():

@@ -1,10 +1,10 @@
-"""Pages of a console, in a process of their own: what they cost the measuring one must not count as the gateway's.
+"""Pages of a console, in a process of their own, so that their cost does not count as the gateway's.
 
     python tests/benchmarks/console_pages.py URL PAGES [--chromium]
 
-``PAGES`` WebSockets that take what comes and say twice a second that they live; with ``--chromium`` one of them is the
-real page in a real browser. Prints ``open`` when all are, and stays until its standard input is closed. It runs at a
-lower priority than what is measured, for it stands for other computers.
+``PAGES`` WebSockets that read everything and send a heartbeat twice a second; with ``--chromium`` one of them is the
+real page in a real browser. It prints ``open`` once all are connected, and runs until its standard input is closed. It
+has a lower priority than the measured processes, because it stands for other computers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ BEAT = 0.5
 
 
 async def show(http: aiohttp.ClientSession, where: str, token: str) -> None:
-    """One page."""
+    """Run one page."""
     beat = 0.0
     async with http.ws_connect(f"{where}socket?token={token}") as ws:
         async for _ in ws:
@@ -30,7 +30,7 @@ async def show(http: aiohttp.ClientSession, where: str, token: str) -> None:
 
 
 async def browse(where: str, opened: asyncio.Event) -> None:
-    """The page as a person has it."""
+    """Open the page in a browser, as a person does."""
     from playwright.async_api import async_playwright
 
     async with async_playwright() as playwright:

@@ -1,4 +1,4 @@
-"""The measure of all things here: an asyncio server that sends every byte back and does nothing else.
+"""The reference of all measurements: an asyncio server that sends every byte back and does nothing else.
 
 ``python echo.py fast`` runs it on uvloop, ``python echo.py asyncio`` on asyncio's own loop.
 """
@@ -27,8 +27,8 @@ async def serve() -> None:
 
 
 if __name__ == "__main__":
-    # asyncio reads into a new buffer of 256 KiB. Once a larger one was freed, glibc keeps such buffers at hand instead
-    # of asking the kernel for each. Any larger program gets there by itself; this one must not be slower than they are.
+    # asyncio reads into a new buffer of 256 KiB. Once a larger one was freed, glibc caches such buffers instead of
+    # asking the kernel for each. Every larger program gets there by itself; this one must not be slower than they are.
     bytes(1 << 20)
     factory = None
     if sys.argv[1:] == ["fast"]:

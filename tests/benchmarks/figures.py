@@ -1,4 +1,4 @@
-"""What a measurement yields: a value, what it is compared with, the goal, and whether the goal is met."""
+"""The result of a measurement: a value, what it is compared with, the goal, and whether the goal is met."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Figure(NamedTuple):
-    """One line of the table. ``ratio`` is ``value / reference``; a goal is the largest value or ratio that is well."""
+    """One line of the table. ``ratio`` is ``value / reference``; a goal is the largest acceptable value or ratio."""
 
     name: str
     value: float
@@ -22,13 +22,13 @@ class Figure(NamedTuple):
 
     @property
     def met(self) -> bool | None:
-        """None where there is no goal."""
+        """Whether the goal is met; None without a goal."""
         if self.goal is None:
             return None
         return (self.value if self.ratio is None else self.ratio) <= self.goal
 
     def row(self) -> tuple[str, ...]:
-        """The cells of the table."""
+        """Return the cells of the table."""
         reference = "" if self.reference is None else f"{self.reference:.1f}"
         ratio = "" if self.ratio is None else f"{self.ratio:.2f}"
         goal = "" if self.goal is None else f"<= {self.goal:g}{' x' if self.ratio is not None else ''}"
@@ -40,7 +40,7 @@ HEADINGS = ("figure", "value", "unit", "against", "ratio", "goal", "")
 
 
 def table(figures: Sequence[Figure]) -> str:
-    """Figures in columns, text to the left and numbers to the right."""
+    """Return the figures in columns, text to the left and numbers to the right."""
     rows = [HEADINGS, *(figure.row() for figure in figures)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
     lines = []
@@ -54,10 +54,10 @@ def table(figures: Sequence[Figure]) -> str:
 
 
 def middle(samples: Sequence[float]) -> float:
-    """The median."""
+    """Return the median."""
     return float(median(samples))
 
 
 def percentile(samples: Sequence[float], percent: float) -> float:
-    """The sample that ``percent`` of a hundred samples do not exceed."""
+    """Return the sample that ``percent`` of a hundred samples do not exceed."""
     return sorted(samples)[min(len(samples) - 1, int(len(samples) * percent / 100.0))]

@@ -1,12 +1,12 @@
-"""What a broker costs gateways, and how fast it tells, stops and comes back.
+"""What a broker costs gateways, and how fast it publishes, stops and recovers.
 
     python tests/benchmarks/fleet.py [--seconds 30] [--outage 60] [--only PART ...]
 
-Needs mosquitto. ``load``: 50 slewing mounts over 5 gateways on a broker, and as many without one, at the same time.
-``killed``: from ``kill -9`` until a subscriber knows. ``stop``: STOP ALL of the overview's page until the first
+It needs mosquitto. ``load``: 50 slewing mounts over 5 gateways on a broker, and as many without one, at the same time.
+``killed``: from ``kill -9`` until a subscriber knows. ``stop``: from STOP ALL on the overview's page until the first
 stopping byte on each of 50 lines. ``outage``: a program polls, guides, slews and stops on a gateway with a broker and
-on one without, in turn, while the broker is there, is ended, is there again, hangs, and is there at last. ``thousand``:
-1,000 mounts of a script on one broker, and the overview's page over them.
+on one without, in turn, while the broker runs, is ended, runs again, hangs, and runs again. ``thousand``: 1,000 mounts
+of a script on one broker, and the overview's page over them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def is_stop(request: bytes) -> bool:
 
 
 def slew(gateways: list[Gateway]) -> None:
-    """Every mount begins to move."""
+    """Start a slew of every mount."""
     for gateway in gateways:
         for port in gateway.ports:
             with socket.create_connection((HOST, port), 20.0) as link:
@@ -73,14 +73,14 @@ class Page:
 
 
 def load(folder: Path, seconds: float) -> None:
-    """Processor time and memory of gateways with a broker and without, measured over the same seconds."""
+    """Measure processor time and memory of gateways with a broker and without, in the same seconds."""
     broker = Broker(folder)
     onlooker = Onlooker(broker)
     shown = [Gateway(folder, f"shown{one}", MOUNTS, broker.url) for one in range(GATEWAYS)]
     alone = [Gateway(folder, f"alone{one}", MOUNTS, None) for one in range(GATEWAYS)]
     every = [*shown, *alone]
     try:
-        time.sleep(15.0)  # the sky is loaded
+        time.sleep(15.0)  # until the sky is loaded
         slew(every)
         time.sleep(2.0)
         before, heard, began = [one.seconds_used() for one in every], len(onlooker.heard), time.monotonic()
@@ -100,7 +100,7 @@ def load(folder: Path, seconds: float) -> None:
 
 
 def killed(folder: Path, seconds: float) -> None:
-    """From ``kill -9`` to ``offline``."""
+    """Measure the time from ``kill -9`` to ``offline``."""
     broker, took = Broker(folder), list[float]()
     onlooker = Onlooker(broker)
     for number in range(5):
@@ -119,7 +119,7 @@ def killed(folder: Path, seconds: float) -> None:
 
 
 def stop(folder: Path, seconds: float) -> None:
-    """From STOP ALL on the page to every mount's line."""
+    """Measure the time from STOP ALL on the page to every mount's line."""
     broker, took = Broker(folder), list[float]()
     made = [Gateway(folder, f"stop{one}", MOUNTS, broker.url, log=True) for one in range(GATEWAYS)]
     page = Page(folder, broker)
@@ -148,7 +148,7 @@ def stop(folder: Path, seconds: float) -> None:
 
 
 def outage(folder: Path, seconds: float) -> None:
-    """Positions and stops of a program while the broker is there, and while it is not."""
+    """Measure a program's positions and stops while the broker runs, and while it does not."""
     broker = Broker(folder)
     onlooker = Onlooker(broker)
     shown = Gateway(folder, "shown", 1, broker.url, log=True, nice=-5)
@@ -168,7 +168,7 @@ def outage(folder: Path, seconds: float) -> None:
             while time.monotonic() < until_then:
                 for play in order:
                     play.go_on()
-                order.reverse()  # who asks first waits longer for the same
+                order.reverse()  # the first of the two waits longer for the same
                 time.sleep(0.01)
             time.sleep(1.0)
             for name, play in zip(("with a broker", "without"), plays, strict=True):
@@ -182,14 +182,14 @@ def outage(folder: Path, seconds: float) -> None:
 
 
 def _right(onlooker: Onlooker, since: float) -> bool:
-    """Whether a state has come since then that was made just now."""
+    """Whether a state has arrived since then that was made just now."""
     topic = "mount-gateway/shown/m0/state"
     recent = [(at, said) for at, where, said in onlooker.heard[-50:] if where == topic and at > since]
     return any(abs(json.loads(said)["time"] - at) < 1.5 for at, said in recent)
 
 
 class _Play:
-    """A program that polls, guides, slews and stops, a little at a time."""
+    """A program that polls, guides, slews and stops, one step per call."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
@@ -199,7 +199,7 @@ class _Play:
         self._positions, self._stops = list[float](), list[float]()
 
     def go_on(self) -> None:
-        """Ask for the position; now and then something else."""
+        """Ask for the position; now and then do something else."""
         began = time.perf_counter()
         self._ask(b":GR#", lambda heard: heard.endswith(b"#"))
         self._positions.append(time.perf_counter() - began)
@@ -220,7 +220,7 @@ class _Play:
             heard += self._link.recv(100)
 
     def ended(self) -> str:
-        """What it has measured: how long positions took, and stops until their first byte on the mount's line."""
+        """Return the results: times of positions, and of stops until their first byte on the mount's line."""
         self._link.close()
         sent = [at for at, _, sent in list(self._gateway.commands) if is_stop(sent)]
         took = [min((at - asked for at in sent if at >= asked - 0.001), default=9.0) for asked in self._stops]
@@ -232,7 +232,7 @@ class _Play:
 
 
 def thousand(folder: Path, seconds: float) -> None:
-    """1,000 mounts of a script at one broker, one state a second each, and the overview's page over them."""
+    """Measure 1,000 mounts of a script on one broker, one state a second each, and the overview's page over them."""
     broker = Broker(folder)
     state = {"online": True, "does": "tracking", "ra_hours": 1.0, "dec_degrees": 2.0, "altitude_degrees": 3.0,
              "azimuth_degrees": 4.0, "tracking": True, "moving": True, "aligned": True, "asleep": False, "held": False,

@@ -1,4 +1,4 @@
-"""What the measurements of a fleet start: a broker, gateways with several simulated mounts, and somebody who listens.
+"""The processes for the measurements of a fleet: a broker, gateways with several simulated mounts, and a subscriber.
 
 Every process is a child, on a free port of the loopback interface, and is ended by its own id.
 """
@@ -22,12 +22,12 @@ from paho.mqtt.enums import CallbackAPIVersion
 from tests.benchmarks.processes import HOST, ROOT, end, environment, free_port
 
 PATIENCE = 60.0
-#: A target that every simulated mount of the default site may go to, slowly.
+#: A target that every simulated mount at the default site may slew to, slowly.
 GOTO = b":Sr02:00:00#:Sd+80*00:00#:MS#"
 
 
 def until(what: str, holds: Callable[[], object], seconds: float = PATIENCE) -> None:
-    """Wait. Raises RuntimeError."""
+    """Wait until ``holds()`` is true. Raises RuntimeError after ``seconds``."""
     limit = time.monotonic() + seconds
     while not holds():
         if time.monotonic() > limit:
@@ -36,7 +36,7 @@ def until(what: str, holds: Callable[[], object], seconds: float = PATIENCE) -> 
 
 
 class Broker:
-    """mosquitto, which keeps nothing on disk."""
+    """mosquitto, which stores nothing on disk."""
 
     def __init__(self, folder: Path) -> None:
         self.port = free_port()
@@ -45,7 +45,7 @@ class Broker:
         self.process = self.start()
 
     def start(self) -> subprocess.Popen[bytes]:
-        """At the same port."""
+        """Start the broker, always on the same port."""
         self.process = subprocess.Popen(
             ["mosquitto", "-c", str(self._config)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
@@ -62,7 +62,7 @@ class Broker:
 class Gateway:
     """``mount-gateway run`` with ``mounts`` simulated mounts that slew slowly; ``ports`` are those of their surfaces.
 
-    ``commands`` are (when, mount, bytes) of what went to the mounts, where it is logged.
+    ``commands`` are (time, mount, bytes) of what was sent to the mounts, if ``log`` is on.
     """
 
     def __init__(self, folder: Path, name: str, mounts: int, url: str | None, log: bool = False, nice: int = 0) -> None:
@@ -107,7 +107,7 @@ class Gateway:
                 self.commands.append((at + float(row["time"][19:23]), row["mount"], bytes.fromhex(row["hex"])))
 
     def seconds_used(self) -> float:
-        """Of a processor, so far."""
+        """Return the processor seconds used so far."""
         return used(self.process.pid)
 
     def end(self) -> None:
@@ -117,13 +117,13 @@ class Gateway:
 
 
 def used(pid: int) -> float:
-    """Seconds of a processor that a process has used."""
+    """Return the processor seconds that a process has used."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 class Onlooker:
-    """Somebody on the broker. ``heard`` are (Unix time, topic, payload)."""
+    """A subscriber on the broker. ``heard`` are (Unix time, topic, payload)."""
 
     def __init__(self, broker: Broker, topic: str = "mount-gateway/#") -> None:
         self.heard: list[tuple[float, str, bytes]] = []
@@ -145,11 +145,11 @@ class Onlooker:
         self.heard.append((time.time(), message.topic, message.payload))
 
     def say(self, topic: str, payload: bytes, retain: bool = False) -> Any:
-        """Publish."""
+        """Publish a message."""
         return self._client.publish(topic, payload, 1, retain)
 
     def newest(self, topic: str) -> bytes:
-        """What was last heard there."""
+        """Return the last payload on this topic."""
         return next((payload for _, where, payload in reversed(self.heard) if where == topic), b"")
 
     def leave(self) -> None:

@@ -1,8 +1,8 @@
-"""What clients cost the mount's line, and what the gateway itself costs it when nobody is there.
+"""What clients cost the mount's line, and what the gateway itself costs it without clients.
 
-A hand control answers in a fifth of a second: twenty programs that each had their own exchanges would wait for each
-other. Five gateways run side by side, each with a simulated hand control that takes a tenth of a second to answer and a
-proxy between the two that counts. One of those that twenty programs poll is weighed at the end.
+A hand control replies in a fifth of a second: twenty programs with exchanges of their own would wait for each other.
+Five gateways run side by side, each with a simulated hand control that takes a tenth of a second to reply, and a proxy
+between the two that counts. At the end the memory of a gateway with twenty programs is measured.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from figures import Figure
 from tally import Tally, poll
 
 LATENCY = 0.1
-#: What the gateway asked of itself at its start is no longer renewed after this time, in seconds.
+#: Seconds after which the gateway no longer renews what it read for itself at its start.
 SETTLE = 7.0
 HEARTBEAT = 5.0
 
 
 class Case(NamedTuple):
-    """A gateway and who polls it: questions and how often a second."""
+    """A gateway and the programs that poll it: requests, and how often a second."""
 
     name: str
     clients: list[tuple[tuple[bytes, ...], float]]
 
 
 def cases(way: processes.Direction) -> tuple[Case, ...]:
-    """One and twenty that ask for positions, one and twenty of which half ask for the slew, too, and nobody."""
+    """Return the cases: one program and twenty that poll positions, the same with half polling the slew, and none."""
     plain, busy = (way.position, 4.0), ((*way.position, way.slewing), 2.0)
     return (
         Case("one", [plain]),
@@ -42,7 +42,7 @@ def cases(way: processes.Direction) -> tuple[Case, ...]:
 
 
 def measure(bytecode: str, quick: bool) -> list[Figure]:
-    """Bytes a second for the cases, requests with nobody there, and the memory of a gateway at work."""
+    """Measure bytes a second for the cases, requests without clients, and the memory of a gateway at work."""
     seconds = 11.0 if quick else 20.0
     figures: list[Figure] = []
     for way in processes.DIRECTIONS:

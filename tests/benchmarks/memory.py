@@ -1,4 +1,4 @@
-"""How large the gateway is: when it gives its first answer, and with the astronomy library loaded."""
+"""The memory of the gateway: when it gives its first answer, and with the astronomy library loaded."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ GOAL_STEADY = 110.0
 
 
 def resident(pid: int) -> float:
-    """The resident memory of a process in MiB (VmRSS of Linux)."""
+    """Return the resident memory of a process in MiB (VmRSS of Linux)."""
     for line in Path(f"/proc/{pid}/status").read_text("ascii").splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) / 1024.0

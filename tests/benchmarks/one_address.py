@@ -1,7 +1,7 @@
-"""What a port for every protocol costs: the round trip against a port of one protocol, and the first answers.
+"""What a port for every protocol costs: the round trip against a port of one protocol, and the first replies.
 
-Both ports are the same gateway's and take turns of a few hundred round trips. For the first answers five kinds of
-programs are connected to one port at once; each kind then comes anew, again and again, while the others go on.
+Both ports belong to the same gateway and take turns of a few hundred round trips. For the first replies, programs of
+five kinds are connected to one port at once; each kind then reconnects again and again, while the others continue.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ import processes
 from figures import Figure, middle
 from round_trip import BATCH
 
-#: ``:GR#`` on a port for every protocol against the same on one for LX200; milliseconds of a first answer.
+#: The ratio of ``:GR#`` on a port for every protocol to one for LX200; milliseconds until a first reply.
 GOAL, FIRST = 1.05, 20.0
 GET = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 ALPACA = b"GET /management/apiversions HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
-#: What each kind says first, and how its answer begins or ends.
+#: Kind of program -> its first bytes, and the beginning or end of their reply.
 KINDS = {
     "LX200": (b":GR#", b"#"),
     "NexStar": (b"e", b"#"),
     "browser": (GET, b"HTTP/1.1 200"),
     "Alpaca": (ALPACA, b"HTTP/1.1 200"),
 }
-#: Positions that are told without being asked: bytes of one.
+#: The size of one of the positions that are sent without a request.
 TOLD = 24
 
 
 def measure(bytecode: str, quick: bool) -> list[Figure]:
-    """On both event loops."""
+    """Measure on both event loops."""
     return [figure for loop in ("fast", "asyncio") for figure in _one_loop(bytecode, loop, quick)]
 
 
@@ -71,7 +71,7 @@ def _round_trips(one: socket.socket, every: socket.socket, batches: int, label: 
 
 
 def _first_answers(stack: ExitStack, port: int, rounds: int, label: str) -> list[Figure]:
-    """While one of each kind is there already and goes on."""
+    """Measure first replies while one program of each kind is connected already and continues to work."""
     silent = stack.enter_context(processes.connect(port))
     time.sleep(3.5)
     others = {kind: stack.enter_context(processes.connect(port)) for kind in KINDS}
@@ -95,7 +95,7 @@ def _first_answers(stack: ExitStack, port: int, rounds: int, label: str) -> list
 
 
 def _ask(connection: socket.socket, said: bytes) -> bytes:
-    """The answer to something; of a page, all of it."""
+    """Send something and return its reply; of a page, all of it."""
     connection.sendall(said)
     heard = connection.recv(65536)
     while heard.startswith(b"HTTP/") and not _whole(heard):

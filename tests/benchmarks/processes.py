@@ -1,8 +1,8 @@
 """The programs that are measured, as child processes of the benchmark.
 
-Every one is started with the interpreter that runs the benchmark, listens on a free port of the loopback interface, and
-is ended by its own process id. Compiled bytecode goes to a temporary directory, so an installation and a checkout start
-alike and the checkout stays clean; a gateway's state goes there, too.
+Each is started with the interpreter that runs the benchmark, listens on a free port of the loopback interface, and is
+ended by its own process id. Compiled bytecode goes to a temporary directory, so that an installation and a checkout
+start alike and the checkout stays clean; a gateway's state goes there too.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ PATIENCE = 20.0
 
 
 def environment(bytecode: str) -> dict[str, str]:
-    """This process's environment, with bytecode and a gateway's state kept in the directory ``bytecode``."""
+    """Return this process's environment, with bytecode and a gateway's state in the directory ``bytecode``."""
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     return {**kept, "PYTHONPYCACHEPREFIX": bytecode, "STATE_DIRECTORY": bytecode}
 
 
 @contextmanager
 def child(command: list[str], bytecode: str, log: str = "stdout") -> Iterator[subprocess.Popen[bytes]]:
-    """A running program; ``log`` is the stream that is read here, the other one goes nowhere."""
+    """Run a program; ``log`` is the stream that is read here, the other one is discarded."""
     process = subprocess.Popen(
         command,
         cwd=ROOT,
@@ -48,7 +48,7 @@ def child(command: list[str], bytecode: str, log: str = "stdout") -> Iterator[su
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
-    """Ask a process to end, and make it."""
+    """Ask a process to end, and kill it if it does not."""
     process.terminate()
     try:
         process.wait(5.0)
@@ -61,7 +61,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 
 def port_of(process: subprocess.Popen[bytes], log: str = "stdout") -> int:
-    """The port in the first line a program writes. Raises RuntimeError when it writes none in time."""
+    """Return the port in the first line a program writes. Raises RuntimeError if there is none in time."""
     stream = getattr(process, log)
     if select.select([stream], [], [], PATIENCE)[0]:
         number = stream.readline().decode().rstrip().rpartition(":")[2]
@@ -71,7 +71,7 @@ def port_of(process: subprocess.Popen[bytes], log: str = "stdout") -> int:
 
 
 class Direction(NamedTuple):
-    """Which programs on which mount: what they ask in turn, and what of it tells that a slew goes on."""
+    """A kind of program on a kind of mount: its position requests in turn, and the one for the slew."""
 
     name: str
     simulator: str
@@ -79,7 +79,7 @@ class Direction(NamedTuple):
     surface: str
     position: tuple[bytes, ...]
     slewing: bytes
-    #: What one heartbeat is on the mount's line: a position.
+    #: The requests to the mount that make up one heartbeat: those of a position.
     heartbeat: int
 
 
@@ -90,14 +90,14 @@ DIRECTIONS = (LX200_ON_NEXSTAR, NEXSTAR_ON_LX200)
 
 @contextmanager
 def simulator(bytecode: str, latency: float = 0.0, way: Direction = LX200_ON_NEXSTAR) -> Iterator[int]:
-    """A simulated mount -> its TCP port. ``latency`` is its time to answer in seconds."""
+    """Run a simulated mount and yield its TCP port. ``latency`` is its time to reply in seconds."""
     command = [sys.executable, "-m", "gateway", "sim", way.simulator, "--at", f"tcp://{HOST}:0"]
     with child([*command, "--latency", str(latency)], bytecode) as process:
         yield port_of(process)
 
 
 def gateway_command(mount: int, surface: int = 0, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR) -> list[str]:
-    """The command line of a gateway between two TCP ports."""
+    """Return the command line of a gateway between two TCP ports."""
     return [
         sys.executable,
         "-m",
@@ -114,21 +114,21 @@ def gateway_command(mount: int, surface: int = 0, loop: str = "fast", way: Direc
 
 @contextmanager
 def gateway(bytecode: str, mount: int, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR) -> Iterator[int]:
-    """A gateway in front of a mount's TCP port -> its own TCP port."""
+    """Run a gateway in front of a mount's TCP port and yield its own TCP port."""
     with child(gateway_command(mount, loop=loop, way=way), bytecode) as process:
         yield port_of(process)
 
 
 @contextmanager
 def echo(bytecode: str, loop: str) -> Iterator[int]:
-    """The bare echo server -> its TCP port."""
+    """Run the bare echo server and yield its TCP port."""
     with child([sys.executable, str(HERE / "echo.py"), loop], bytecode) as process:
         yield port_of(process)
 
 
 @contextmanager
 def forwarder(bytecode: str, target: int) -> Iterator[int]:
-    """socat that forwards one connection's bytes to a TCP port -> its own TCP port."""
+    """Run socat, which forwards one connection's bytes to a TCP port, and yield its own TCP port."""
     listen = f"TCP4-LISTEN:0,bind={HOST},nodelay"
     with child(["socat", "-d", "-d", listen, f"TCP4:{HOST}:{target},nodelay"], bytecode, "stderr") as process:
         yield port_of(process, "stderr")
@@ -136,7 +136,7 @@ def forwarder(bytecode: str, target: int) -> Iterator[int]:
 
 @contextmanager
 def pinned(cores: set[int]) -> Iterator[None]:
-    """Keep this process, and the children it starts meanwhile, on some cores."""
+    """Keep this process, and the children it starts within the block, on some cores."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, cores)
     try:
@@ -146,20 +146,20 @@ def pinned(cores: set[int]) -> Iterator[None]:
 
 
 def free_port() -> int:
-    """A TCP port nobody listens on."""
+    """Return a TCP port that is not in use."""
     with socket.create_server((HOST, 0)) as server:
         return int(server.getsockname()[1])
 
 
 def connect(port: int) -> socket.socket:
-    """A blocking connection that sends at once."""
+    """Open a blocking connection that sends without delay."""
     connection = socket.create_connection((HOST, port), PATIENCE)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connection
 
 
 def connect_early(port: int) -> socket.socket:
-    """The same to a program that is only starting: tried every millisecond. Raises TimeoutError."""
+    """Like `connect`, but retry every millisecond while the program is starting. Raises TimeoutError."""
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
         try:
@@ -170,7 +170,7 @@ def connect_early(port: int) -> socket.socket:
 
 
 def ask(connection: socket.socket, question: bytes) -> bytes:
-    """Send a question and read its reply up to the ``#``. Raises OSError, also for a silence."""
+    """Send a request and read its reply up to the ``#``. Raises OSError, also if there is no reply."""
     connection.sendall(question)
     reply = b""
     while not reply.endswith(b"#"):

@@ -1,8 +1,8 @@
 """How long a program waits for ``:GR#`` and ``:GD#``, or for ``e``, against a server that only echoes.
 
-Client and servers share one core, so that a round trip is the work of both and two switches between them, whatever
-frequency the other cores run at; the simulated hand control is kept off that core. The servers take turns of a few
-hundred round trips, so that whatever disturbs the machine disturbs all of them.
+Client and servers share one core, so that a round trip is the work of both and two context switches, at whatever
+frequency the other cores run; the simulated hand control is kept off that core. The servers take turns of a few hundred
+round trips, so that every disturbance of the machine affects all of them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ GOAL = 1.5
 
 
 def measure(bytecode: str, quick: bool) -> list[Figure]:
-    """Both directions on both event loops."""
+    """Measure both directions on both event loops."""
     batches = 12 if quick else 120
     return [
         figure
@@ -57,7 +57,7 @@ def _one_loop(bytecode: str, loop: str, batches: int, way: processes.Direction) 
 
 
 def _settle(connections: dict[str, socket.socket], question: bytes) -> None:
-    """Let the gateway finish what it does after its start, and have everything called a few times."""
+    """Let the gateway finish what it does after its start, and send every request a few times."""
     until = time.monotonic() + 1.5
     while time.monotonic() < until:
         for connection in connections.values():
@@ -67,7 +67,7 @@ def _settle(connections: dict[str, socket.socket], question: bytes) -> None:
 
 
 def _batch(connection: socket.socket, questions: tuple[bytes, ...]) -> list[float]:
-    """Some round trips, each in microseconds."""
+    """Return some round trips in microseconds."""
     times = []
     for number in range(BATCH):
         question = questions[number % len(questions)]

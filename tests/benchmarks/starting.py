@@ -1,7 +1,7 @@
 """From the start of the process to the first right answer, against a Python that only imports asyncio and pyserial.
 
-The client is there first and tries to connect every millisecond. An answer counts when it is where the simulated hand
-control points. The two programs are started in turn, after one start each that only writes the bytecode.
+The client starts first and tries to connect every millisecond. A reply counts if it is where the simulated hand control
+points. The two programs are started in turn, after one start each that only writes the bytecode.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ GOAL = 2.0
 
 
 def measure(bytecode: str, quick: bool) -> list[Figure]:
-    """Milliseconds to the first answer, and the size of the process at that moment."""
+    """Measure milliseconds to the first answer, and the size of the process at that moment."""
     times: list[float] = []
     bases: list[float] = []
     sizes: list[float] = []
@@ -43,7 +43,7 @@ def _base(bytecode: str) -> float:
 
 
 def _first_answer(bytecode: str, mount: int, truth: float) -> tuple[float, float]:
-    """Milliseconds, and the resident memory in MiB."""
+    """Return milliseconds, and the resident memory in MiB."""
     port = processes.free_port()
     began = time.perf_counter()
     with processes.child(processes.gateway_command(mount, port), bytecode) as process:
@@ -59,7 +59,7 @@ def _first_answer(bytecode: str, mount: int, truth: float) -> tuple[float, float
 
 
 def _pointing(mount: int) -> float:
-    """The right ascension the hand control tells, in seconds of time (NexStar protocol, Get precise RA/DEC)."""
+    """Return the right ascension of the hand control in seconds of time (NexStar protocol, Get precise RA/DEC)."""
     with processes.connect(mount) as connection:
         word = processes.ask(connection, b"e").split(b",")[0]
     return int(word, 16) / 2**32 * 86400.0

@@ -1,4 +1,4 @@
-"""A stretch of wire that counts: a TCP proxy between a gateway and a simulated hand control, and clients that poll."""
+"""A counting TCP proxy between a gateway and a simulated hand control, and clients that poll."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import processes
 
 
 class Tally:
-    """Forwards one TCP port to another and keeps when how many bytes passed."""
+    """Forwards one TCP port to another and records when how many bytes passed."""
 
     def __init__(self, target: int) -> None:
         self._target = target
@@ -21,7 +21,7 @@ class Tally:
         self._closed = asyncio.Event()
 
     async def open(self) -> int:
-        """Listen -> the port."""
+        """Listen and return the port."""
         self._server = await asyncio.start_server(self._forward, processes.HOST, 0)
         return int(self._server.sockets[0].getsockname()[1])
 
@@ -32,7 +32,7 @@ class Tally:
         self._closed.set()
 
     async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, request: bool) -> None:
-        """Hand on what comes, until either side has closed."""
+        """Forward data until either side has closed."""
         with contextlib.suppress(ConnectionError):
             while data := await reader.read(4096):
                 now = asyncio.get_running_loop().time()
@@ -43,16 +43,16 @@ class Tally:
         writer.close()
 
     def rate(self, began: float, ended: float) -> float:
-        """Bytes per second, both directions together, between two loop times."""
+        """Return bytes per second, both directions together, between two loop times."""
         return sum(size for at, size in self._passed if began <= at < ended) / (ended - began)
 
     def busiest(self, began: float, ended: float, span: float) -> int:
-        """The most requests there were within ``span`` seconds."""
+        """Return the largest number of requests within ``span`` seconds."""
         times = [at for at in self._requests if began <= at < ended]
         return max((sum(first <= at < first + span for at in times) for first in times), default=0)
 
     async def close(self) -> None:
-        """Close both connections and wait for what is on its way."""
+        """Close both connections and wait for data that is on its way."""
         if self._server is not None:
             self._server.close()
         for writer in self._writers:
@@ -62,7 +62,7 @@ class Tally:
 
 
 async def poll(port: int, questions: Sequence[bytes], rate: float, delay: float) -> None:
-    """A program that asks the same questions ``rate`` times a second, beginning after ``delay``, until cancelled."""
+    """Send the same requests ``rate`` times a second, beginning after ``delay``, until cancelled."""
     reader, writer = await asyncio.open_connection(processes.HOST, port)
     loop = asyncio.get_running_loop()
     due = loop.time() + delay

@@ -1,7 +1,7 @@
-"""Attacks on the limits: wrong sites and clocks, syncs, ways to move that a limit may have forgotten.
+"""Attacks on the limits: wrong sites and clocks, syncs, and ways to move that a limit may have forgotten.
 
-Every one is a name, the mounts it is tried on, a script, and the figure by which it is judged with what is allowed: the
-limit, and what a mount runs on beyond it.
+Each has a name, the mounts it is tried on, a script, and the figure by which it is judged with its permitted range: the
+limit, and how far a mount coasts beyond it.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from tests.soak.attacked import EVENING, NOON, SITE, Attacked, Program
 
 Script = Callable[[Attacked], dict[str, float] | None]
 LOWEST, NEAR_SUN = 10.0, 20.0
-#: Degrees that altitudes and the Sun's distance may fall short: rounding, refraction, and what a mount runs on.
+#: Degrees that altitudes and the Sun's distance may fall short: rounding, refraction, and coasting of the mount.
 RUNS_ON = 0.3
 ALTITUDE, SUN = ("altitude", LOWEST - RUNS_ON, None), ("sun", NEAR_SUN - RUNS_ON, None)
 FORK, GERMAN, MEADE, AUTOSTAR = "nexstar:cpc/4.21", "nexstar:cge/4.21", "lx200:lx200gps", "lx200:autostar"
 
 
 class Attack(Struct, frozen=True):
-    """``judged``: a figure's name, the least and the most that it may be; ``options`` are those of the gateway.
+    """``judged``: the figure's name, its minimum and its maximum; ``options`` are command-line options of the gateway.
 
-    ``settled``: seconds from its start in which the gateway may get to know the mount.
+    ``settled``: seconds that the gateway has to get to know the mount.
     """
 
     group: str
@@ -45,7 +45,7 @@ class Attack(Struct, frozen=True):
 
 
 def goto(program: Program, ra: float, dec: float) -> bool:
-    """Whether it was begun, by the LX200 surface's word."""
+    """Send a goto; return whether the LX200 surface accepted it."""
     hours, sign = ra / 15.0 % 24.0, "-" if dec < 0 else "+"
     seconds, arcseconds = round(hours * 3600) % 86400, round(abs(dec) * 3600)
     target = (
@@ -57,7 +57,7 @@ def goto(program: Program, ra: float, dec: float) -> bool:
 
 
 def told_position(program: Program) -> tuple[float, float]:
-    """Right ascension and declination by the LX200 surface's word, degrees, to arcseconds."""
+    """Return right ascension and declination as the LX200 surface reports them, degrees, to arcseconds."""
     hours = program.ask(b":GR#").rstrip(b"#").decode("latin-1")
     degrees = program.ask(b":GD#").rstrip(b"#").decode("latin-1")
     first, second, third = (float(part) for part in hours.split(":"))
@@ -67,14 +67,14 @@ def told_position(program: Program) -> tuple[float, float]:
 
 
 def angle(degrees: float) -> bytes:
-    """An angle of the NexStar protocol, eight digits."""
+    """Return an angle as eight digits of the NexStar protocol."""
     return b"%08X" % (round(degrees % 360.0 / 360.0 * (1 << 32)) & 0xFFFFFF00)
 
 
 # --- sites and clocks of any program ----------------------------------------------------------------------------------
 
 HOUR = 3600.0
-#: What a program says -> what whoever believes it takes for the site and the clock. In the evening it is 22:00 UTC.
+#: What a program sends -> the site and clock that follow if it is accepted. The evening is at 22:00 UTC.
 EVENING_LIES = {
     "latitude 10 N": (b":St+10*00#", Sky(10.0, 10.0)),
     "longitude with the wrong sign": (b":Sg010*00#", Sky(45.0, -10.0)),
@@ -89,7 +89,7 @@ NEXSTAR_LIES = {
     "NexStar H, 3 h slow": (b"H\x13\x00\x00\x01\x0f\x1a\x00\x00", Sky(45.0, 10.0, -3 * HOUR)),
     "NexStar W, 40 W": (b"W\x2d\x00\x00\x00\x28\x00\x00\x01", Sky(45.0, -40.0)),
 }
-#: At noon of the 21st of June, 11:00 UTC.
+#: At noon on 21 June, 11:00 UTC.
 NOON_LIES = {
     "AM for PM": b":SG+00#:SL23:00:00#:SC06/21/26#",
     "longitude 172 W": b":Sg171*45#",
@@ -157,7 +157,7 @@ LIES = [
 
 
 def syncs_add_up(at: Attacked) -> None:
-    """Four times 14 degrees up by what is told, then down by hand."""
+    """Sync four times to 14 degrees above the reported position, then move down by direction key."""
     program = at.program()
     at.begin()
     for _ in range(4):
@@ -184,11 +184,11 @@ def unaligned(order: bytes, at: Attacked) -> None:
     at.rests(25.0)
 
 
-#: Degrees that a mount which does not know where it points may be turned without its owner's leave.
+#: Degrees that a mount which does not know where it points may be turned without its owner's permission.
 STAYS = ("turned", None, 0.5)
 SYNCS = [
     Attack("syncs", "four syncs of 14°, then an arrow down", (FORK,), syncs_add_up, ALTITUDE),
-    # No axis of a Meade tells the altitude, so the sync that is allowed is not known to be wrong.
+    # No axis of a Meade shows its altitude, so the gateway cannot know that the first, permitted sync is wrong.
     Attack("syncs", "four syncs of 14°, then an arrow down", (MEADE, AUTOSTAR), syncs_add_up,
            ("altitude", LOWEST - RUNS_ON - 15.0, None)),
     Attack("not aligned", "`:Sz090*00#:Sa+30*00#:MA#`", (FORK,), partial(unaligned, b":Sz090*00#:Sa+30*00#:MA#"), STAYS,
@@ -202,7 +202,7 @@ SYNCS = [
 
 # --- the meridian -----------------------------------------------------------------------------------------------------
 
-#: Degrees past the meridian: half an hour, and what an arrow runs on.
+#: Degrees past the meridian: half an hour, and how far a mount coasts after a direction key.
 PAST = ("past meridian", None, 7.5 + 2.0)
 _HALF_AN_HOUR = ("--hour-angle-limit", "0.5")
 
@@ -224,7 +224,7 @@ def arrow_past_the_meridian(at: Attacked) -> None:
 
 
 def tracking_past_the_meridian(at: Attacked) -> None:
-    """By hand to just before the limit, then wait."""
+    """Move by direction key to just before the limit, then wait."""
     program = at.program()
     goto(program, at.at_hour_angle(-10.0), 20.0)
     at.rests(40.0)
@@ -262,7 +262,7 @@ def park(at: Attacked) -> None:
 
 
 def sinks(order: bytes, at: Attacked) -> None:
-    """A star in the west comes to the limit; the order is given again and again."""
+    """Track a star in the west down to the limit, giving the same order again and again."""
     program = at.program()
     goto(program, *at.place(268.0, 10.06))
     at.rests(40.0)
@@ -272,7 +272,7 @@ def sinks(order: bytes, at: Attacked) -> None:
         program.ask(order, 0.5)
 
 
-#: Degrees: at the limit tracking is put off; what sinks afterwards is counted in hundredths.
+#: Degrees: the gateway turns tracking off at the limit; what the tube sinks afterwards is counted in hundredths.
 AT_LIMIT = ("altitude", LOWEST - 0.05, None)
 HORIZON = [
     Attack("horizon", "`:hP#`", (FORK, AUTOSTAR, MEADE), park, ALTITUDE),

@@ -1,4 +1,4 @@
-"""Attacks on motion: half gotos, lost tracking, lost stops, clients that are gone, positions that lie."""
+"""Attacks on motion: gotos of one axis, lost tracking, lost stops, vanished clients, positions that are wrong."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from tests.soak.attacked import Attacked
 
 SEVERAL = (FORK, GERMAN, MEADE)
 PULSING = "nexstar:avx/5.31"
-#: Seconds in motion after a stop: what a motor runs on, and one look; and where the first stop was lost, the next one.
+#: Seconds in motion after a stop: coasting and one position reading; if the first stop was lost, until the next one.
 SOON, AGAIN = ("after the stop", None, 3.0), ("after the stop", None, 9.0)
 ARRIVES = ("off", None, 0.2)
-#: Arcseconds a minute by which the drift on the sky may be another than it was.
+#: Arcseconds a minute by which the drift on the sky may change.
 AS_BEFORE = ("drift", None, 3.0)
 FREE = ("--lowest", "0")
 
-# --- a goto is both axes or none --------------------------------------------------------------------------------------
+# --- a goto moves both axes or none -----------------------------------------------------------------------------------
 
 
 def during_a_goto(order: bytes, at: Attacked) -> dict[str, float]:
-    """Something that leaves a goto alone comes in the middle."""
+    """Send something that must not affect a goto, in the middle of one."""
     program = at.program()
     place = at.at_hour_angle(-30.0), 20.0
     at.begin()
@@ -33,7 +33,7 @@ def during_a_goto(order: bytes, at: Attacked) -> dict[str, float]:
 
 
 def halted_goto(order: bytes, at: Attacked) -> None:
-    """The halt of one axis, or another word for stop, ends a goto as a whole."""
+    """Stop one axis, or send another stop command: either ends a goto as a whole."""
     program = at.program()
     at.begin()
     goto(program, at.at_hour_angle(-30.0), 20.0)
@@ -75,11 +75,11 @@ GOTOS = [
     Attack("lost ends", "`:I#` during an arrow", SEVERAL, partial(halted_arrow, b":I#"), SOON, FREE),
 ]  # fmt: skip
 
-# --- tracking is kept -------------------------------------------------------------------------------------------------
+# --- tracking is preserved --------------------------------------------------------------------------------------------
 
 
 def tracks_on(rate: bytes, work: bytes, seconds: float, end: bytes, at: Attacked) -> dict[str, float]:
-    """The drift on the true sky, before and after something that only suspends tracking."""
+    """Measure the drift on the true sky, before and after something that only suspends tracking."""
     program = at.program()
     goto(program, at.at_hour_angle(-20.0), 30.0)
     at.rests(40.0)
@@ -112,7 +112,7 @@ TRACKING = [
 
 
 def lost(begin: bytes, end: bytes, swallowed: tuple[bytes, ...], at: Attacked) -> None:
-    """The line swallows the first stop; programs poll."""
+    """Lose the first stop on the line, while programs poll."""
     program, other = at.program(), at.program()
     at.begin()
     if begin:
@@ -127,7 +127,7 @@ def lost(begin: bytes, end: bytes, swallowed: tuple[bytes, ...], at: Attacked) -
 
 
 def pulse_is_over(end: bytes, at: Attacked) -> None:
-    """A motor's own pulse of three seconds, ended after half a second."""
+    """Start a motor's own pulse of three seconds, and stop it after half a second."""
     program = at.program()
     at.begin()
     program.tell(b":Mgn3000#")
@@ -138,7 +138,7 @@ def pulse_is_over(end: bytes, at: Attacked) -> None:
 
 
 def backlog(at: Attacked) -> None:
-    """A client writes a megabyte of arrows and is gone; eight seconds later another one stops."""
+    """One client sends a megabyte of direction keys and disconnects; eight seconds later another client stops."""
     flood, program = at.program(), at.program()
     at.begin()
     flood.link.setblocking(False)
@@ -170,11 +170,11 @@ STOPS = [
     Attack("clients that are gone", "1 MB of arrows waits, `:Q#` of another", (FORK, MEADE), backlog, SOON, FREE),
 ]  # fmt: skip
 
-# --- clients that are gone, cables that are out, positions that lie ---------------------------------------------------
+# --- clients that vanish, cables that are pulled out, positions that are wrong ----------------------------------------
 
 
 def dead_man(at: Attacked) -> None:
-    """The program is killed; another one of the same computer polls."""
+    """Kill the program while another one on the same computer polls."""
     program, other = at.program(), at.program()
     at.begin()
     other.poll(1.0)
@@ -186,7 +186,7 @@ def dead_man(at: Attacked) -> None:
 
 
 def cable(at: Attacked) -> None:
-    """It is out for four seconds during an arrow; what is begun anew by nobody is to stand still then."""
+    """Pull the cable out for four seconds during a manual motion: the mount must stand still afterwards."""
     program = at.program()
     at.begin()
     program.tell(b":RM#:Me#")
@@ -198,7 +198,7 @@ def cable(at: Attacked) -> None:
 
 
 def stuck(at: Attacked) -> None:
-    """The mount tells one position for ever, while an arrow goes down."""
+    """Freeze the position that the mount reports, then move down by direction key."""
     program = at.program()
     program.poll(2.0)
     at.begin()
@@ -212,7 +212,7 @@ GONE = [
            ("after the stop", None, 8.0), FREE),
     Attack("blind", "cable out for 4 s during an arrow: seconds in motion when it is back", (FORK, MEADE), cable,
            ("after the stop", None, 9.0), FREE),
-    # Nothing but time shows that the position is stuck: four seconds at a Meade's 8 degrees a second.
+    # Only time shows that the position is stuck: four seconds at a Meade's 8 degrees a second.
     Attack("blind", "a stuck position, arrow down, `lowest` 20", (FORK, MEADE), stuck, ("altitude", 45.0 - 32.0, None),
            ("--lowest", "20")),
 ]  # fmt: skip

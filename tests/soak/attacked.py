@@ -1,8 +1,8 @@
-"""A gateway under attack: real processes, a line that can be tampered with, and a judge that nobody can fool.
+"""A gateway under attack: real processes, a line that can be tampered with, and a judge that cannot be deceived.
 
-The simulated mount is of this tree and writes down what it truly does; the gateway is of the tree under test; between
-them stands a relay that swallows, freezes or cuts what passes. The gateway's computer has the simulated time, or any
-other. ``Attacked`` is one such stand: clients speak bytes, figures come from the truth alone.
+The simulated mount is of this checkout and records its true motion; the gateway is of the checkout under test. A relay
+between them loses, freezes or cuts what passes. The gateway's computer has the simulated time, or any other.
+``Attacked`` is one such set-up: clients send bytes, and the figures are computed from the truth alone.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ SITE = (45.0, 10.0)
 EVENING = "2026-01-15T22:00:00+00:00"
 NOON = "2026-06-21T11:00:00+00:00"
 PATIENCE = 30.0
-#: Seconds for which a stop is watched, at most; whoever still moves then is said to move so long.
+#: Seconds for which the mount is watched after a stop, at most; a mount that still moves then counts as this long.
 WATCHED = 20.0
-#: Starts a module of the current directory on a computer whose clock is ahead by the first argument.
+#: Runs the gateway of the current directory on a computer whose clock is ahead by the first argument.
 _AHEAD = ("import runpy, sys, time; real = time.time; ahead = float(sys.argv.pop(1)); "
           "time.time = lambda: real() + ahead; "
           "runpy.run_module('gateway', run_name='__main__', alter_sys=True)")  # fmt: skip
 
 
 class Relay:
-    """Stands between the gateway and the mount and passes everything on, except what it was told not to."""
+    """Passes everything between the gateway and the mount, except what it is ordered to lose or change."""
 
     def __init__(self, to: tuple[str, int]) -> None:
         self._to = to
@@ -54,15 +54,15 @@ class Relay:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def swallow(self, *begins: bytes, times: int = 1) -> None:
-        """Lose the next commands that begin so."""
+        """Lose the next commands with these beginnings."""
         self._swallowed, self._times = begins, times
 
     def freeze(self, *begins: bytes) -> None:
-        """From now on the first answer to each question that begins so is its answer for ever."""
+        """From now on, repeat the first reply to each request with one of these beginnings for ever."""
         self._frozen = begins
 
     def cut(self, seconds: float) -> None:
-        """Take the cable out, and put it in again."""
+        """Pull the cable out for this many seconds."""
         self._cut_until = time.monotonic() + seconds
         for link in self._links:
             with contextlib.suppress(OSError):
@@ -104,7 +104,7 @@ class Relay:
 
 
 class Program:
-    """A client: one TCP connection that speaks bytes."""
+    """A client: one TCP connection that sends bytes."""
 
     def __init__(self, where: tuple[str, int]) -> None:
         self.link = socket.create_connection(where, PATIENCE)
@@ -113,7 +113,7 @@ class Program:
         self.link.sendall(data)
 
     def ask(self, data: bytes, seconds: float = 2.0, until: bytes = b"#") -> bytes:
-        """Bytes in -> what is answered up to ``until``, or in so many seconds."""
+        """Send bytes and return the reply up to ``until``, or what arrives within this many seconds."""
         self.link.sendall(data)
         heard, end = b"", time.monotonic() + seconds
         while not heard.endswith(until) and (left := end - time.monotonic()) > 0:
@@ -129,7 +129,7 @@ class Program:
         return heard
 
     def poll(self, seconds: float, question: bytes = b":GR#", every: float = 0.5) -> None:
-        """Ask the same for a while, as every program does."""
+        """Repeat a request for a while, as every program does."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             with contextlib.suppress(OSError):
@@ -137,13 +137,13 @@ class Program:
             time.sleep(max(0.0, min(every, end - time.monotonic())))
 
     def reset(self) -> None:
-        """Go as a program does that is killed: the connection is reset."""
+        """Disconnect as when the program is killed: with a reset."""
         self.link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
         self.link.close()
 
 
 class Attacked:
-    """One mount, one gateway of ``tree`` in front of it."""
+    """One mount with one gateway of ``tree`` in front of it."""
 
     def __init__(
         self,
@@ -156,7 +156,7 @@ class Attacked:
         host: str = "",
         sim: tuple[str, ...] = (),
     ) -> None:
-        """``host`` is what the gateway's computer takes for the time, if not the true one."""
+        """``host`` is the time on the gateway's computer, if not the true one."""
         self.mount, self._started = mount, datetime.fromisoformat(start).timestamp()
         self._truth, self._said = place / "truth.jsonl", place / "said.txt"
         self._said.touch()
@@ -212,7 +212,7 @@ class Attacked:
         self.relay.close()
 
     def _run(self, tree: Path, ahead: float, *arguments: str) -> tuple[str, int]:
-        """Start a process -> where its ready line says that it serves."""
+        """Start a process and return the address in its ready line."""
         own = tree / ".venv" / "bin" / "python"
         python = str(own) if own.exists() else sys.executable
         with self._said.open("a") as said:
@@ -232,36 +232,36 @@ class Attacked:
                 return host, int(port)
         raise RuntimeError(f"{' '.join(arguments)} ended: {self._said.read_text().strip().rpartition(chr(10))[2]}")
 
-    # --- what an attack does ----------------------------------------------------------------------------------------
+    # --- actions of an attack -----------------------------------------------------------------------------------------
 
     def program(self) -> Program:
         return Program(self._surface)
 
     @property
     def now(self) -> float:
-        """The true time, Unix seconds."""
+        """Return the true time, Unix seconds."""
         rows = self._rows()
         return float(rows[-1]["t"]) if rows else self._started
 
     @property
     def here(self) -> dict[str, Any]:
-        """The truth of this moment."""
+        """Return the truth now."""
         return self._rows()[-1]
 
     def sky(self) -> Sky:
         return Sky(*SITE)
 
     def place(self, azimuth: float, altitude: float) -> tuple[float, float]:
-        """Right ascension and declination of a place over the true horizon."""
+        """Return right ascension and declination of a point above the true horizon."""
         hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, SITE[0])
         return wrap360(self.sky().sidereal(self.now) - hour_angle), dec
 
     def at_hour_angle(self, hour_angle: float) -> float:
-        """The right ascension that stands there now."""
+        """Return the right ascension that is now at this hour angle."""
         return wrap360(self.sky().sidereal(self.now) - hour_angle)
 
     def looks_highest(self, altitude: float, believed: Sky) -> tuple[float, float]:
-        """The place at a true altitude that stands highest for whoever believes another site and clock."""
+        """Return the point at a true altitude that would be highest at the other site and clock (``believed``)."""
 
         def looks(azimuth: int) -> float:
             ra, dec = self.place(azimuth, altitude)
@@ -274,15 +274,15 @@ class Attacked:
         return ra, dec - degrees
 
     def begin(self) -> None:
-        """The attack begins here: what was before does not count."""
+        """Mark the beginning of the attack: what was before does not count."""
         self._began = len(self._rows())
 
     def stopped(self) -> None:
-        """Somebody has just stopped everything."""
+        """Mark that a client has just stopped everything."""
         self._stopped = self.now
 
     def rests(self, seconds: float = WATCHED) -> None:
-        """Watch until nothing moves for a second, or so many seconds are over."""
+        """Wait until nothing has moved for a second, or for this many seconds."""
         end = time.monotonic() + seconds
         time.sleep(1.0)
         while time.monotonic() < end:
@@ -290,7 +290,7 @@ class Attacked:
             if not any(row["moving"] for row in self._rows()[-10:]):
                 return
 
-    # --- what it did ------------------------------------------------------------------------------------------------
+    # --- results ------------------------------------------------------------------------------------------------------
 
     def _rows(self) -> list[dict[str, Any]]:
         if not self._truth.exists():
@@ -299,23 +299,23 @@ class Attacked:
         return [json.loads(line) for line in whole.splitlines()]
 
     def equatorial(self, row: dict[str, Any]) -> tuple[float, float]:
-        """Where on the sky a moment of the truth points."""
+        """Return where the tube pointed on the sky, of one row of the truth."""
         dec = horizon_to_hour_angle(row["azimuth"], row["altitude"], SITE[0])[1]
         return wrap360(self.sky().sidereal(row["t"]) - row["hour_angle"]), dec
 
     def off(self, ra: float, dec: float) -> float:
-        """Degrees from a place on the sky at this moment."""
+        """Return the distance from a point on the sky now, degrees."""
         return separation(*self.equatorial(self.here), ra, dec)
 
     def drift(self, seconds: float = 12.0) -> float:
-        """Arcseconds a minute by which the tube drifts on the true sky from now on."""
+        """Measure the drift of the tube on the true sky from now on, arcseconds a minute."""
         first = self.here
         time.sleep(seconds)
         last = self.here
         return separation(*self.equatorial(first), *self.equatorial(last)) * 3600.0 * 60.0 / (last["t"] - first["t"])
 
     def figures(self) -> dict[str, float]:
-        """What the truth says of the attack: degrees, and seconds in motion after the stop."""
+        """Return what the truth says about the attack: degrees, and seconds in motion after the stop."""
         rows = self._rows()[self._began :]
         home = self.equatorial(rows[0])
         found = {

@@ -1,10 +1,10 @@
-"""What outsiders once did to a gateway, done again and judged by the simulated mount's true axes. Standalone.
+"""Repeats attacks that once were successful, and judges them by the simulated mount's true axes. Standalone.
 
     python -m tests.soak.attacks [--tree PATH] [--json out.json] [--at-once 6] [--only WORDS]
     python -m tests.soak.attacks --compare before.json after.json
 
-Real processes on loopback in real time: the mount is of this tree, the gateway of ``--tree``. Exit code 1 when a limit
-was passed or a stop was not kept. ``--compare`` prints a Markdown table of two such runs.
+Real processes on loopback in real time: the mount is of this checkout, the gateway of ``--tree``. Exit code 1 if a
+limit was passed or a stop did not hold. ``--compare`` prints a Markdown table of two such runs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Row = dict[str, Any]
 
 
 def once(attack: Attack, mount: str, tree: Path) -> Row:
-    """One attack on one mount -> its figures, and whether it was held."""
+    """Run one attack on one mount; return its figures, and whether the gateway withstood it."""
     figure, least, most = attack.judged
     row: Row = {"group": attack.group, "attack": attack.name, "mount": mount, "judged": figure, "least": least,
                 "most": most}  # fmt: skip
@@ -52,7 +52,7 @@ def once(attack: Attack, mount: str, tree: Path) -> Row:
                 time.sleep(attack.settled)
                 extra = attack.script(at) or {}
                 row["figures"] = {**at.figures(), **{name: round(value, 2) for name, value in extra.items()}}
-        except Exception as error:  # whatever it was, the others are tried all the same
+        except Exception as error:  # whatever it was, the other attacks are tried all the same
             return {**row, "figures": {}, "failed": f"{type(error).__name__}: {error}", "held": False}
     value = row["figures"][figure]
     row["held"] = (least is None or value >= least) and (most is None or value <= most)
@@ -60,14 +60,14 @@ def once(attack: Attack, mount: str, tree: Path) -> Row:
 
 
 def knows(tree: Path, option: str) -> bool:
-    """Whether the gateway of a tree has an option."""
+    """Whether the gateway of a checkout has an option."""
     return f'"{option}"' in "".join(file.read_text() for file in (tree / "gateway" / "cli").glob("*.py")) or any(
-        option.removeprefix("--") in file.read_text() for file in (tree / "gateway" / "config").glob("keys.py")
+        option.removeprefix("--") in file.read_text() for file in (tree / "gateway").glob("**/config/keys.py")
     )
 
 
 def told(row: Row | None) -> str:
-    """The judged figure of a run, struck where it is not allowed."""
+    """Return the judged figure of a run, in bold if it is not permitted."""
     if row is None:
         return "-"
     if "failed" in row:
@@ -82,7 +82,7 @@ def allowed(row: Row) -> str:
 
 
 def table(runs: list[dict[tuple[str, str, str], Row]], heads: list[str]) -> str:
-    """Markdown; what passed its limit is bold."""
+    """Return a Markdown table in which figures outside their range are bold."""
     keys = list(dict.fromkeys(key for run in runs for key in run))
     lines = [f"| attack | mount | figure | allowed | {' | '.join(heads)} |", f"|---|---|---|---|{'---|' * len(heads)}"]
     group = ""

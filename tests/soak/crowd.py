@@ -1,9 +1,9 @@
-"""Many programs that poll a gateway's LX200 and NexStar ports four times a second. Standalone, or by a proof.
+"""Many programs that poll a gateway's LX200 and NexStar ports four times a second. Standalone, and part of others.
 
     python -m tests.soak.crowd LX200_PORT NEXSTAR_PORT [--clients 200] [--seed 1]
 
-Every other one asks ``:GR#:GD#`` in one write, the others ``e``. A tenth of them is killed again and again: the
-connection is reset, half of the time with a question on its way, and opened anew. Runs until it is ended.
+Every second one sends ``:GR#:GD#`` in one write, the others ``e``. A tenth of them are killed again and again: the
+connection is reset, half of the time with a request on its way, and opened again. It runs until it is ended.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import NamedTuple
 RATE = 4.0
 PATIENCE = 5.0
 FRAGILE = 0.1
-#: The mean of the seconds a fragile client lives.
+#: The mean lifetime of a fragile client in seconds.
 LIFE = 5.0
 
 _LX200 = re.compile(rb"(\d\d):([0-5]\d):([0-5]\d)#([+-])(\d\d)[*\xdf]([0-5]\d)[:']([0-5]\d)#")
@@ -32,7 +32,7 @@ _NEXSTAR = re.compile(rb"([0-9A-F]{8}),([0-9A-F]{8})#")
 
 
 class Told(NamedTuple):
-    """Right ascension and declination in degrees, and half of one unit of the wire format of either."""
+    """Right ascension and declination in degrees, and half a unit of the wire format for each."""
 
     ra: float
     dec: float
@@ -41,7 +41,7 @@ class Told(NamedTuple):
 
 
 def lx200(reply: bytes) -> Told | None:
-    """The answers of ``:GR#`` and ``:GD#``; None for anything else."""
+    """Parse the replies to ``:GR#`` and ``:GD#``; None for anything else."""
     found = _LX200.fullmatch(reply)
     if found is None:
         return None
@@ -52,7 +52,7 @@ def lx200(reply: bytes) -> Told | None:
 
 
 def nexstar(reply: bytes) -> Told | None:
-    """The answer of ``e``; None for anything else."""
+    """Parse the reply to ``e``; None for anything else."""
     found = _NEXSTAR.fullmatch(reply)
     if found is None:
         return None
@@ -63,7 +63,7 @@ def nexstar(reply: bytes) -> Told | None:
 
 @dataclass
 class Outcome:
-    """What the crowd saw. ``wrong`` are replies in a wrong form or with a wrong place, the first few in words."""
+    """The results of the crowd. ``wrong`` counts replies of a wrong form or position; ``words`` describes the first."""
 
     answers: int = 0
     killed: int = 0
@@ -71,13 +71,13 @@ class Outcome:
     words: list[str] = field(default_factory=list)
 
     def reproach(self, text: str) -> None:
-        """Something was not as it should be."""
+        """Count an error."""
         self.wrong += 1
         if len(self.words) < 10:
             self.words.append(text)
 
 
-#: What was told, and the loop time at which it was asked for -> what is wrong with it (empty: nothing).
+#: A function of a received position and the loop time of its request, which says what is wrong (empty: nothing).
 Judge = Callable[[Told, float], str]
 
 
@@ -90,7 +90,7 @@ async def _client(
     judge: Judge,
     fragile: bool,
 ) -> None:
-    """One program, for ever."""
+    """Run one program for ever."""
     loop = asyncio.get_running_loop()
     began = loop.time()
     await asyncio.sleep(chance.uniform(0.0, 1.0 / RATE))
@@ -106,7 +106,7 @@ async def _client(
                 async with asyncio.timeout(PATIENCE):
                     for _ in range(question.count(b"#") or 1):
                         reply += await reader.readuntil(b"#")
-            except TimeoutError as error:  # or the system's own word for a connection that is no more
+            except TimeoutError as error:  # or the operating system's message about a broken connection
                 fault = str(error) or f"no more within {PATIENCE:g} s"
             except asyncio.IncompleteReadError:
                 fault = "the connection was closed"
@@ -124,7 +124,7 @@ async def _client(
 
 
 def _kill(writer: asyncio.StreamWriter, last: bytes) -> None:
-    """Reset the connection, perhaps with a question on its way."""
+    """Reset the connection, perhaps with a request on its way."""
     writer.write(last)
     writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     writer.transport.abort()
@@ -138,7 +138,7 @@ async def crowd(
     outcome: Outcome,
     judge: Judge = lambda told, asked: "",
 ) -> None:
-    """So many programs, until cancelled."""
+    """Run this many programs, until cancelled."""
     async with asyncio.TaskGroup() as group:
         for number in range(clients):
             own, fragile = random.Random(chance.random()), number < FRAGILE * clients

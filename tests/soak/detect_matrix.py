@@ -1,9 +1,9 @@
-"""Every simulated mount at every rate, on pseudo-terminals in real time: is it found, and how long does it take?
+"""Detects every simulated mount at every baud rate, on pseudo-terminals in real time, and measures how long it takes.
 
     python tests/soak/detect_matrix.py [--latency 0.1] [--at-once 8] [WORD ...]
 
-A line per mount and rate; exit code 1 when one was not found or took too long. With words, only mounts whose names hold
-one of them. Hand controls speak at 9600 baud and at no other rate, so that is where they are looked for.
+It prints a line per mount and rate; exit code 1 if one was not found or took too long. With words, it tries only
+mounts whose names contain one of them. Hand controls use 9600 baud only, so they are tried at no other rate.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from gateway.diagnostics.detect.scan_port import OTHERS, USUAL
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
 
-#: Seconds a port: where 9600 is right, and everywhere else.
+#: Seconds permitted per port: at 9600 baud, and at every other rate.
 AT_9600, ELSEWHERE = 5.0, 25.0
 
 
 class Case(NamedTuple):
-    """One simulated mount at one rate."""
+    """One simulated mount at one baud rate."""
 
     protocol: str
     model: str
@@ -40,7 +40,7 @@ class Case(NamedTuple):
 
 
 def cases() -> list[Case]:
-    """Every Meade at every rate, every hand control in every version it was sold with."""
+    """Return every Meade at every rate, and every hand control in every version it was sold with."""
     rates = sorted({USUAL, *OTHERS})
     found = [Case("lx200", model, None, rate) for model in load("lx200").models for rate in rates]
     for model, row in load("nexstar").models.items():
@@ -49,7 +49,7 @@ def cases() -> list[Case]:
 
 
 async def measure(case: Case, folder: Path, latency: float) -> bool:
-    """Look at one port and print what came of it -> whether all is well."""
+    """Detect the mount on one port, print the result, and return whether it was right and in time."""
     endpoint = Endpoint(case.protocol, "-", case.model, case.version)
     simulator: Any = make_simulator(endpoint, clock=time.time)
     path = folder / f"{case.protocol}-{case.model}-{case.version}-{case.rate}"
@@ -65,7 +65,7 @@ async def measure(case: Case, folder: Path, latency: float) -> bool:
 
 
 async def main() -> int:
-    """-> the exit code."""
+    """Run all cases and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--latency", type=float, default=0.1, help="seconds that a mount takes to answer")
     parser.add_argument("--at-once", type=int, default=8, help="ports looked at at the same time")

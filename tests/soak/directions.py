@@ -1,8 +1,8 @@
-"""Which way it goes: every arrow and every guide pulse, at every rate, on every build, as motion on the sky.
+"""Checks every direction key and every guide pulse, at every rate, on every build, by the motion on the sky.
 
-An LX200 program drives Celestron mounts, a NexStar program Meades. Judged by the truth of the simulated mount: what the
-tube, or an axis, does beyond what tracking would have done meanwhile. Each motion must be of the right sense, within
-15 % of the rate that is in the tables for that mount, and turn the other axis by no more than that.
+An LX200 program moves Celestron mounts, a NexStar program Meades. The measure is the simulated mount's truth: the
+motion of the tube, or of an axis, beyond what tracking would have done meanwhile. Each motion must have the right sign,
+be within 15 % of the rate in that mount's tables, and turn the other axis by no more than that.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ Pair = tuple[float, float]
 
 NORTH, SOUTH = (45.0, 10.0), (-34.0, 18.5)
 TOLERANCE = 0.15
-#: What two readings of the truth may differ by: degrees.
+#: The difference that two readings of the truth may have: degrees.
 NOISE = 0.3 / 3600.0
-#: Seconds until an arrow has its speed, for how long it is then measured, and for how long at guide rate.
+#: Seconds until a motion is at full speed, for how long it is then measured, and for how long at guide rate.
 BEFORE, MEASURED, SLOWLY = 1.6, 1.0, 4.0
 PULSES_MS = (300, 2500)
-#: Hour angle of the goal: a German mount goes there with its tube on the other side of the pier.
+#: Hour angle of the target, which decides on which side of the pier the tube of a German mount is.
 PLACES = {"fork": 30.0, "german east": 35.0, "german west": -35.0, "alt-az": -35.0}
-#: Axis and sense of an LX200 direction.
+#: Axis and sign of an LX200 direction.
 LETTERS = {"n": (2, 1), "s": (2, -1), "e": (1, -1), "w": (1, 1)}
 
 
 class Scenario(NamedTuple):
-    """One mount on one side of its pier; ``guide``: what a pulse's direction is to mean."""
+    """One mount on one side of its pier; ``guide``: whether pulses refer to motor or sky directions."""
 
     program: str
     mount: str
@@ -51,7 +51,7 @@ class Scenario(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One motion: degrees asked for, degrees seen along and across."""
+    """One motion: degrees requested, and degrees measured along and across."""
 
     scenario: Scenario
     what: str
@@ -91,7 +91,7 @@ MEADES: tuple[tuple[str, str], ...] = (
 
 
 def scenarios() -> Iterator[Scenario]:
-    """All of them."""
+    """Yield all scenarios."""
     for (mount, version, build), site, guide in product(NEXSTARS, (NORTH, SOUTH), ("motor", "sky")):
         yield Scenario("lx200", mount, version, build, site, guide)
     for (mount, build), site in product(MEADES, (NORTH, SOUTH)):
@@ -101,7 +101,7 @@ def scenarios() -> Iterator[Scenario]:
 def _bridge(case: Scenario) -> Bridge:
     config: dict[str, Any] = {"lowest": -90.0, "sun": 0.0, "guide_directions": case.guide}
     if case.program == "lx200":
-        if case.version == "2.2":  # it can tell neither its site nor how it tracks
+        if case.version == "2.2":  # it can report neither its site nor how it tracks
             config |= {"site": case.site, "mode": "alt-az"}
         return Bridge(case.mount, case.version, site=case.site, config=config, surface="lx200gps")
     bridge = Bridge(case.mount, driven="lx200", presented="nexstar", surface="cge", site=case.site, config=config)
@@ -113,17 +113,17 @@ def _bridge(case: Scenario) -> Bridge:
     return bridge
 
 
-# --- what is seen -------------------------------------------------------------------------------------------------
+# --- measuring ----------------------------------------------------------------------------------------------------
 
 
 def on_the_sky(before: Truth, after: Truth, site: Pair) -> Pair:
-    """Degrees of hour angle and declination beyond tracking: west and north are positive."""
+    """Return degrees of hour angle and declination beyond tracking: west and north are positive."""
     first, second = (horizon_to_hour_angle(one.azimuth, one.altitude, site[0]) for one in (before, after))
     return wrap180(second[0] - first[0] - SIDEREAL_RATE * (after.t - before.t)), second[1] - first[1]
 
 
 def on_the_axes(before: Truth, after: Truth, site: Pair, altaz: bool) -> Pair:
-    """Degrees of both axes beyond tracking, as they count."""
+    """Return degrees of both axes beyond tracking, in their own sense of counting."""
     passed = SIDEREAL_RATE * (after.t - before.t)
     if altaz:
         hour_angle, dec = horizon_to_hour_angle(before.azimuth, before.altitude, site[0])
@@ -137,7 +137,7 @@ def on_the_axes(before: Truth, after: Truth, site: Pair, altaz: bool) -> Pair:
 
 
 async def _stand(bridge: Bridge, case: Scenario) -> None:
-    """A goto to the middle of the sky, as the build is to stand."""
+    """Go to the middle of the sky, on the side of the pier that the build demands."""
     if case.program == "lx200" and case.build == "fork":
         bridge.sim.feed(b"T\x02" if case.site[0] > 0 else b"T\x03")
     await asyncio.sleep(10.0)
@@ -150,7 +150,7 @@ async def _stand(bridge: Bridge, case: Scenario) -> None:
 async def _seen(
     bridge: Bridge, begin: Callable[[], None], end: Callable[[], None], seconds: float
 ) -> tuple[Truth, Truth]:
-    """An arrow between two moments at which it has its speed."""
+    """Measure a manual motion between two moments at which it is at full speed."""
     begin()
     await asyncio.sleep(BEFORE)
     before = truth_of(bridge.sim)
@@ -162,11 +162,11 @@ async def _seen(
 
 
 def _lx200_measure(case: Scenario, arrow: bool, before: Truth, after: Truth) -> Pair:
-    """Arrows mean the sky on an equatorial mount and the axes on an alt-az one; pulses as the owner says."""
+    """Direction keys mean the sky on an equatorial mount and the axes on an alt-az one; pulses as configured."""
     altaz = case.build == "alt-az"
     if altaz if arrow else case.guide == "motor" and case.build != "fork":
         first, second = on_the_axes(before, after, case.site, altaz)
-        return (first if altaz or case.site[0] > 0 else -first), second  # the first motor turns as the sky in the south
+        return (first if altaz or case.site[0] > 0 else -first), second  # in the south motor 1 turns with the sky
     return on_the_sky(before, after, case.site)
 
 
@@ -217,7 +217,7 @@ async def _pulse(bridge: Bridge, begin: Callable[[], None]) -> tuple[Truth, Trut
 
 
 async def _nexstar(bridge: Bridge, case: Scenario) -> list[Row]:
-    """Motor sense, always: it is judged by the axes."""
+    """NexStar commands always mean motor directions, so the axes are measured."""
     client, rows, altaz = bridge.client(), [], case.build == "alt-az"
 
     def tell(*data: int) -> Callable[[], None]:
@@ -272,12 +272,12 @@ async def _play(case: Scenario) -> list[Row]:
 
 
 def play(case: Scenario) -> list[Row]:
-    """All motions of one scenario, on virtual time."""
+    """Run all motions of one scenario, on virtual time."""
     return run(_play(case))
 
 
 def _line(rows: list[Row]) -> str:
-    """One scenario and rate as a line: what each direction did of what was asked of it, and the worst across."""
+    """Return one scenario and rate as a line: measured over requested for each direction, and the largest across."""
     case, what = rows[0].scenario, rows[0].what
     parts = "  ".join(f"{row.direction} {row.seen / row.asked:+.3f}{'' if row.right else '!'}" for row in rows)
     across = max(abs(row.across / row.asked) for row in rows)

@@ -1,4 +1,4 @@
-"""Every driven model and version times every operation; the tables are those of the test of that name.
+"""Performs every operation on every driven model and version; the expectations are those of the test of that name.
 
 python -m tests.soak.driven_models
 """
@@ -13,7 +13,7 @@ from tests.support.virtual import run
 
 
 def main() -> int:
-    """0 when everything is as the tables say, else 1."""
+    """Return 0 if everything is as the tables say, else 1."""
     differ = count = 0
     mounts = [("lx200", model, None, row) for model, row in MEADE.items()]
     mounts += [("nexstar", model, version, row) for model, rows in NEXSTAR.items() for version, row in rows.items()]

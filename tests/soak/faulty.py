@@ -1,8 +1,8 @@
-"""A line that does everything a line can do wrong, as a seed tells it, and remembers whose every byte is.
+"""A line with every fault a line can have, drawn from a seed, which keeps track of what every byte belongs to.
 
-Behind it is a simulated mount. ``Kind`` lists the faults; each is done to an exchange as it passes. Every byte that is
-delivered carries the number of the exchange it belongs to, so whoever follows the transcript sees whose bytes an answer
-was made of.
+Behind it is a simulated mount. ``Kind`` lists the faults; each affects one exchange. Every byte delivered carries the
+number of its exchange, so that `follow`, which reads the wire log, knows to which exchanges the bytes of a reply
+belonged.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gateway.transport.wires import OnData, OnLost
 
 
 class Kind(Enum):
-    """What can happen to an exchange."""
+    """A fault of an exchange."""
 
     LATE = "late, everything behind it waits"
     OVERTAKEN = "late, overtaken by later answers"
@@ -36,11 +36,11 @@ class Kind(Enum):
     REBOOT = "mount switched off and on"
 
 
-#: Those that leave no value of an answer changed.
+#: Faults that leave no reply with a valid form and a changed value.
 BREAKING = tuple(kind for kind in Kind if kind is not Kind.ALTERED)
-#: Those that take so long that they are drawn more rarely than the others.
+#: Faults that take so long that they are drawn more rarely than the others.
 RARE = {Kind.VANISHED: 0.1, Kind.HALF: 0.1, Kind.MUTE: 0.03, Kind.REBOOT: 0.01}
-#: Seconds that an answer may be late when others overtake it: as late as is ever believed.
+#: Seconds that a reply may be late if others overtake it: the longest delay with which a reply is still accepted.
 LATE = 5.3
 WIRE = 0.001  # seconds a byte takes, 9600 baud
 _HEX = b"0123456789ABCDEF"
@@ -49,7 +49,7 @@ NOISE = -1
 
 
 class FaultyWire:
-    """``feed`` is the mount's ear, ``reboot`` switches it off and on, ``rate`` is the share of exchanges disturbed."""
+    """``feed`` takes the mount's input, ``reboot`` power-cycles it, ``rate`` is the fraction of exchanges disturbed."""
 
     name = "a bad line"
 
@@ -73,15 +73,15 @@ class FaultyWire:
         self.exchanges = 0
         self.faults: dict[Kind, int] = dict.fromkeys(kinds, 0)
         self._requests: list[bytes] = [b""]
-        self.strange: bytes | None = None  # bytes of another exchange that were taken for an answer to the last one
+        self.strange: bytes | None = None  # bytes of another exchange that were taken as the reply to the last one
         self._kind_of: dict[int, Kind] = {}
         self._since: tuple[float, Kind] | None = None
         self.sane_after: dict[Kind, list[float]] = {kind: [] for kind in kinds}
         self.last_fault = -1e9
         self.of_another = False  # and not of the same command, sent before
-        self.proving = False  # what is taken then is told to nobody
+        self.proving = False  # replies taken meanwhile are given to no client
 
-    # --- as a wire ----------------------------------------------------------------------------------------------------
+    # --- as a transport -----------------------------------------------------------------------------------------------
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         if self._now() < self._gone_until:
@@ -121,7 +121,7 @@ class FaultyWire:
             return
         self._answer(number, self._feed(data), kind)
 
-    # --- what it does to an answer ------------------------------------------------------------------------------------
+    # --- faults of a reply --------------------------------------------------------------------------------------------
 
     def _answer(self, number: int, answer: bytes, kind: Kind | None) -> None:
         draw, now = self._random, self._now()
@@ -155,17 +155,17 @@ class FaultyWire:
             self._free += 0.02 + WIRE * len(answer)
 
     def _broken(self, answer: bytes) -> bytes:
-        """One byte that has no place there: the terminator, or a digit where digits must be."""
+        """Replace one byte by one that cannot be there: the terminator, or a digit where there must be a digit."""
         place = len(answer) - 1
         digits = [n for n, byte in enumerate(answer) if byte in _HEX]
         if (self._text or len(answer) >= 10) and digits and self._random.random() < 0.7:
             place = self._random.choice(digits)
             if not self._text and place in (6, 7, 15, 16):
-                place = 0  # the last two digits of an angle count for nothing
+                place = 0  # the last two digits of an angle have no meaning
         return answer[:place] + self._random.choice([b"\xff", b"z", b"\x00", b"?"]) + answer[place + 1 :]
 
     def _altered(self, answer: bytes) -> bytes:
-        """One character for another of its class; in a binary answer one byte for any other."""
+        """Replace one character by another of its class; in a binary reply one byte by any other."""
         if self._text or (len(answer) >= 10 and b"," in answer):
             classes = [_DIGITS if self._text else _HEX, b"ABCDEFGHIJKLMNOPQRSTUVWXYZ"]
             places = [(n, c) for n, byte in enumerate(answer) for c in classes[: 2 if self._text else 1] if byte in c]
@@ -199,7 +199,7 @@ class FaultyWire:
     # --- whose bytes were taken ---------------------------------------------------------------------------------------
 
     def follow(self, entry: Entry) -> None:
-        """A sink for the line's transcript: every byte leaves the buffer here, taken for an answer or dropped."""
+        """Follow the wire log as a sink: every byte leaves the buffer here, taken for a reply or discarded."""
         if entry.side != "mount" or entry.arrow != "<":
             return
         owners = {self._whose.popleft() for _ in entry.data}
@@ -214,5 +214,5 @@ class FaultyWire:
             self._since = None
 
     def tail(self) -> dict[str, Any]:
-        """What a run is remembered by: enough to tell two of them apart."""
+        """Return what is needed to tell two runs apart."""
         return {"exchanges": self.exchanges, "faults": {kind.name: count for kind, count in self.faults.items()}}

@@ -1,6 +1,6 @@
-"""What is thrown at the gateway: bytes without sense, real conversations with errors in them, commands at their limits.
+"""Input for fuzzing: random bytes, real conversations with errors in them, and commands at their limits.
 
-Every function takes the random generator it is to use, so that a seed repeats a run.
+Every function takes the random generator to use, so that a seed repeats a run.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from tests.support.manual_files import raw, rows
 from tests.support.transcript_files import files, read
 
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
-#: What stands between the digits of a field, as programs write it and as none does.
+#: Separators between the digits of a field, as programs write them and as none does.
 _SEPARATORS = ["*", ":", "\xdf", "'", " ", ".", "", "/", "-", "\xc2\xb0"]
 _DIGITS = "0123456789"
 _FLAWS = ("drop", "flip", "insert", "swap", "cut", "repeat")
@@ -23,7 +23,7 @@ KINDS = ("noise", "mutated", "limits")
 
 @lru_cache
 def conversations(protocol: str) -> list[bytes]:
-    """Every packet that the transcripts and the manual's own tables know, in order."""
+    """Return every packet of the transcripts and of the manual's own tables, in order."""
     packets = [
         line.data for path in files(f"{protocol}-*.txt") for line in read(path).lines if line.mark == ">" and line.data
     ]
@@ -35,14 +35,14 @@ def conversations(protocol: str) -> list[bytes]:
 
 
 def noise(rng: Random, size: int) -> bytes:
-    """Bytes without sense; one time in eight only those that begin, fill or end commands."""
+    """Return random bytes; one time in eight only bytes that begin, fill or end commands."""
     if rng.random() < 0.875:
         return rng.randbytes(size)
     return bytes(rng.choices(b":#\x06$QGSMRDrdPEeZzWHTtKwhL0123456789+-*.,\x00\x10\x11\x24\xff", k=size))
 
 
 def flawed(rng: Random, data: bytes) -> bytes:
-    """The same bytes with up to three errors of a line or of a programmer."""
+    """Return the bytes with up to three errors as a line or a programmer makes them."""
     spoilt = bytearray(data)
     for _ in range(rng.randrange(4)):
         at = rng.randrange(len(spoilt) + 1)
@@ -63,7 +63,7 @@ def flawed(rng: Random, data: bytes) -> bytes:
 
 
 def mutated(rng: Random, protocol: str, size: int) -> bytes:
-    """Stretches of real conversations with errors in them."""
+    """Return stretches of real conversations with errors in them."""
     packets, data = conversations(protocol), b""
     while len(data) < size:
         first = rng.randrange(len(packets))
@@ -73,7 +73,7 @@ def mutated(rng: Random, protocol: str, size: int) -> bytes:
 
 
 def limits(rng: Random, protocol: str, size: int) -> bytes:
-    """Commands that there are, with arguments at and beyond the limits of their fields."""
+    """Return existing commands, with arguments at and beyond the limits of their fields."""
     rowes, data = list(load(protocol).commands.values()), b""
     while len(data) < size:
         data += _filled(rng, rng.choice(rng.choice(rowes).requests).source)
@@ -81,15 +81,15 @@ def limits(rng: Random, protocol: str, size: int) -> bytes:
 
 
 def _filled(rng: Random, source: str | list[str | int]) -> bytes:
-    """A request's picture with something in its fields."""
+    """Fill the fields of a request's template."""
     if isinstance(source, list):
         return b"".join(bytes((piece,)) if isinstance(piece, int) else _filled(rng, piece) for piece in source)
-    pieces = _FIELD.split(source)  # what lies between fields, then the form of one, and so on
+    pieces = _FIELD.split(source)  # text between fields alternates with the form of a field
     return b"".join(_argument(rng, piece) if n % 2 else piece.encode("latin-1") for n, piece in enumerate(pieces))
 
 
 def _argument(rng: Random, form: str) -> bytes:
-    """Something to stand in a field of that form."""
+    """Return an argument for a field of that form."""
     binary = {"u8": 1, "s8": 1, "char": 1, "u16": 2, "u24": 3, "rev24": 3, "srev24": 3, "u32": 4, "latitude": 4,
               "longitude": 4}.get(form)  # fmt: skip
     if binary:
@@ -112,7 +112,7 @@ def _argument(rng: Random, form: str) -> bytes:
 
 
 def _number(rng: Random, letters: str) -> str:
-    """Digits for a run of letters; a small s is a sign."""
+    """Return digits for a run of letters; a small s is a sign."""
     sign = rng.choice(["+", "-", "", " "]) if letters[0] == "s" else ""
     width = len(letters.lstrip("s")) or 1
     width += rng.choice([0, 0, 0, 0, 1, -1, rng.randrange(30)])
@@ -122,14 +122,14 @@ def _number(rng: Random, letters: str) -> str:
 
 
 def thrown(rng: Random, kind: str, protocol: str, size: int) -> bytes:
-    """About so many bytes of that kind."""
+    """Return about this many bytes of that kind."""
     if kind == "noise":
         return noise(rng, size)
     return mutated(rng, protocol, size) if kind == "mutated" else limits(rng, protocol, size)
 
 
 def packets(rng: Random, data: bytes) -> list[bytes]:
-    """The bytes cut at random places, as a wire does."""
+    """Cut the bytes at random places, as a line does."""
     longest, found, at = rng.choice([1, 8, 64, 300, 300, 300]), [], 0
     while at < len(data):
         size = rng.randint(1, longest)

@@ -3,8 +3,8 @@
     python -m tests.soak.fuzz_coverage TARGET [libFuzzer's options, such as -max_total_time=600 -seed=1, and a corpus]
 
 TARGET is lx200-framing, nexstar-framing, lx200-parsing or nexstar-parsing. Framing must not depend on how the bytes
-were cut into packets; parsing takes client bytes through the surface to its replies, and mount bytes through the
-dialogue to its fields. Begins with the conversations in ``tests``; without a corpus directory nothing is kept.
+were cut into packets; parsing takes client bytes through the surface to its replies, and mount bytes through the reply
+rules to their fields. It begins with the conversations in ``tests``; without a corpus directory it saves nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import atheris
 
 from gateway.protocols.base.session import MountSettings
 
-atheris.enabled_hooks.add("str")  # "RegEx" does not go with compiled modules such as tomli
+atheris.enabled_hooks.add("str")  # "RegEx" does not work with compiled modules such as tomli
 with atheris.instrument_imports(include=["gateway"]):
     from gateway.core.errors import Fault
     from gateway.protocols.base.driver import Send
@@ -42,13 +42,13 @@ _REPLY_RULES: dict[str, Any] = {"lx200": Lx200ReplyRules(), "nexstar": NexStarRe
 
 
 def _pieces(data: bytes) -> list[bytes]:
-    """The bytes behind the first one, cut where that one says."""
+    """Cut the bytes after the first one into pieces of the size that the first one gives."""
     size = 1 + data[0] % 16
     return [data[at : at + size] for at in range(1, len(data), size)]
 
 
 def lx200_framing(data: bytes) -> None:
-    """Frames are whole commands, the same ones however the bytes came."""
+    """Frames must be whole commands, and the same ones for every way to cut the bytes."""
     if not data:
         return
     whole, cut = Framer(), Framer()
@@ -64,7 +64,7 @@ def lx200_framing(data: bytes) -> None:
 
 
 def nexstar_framing(data: bytes) -> None:
-    """Frames are as long as their first byte says, the same ones however the bytes came."""
+    """Frames must be as long as their first byte says, and the same ones for every way to cut the bytes."""
     if not data:
         return
     whole, cut = Lengths(), Lengths()
@@ -75,7 +75,7 @@ def nexstar_framing(data: bytes) -> None:
 
 
 def _parsing(protocol: str) -> Target:
-    """Half of the inputs are what a client sends, the others what a mount answers."""
+    """Take half of the inputs as bytes from a client, the others as replies from a mount."""
     faces = [Talk(model=model, protocol=protocol) for model in _MODELS[protocol]]
     commands = list(PROTOCOLS[protocol].commands)
     reply_rules = _REPLY_RULES[protocol]
@@ -84,7 +84,7 @@ def _parsing(protocol: str) -> Target:
         try:
             taken = reply_rules.take(ask, buffer)
         except ValueError:
-            return  # the line calls this a garbled answer
+            return  # the link calls this a garbled reply
         if taken is not None:
             outcome, length = taken
             assert isinstance(outcome, Fault | dict)
@@ -108,7 +108,7 @@ def _parsing(protocol: str) -> Target:
             verdict = of_reply(PROTOCOLS[protocol], frame, reply) if reply else ""
             assert not verdict, (frame, verdict)
             talk.session.last = frame
-        with suppress(Fault):  # the client's transcript is told
+        with suppress(Fault):  # the client's wire log reports it
             talk.wait(3.0)
 
     return parse

@@ -1,11 +1,11 @@
-"""Spoilt replies into both drivers, through line, driver and hub, on virtual time. Standalone.
+"""Corrupted replies into both drivers, through link, driver and controller, on virtual time. Standalone.
 
     python -m tests.soak.fuzz_drivers [--seed 1] [--bytes 2000000] [--seconds 900] [--only nexstar]
 
-A simulated mount answers every request, and its answers are spoilt on their way: changed, cut, repeated, replaced by
-noise, by NAKs, by text without end, delayed, or not delivered; meanwhile operations of every kind are asked for, with
-values at their limits, several at a time. Every one must end, with a value of its own kind and range or with a Fault;
-nothing may grow; and once the answers are true again the mount must be heard again. Exit code 1 after a finding.
+A simulated mount replies to every request, and its replies are corrupted: changed, cut, repeated, replaced by noise,
+by NAKs, by endless text, delayed, or lost; meanwhile operations of every kind are performed, with values at their
+limits, several at a time. Every one must end, with a value of its own type and range or with a Fault; nothing may grow;
+and once the replies are right again the gateway must understand the mount again. Exit code 1 after a finding.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from tests.soak.fuzz_forms import PROTOCOLS, of_request
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
-#: Virtual seconds: within these an operation must have ended, and a mount that answers again must be heard again.
+#: Virtual seconds: the limit for an operation to end, and for the gateway to recover once the replies are right again.
 LONGEST, RECOVERED = 900.0, 90.0
-#: Reply bytes that one gateway is told.
+#: Reply bytes sent to one gateway.
 SLICE = 20_000
 MANNERS = ("true", "flawed", "noise", "nak", "endless", "length", "silent", "late", "unasked", "hash", "foreign")
 
 
 class Liar:
-    """A wire to a simulated mount that spoils the answers. ``manner`` says how; None means a new one every time."""
+    """A transport to a simulated mount that corrupts replies. ``manner`` says how; None draws one for every reply."""
 
     name = "liar"
 
@@ -56,7 +56,7 @@ class Liar:
         self._on_data = on_data
 
     def write(self, data: bytes) -> None:
-        """Answer a request in this manner."""
+        """Reply to a request in this manner."""
         try:
             answer = self.feed(data)
         except Exception as error:
@@ -103,7 +103,7 @@ class Liar:
         self._on_data = lambda data: None
 
 
-# --- operations, and what may become of them --------------------------------------------------------------------------
+# --- operations, and how they may end ---------------------------------------------------------------------------------
 
 _FIELDS: dict[str, list[Any]] = {
     "ra": [0.0, 359.9999999, 180.0, 12.3, 83.6], "dec": [90.0, -90.0, 0.0, 89.9999, 22.0, -33.3],
@@ -118,13 +118,13 @@ _FIELDS: dict[str, list[Any]] = {
 }  # fmt: skip
 _RATES = [op.Rate(name="guide"), op.Rate(name="max"), op.Rate(key=1), op.Rate(key=9), op.Rate(degrees=0.0001),
           op.Rate(degrees=2.0), op.Rate(degrees=99.0), op.Rate(name="max", degrees=4.0)]  # fmt: skip
-#: Those for a mount's own kind need a command of its protocol.
+#: Operations for a mount of the surface's own protocol, which need a command of it.
 FOR_ITS_KIND = (op.PassThrough, op.Own, op.Choose)
 KINDS = [kind for name in sorted(vars(op)) if (kind := op.named(name)) and kind not in FOR_ITS_KIND]
 
 
 def any_operation(rng: Random) -> op.Operation:
-    """One of all kinds, its fields at limits; half of the time a read."""
+    """Return an operation of any kind, with fields at their limits; half of the time a read."""
     reads = [kind for kind in KINDS if issubclass(kind, op.Read)]
     kind = rng.choice(reads if rng.random() < 0.5 else KINDS)
     fields: dict[str, Any] = {}
@@ -182,7 +182,7 @@ _RIGHT: dict[type[op.Operation], Callable[[Any], bool]] = {
 
 
 class Findings:
-    """What should not be, counted; the first of a kind with its circumstances."""
+    """Counts of what must not happen; prints the first of each kind with its circumstances."""
 
     def __init__(self) -> None:
         self.found: Counter[str] = Counter()
@@ -197,7 +197,7 @@ class Findings:
 
 
 async def ask(bridge: Bridge, operation: op.Operation, findings: Findings, label: str) -> None:
-    """Carry an operation out, and judge how it ends."""
+    """Perform an operation, and judge how it ends."""
     loop, kind = asyncio.get_running_loop(), type(operation)
     began = loop.time()
     try:
@@ -219,7 +219,7 @@ async def ask(bridge: Bridge, operation: op.Operation, findings: Findings, label
 
 
 async def lie(driven: str, mount: str, rng: Random, size: int, findings: Findings) -> int:
-    """So many reply bytes into one gateway -> how many it were."""
+    """Send this many reply bytes to one gateway; return how many there were."""
     label = f"{driven}:{mount}"
     asyncio.get_running_loop().set_exception_handler(
         lambda _, context: findings.say(f"{driven}: left over: {context.get('exception') or context['message']!r}",
@@ -238,7 +238,7 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
         findings.ended["never identified"] += 1
     liar.manner = None
     loop = asyncio.get_running_loop()
-    end = loop.time() + size  # a mount that is spoken to tells more than a byte a second
+    end = loop.time() + size  # a gateway that polls receives more than a byte a second
     while liar.told < size:
         if loop.time() > end:
             findings.say(f"{driven}: not spoken to any more", f"{label}: line {bridge.controller.line.state}")
@@ -249,7 +249,7 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
         await asyncio.sleep(rng.choice([0.0, 0.3, 5.0]))
         _weigh(bridge, findings, driven)
     liar.manner = "true"
-    bridge.sim.asleep = False  # somebody has pressed a key
+    bridge.sim.asleep = False  # as if a person had pressed a key
     for broken in liar.broken:
         findings.say(f"{driven}: {broken.partition(':')[2]}", broken)
     await _recover(bridge, findings, label)
@@ -258,7 +258,7 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
 
 
 async def _recover(bridge: Bridge, findings: Findings, label: str) -> None:
-    """The mount answers truly again: it must be heard again."""
+    """Check that the gateway understands the mount again now that its replies are right."""
     try:
         async with asyncio.timeout(RECOVERED):
             while True:
@@ -274,7 +274,7 @@ async def _recover(bridge: Bridge, findings: Findings, label: str) -> None:
 
 
 def _hear(entry: Entry, driven: str, findings: Findings) -> None:
-    """A transcript's sink."""
+    """Check what the wire log says; used as its sink."""
     if entry.arrow == "!" and "internal error" in entry.note:
         findings.say(f"{driven}: {entry.note}")
     if entry.side == "mount" and entry.arrow == ">":
@@ -284,7 +284,7 @@ def _hear(entry: Entry, driven: str, findings: Findings) -> None:
 
 
 def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
-    """What may grow has not."""
+    """Check that nothing has grown that may not grow."""
     controller, driver = bridge.controller, bridge.driver
     held = sum(len(value) for value in vars(driver).values() if isinstance(value, dict | list | set | str | bytes))
     for what, size, most in (
@@ -298,14 +298,14 @@ def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
 
 
 def mounts() -> list[tuple[str, str]]:
-    """Every kind of mount that is driven, of either protocol by turns."""
+    """Return every kind of mount that can be driven, alternating between the protocols."""
     meades = [("lx200", model) for model in load("lx200").models]
     hands = [("nexstar", model) for model in load("nexstar").models]
     return [pair for n, hand in enumerate(hands) for pair in (meades[n % len(meades)], hand)]
 
 
 def main() -> int:
-    """Lie, print figures -> exit code."""
+    """Run all of it, print the figures and return the exit code."""
     parser = argparse.ArgumentParser(description="Answer both drivers with spoilt replies.")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--bytes", type=int, default=2_000_000, help="in all")

@@ -1,7 +1,7 @@
-"""Judging bytes: is this a reply that the command may have, is this a request that the protocol has?
+"""Judges bytes: is this a reply that the command may have, is this a request that the protocol has?
 
-Replies are measured by the pictures of ``commands.toml`` and, on LX200, also by the shapes that were typed from the
-manual and know nothing of the product. A verdict is a sentence; the empty one means that all is well.
+Replies are checked against the templates of ``commands.toml`` and, on LX200, also against the shapes that were typed
+from the manual, which are independent of the product. A verdict is a sentence; an empty one means that all is well.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from tests.support.manual_files import fits, rows
 
-#: What LX200 replies are made of: printable ASCII, the bar of :D#, the degree sign.
+#: Bytes of LX200 replies: printable ASCII, the bar of :D#, the degree sign.
 _LX200_BYTES = re.compile(rb"[\x20-\x7f\xdf]*")
 _LX200_REQUEST = re.compile(rb"\x06|[:$][\x20-\x22\x24-\x7e\xdf]+#")
-#: NexStar settings are acknowledged even where they do nothing.
+#: NexStar settings are acknowledged even if they have no effect.
 _ACKNOWLEDGED = b"RrBbSsTWHI"
-#: What a StarSense of version 1.20 says behind the tracking mode: its version.
+#: What a StarSense of version 1.20 sends after the tracking mode: its version.
 _LONG_MODE = b"\x01\x14#"
-#: What the manual's file leaves out, which has one state and one answer: a sync refused, the target in low precision.
-#: And what the manual has no word for: a baud rate that there is not.
+#: Shapes that the manual's file leaves out, which has one reply for one state: a refused sync, the target in low
+#: precision. And one that the manual does not mention: the refusal of an unknown baud rate.
 _LX200_ALSO = {"SB": "0", "CM": "#", "Gr": "[0-2][0-9]:[0-5][0-9](:[0-5][0-9]|\\.[0-9])#"}
 
 
 def _shapes() -> dict[str, list[str]]:
-    """LX200 command -> the shapes of its replies, by hand."""
+    """Return LX200 command -> the shapes of its replies, typed by hand."""
     shapes: dict[str, list[str]] = defaultdict(list)
     for file in ("lx200_forms.txt", "lx200_beyond.txt"):
         for name, _, _, shape in rows(file):
@@ -47,7 +47,7 @@ def _decodes(picture: FrameTemplate, data: bytes) -> bool:
 
 
 def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
-    """What is wrong with a reply to this command."""
+    """Return what is wrong with a reply to this command; empty if nothing is."""
     if isinstance(frame, Unterminated):
         forms = protocol.commands[frame.names[0]].replies if frame.names[0] else []
         refusals = [] if frame.late else [form.wire for form, _ in forms if form.fault]
@@ -76,9 +76,9 @@ def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
 
 
 def of_request(protocol: CommandSet, data: bytes) -> str:
-    """What is wrong with a request to a mount: it must be one whole command of the protocol, in range."""
+    """Return what is wrong with a request to a mount: it must be one whole command of the protocol, in range."""
     if protocol.name == "lx200" and data == b"#":
-        return ""  # ends what an earlier write may have left half
+        return ""  # ends a command that an earlier write may have left incomplete
     found = protocol.find(data)
     if found is None or not any(_decodes(picture, data) for picture in found[0].requests):
         return f"the mount was sent {data!r}"

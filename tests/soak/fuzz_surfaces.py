@@ -3,9 +3,9 @@
     python -m tests.soak.fuzz_surfaces [--seed 1] [--bytes 20000000] [--seconds 1200] [--only lx200:autostar]
 
 Most of it is noise, a tenth each real conversations with errors in them and commands with arguments at their limits;
-half of the bytes go into LX200 surfaces, half into NexStar ones, cut at random. Looked for: exceptions and internal
-errors, replies that no command has or that nobody asked for, requests that are not one whole command of the mount's
-protocol, anything that grows or never ends, bytes that take long. Exit code 1 after a finding.
+half of the bytes go into LX200 surfaces, half into NexStar ones, cut at random. It looks for exceptions and internal
+errors, replies that the command cannot have or that have no request, requests that are not one whole command of the
+mount's protocol, anything that grows or never ends, and bytes that take long. Exit code 1 after a finding.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
-#: What part of a surface's bytes is of which kind; a connection lives for so many of them.
+#: The fraction of a surface's bytes for each kind, and the number of bytes in one connection.
 SHARES = {"noise": 0.8, "mutated": 0.1, "limits": 0.1}
 CONNECTION = {"noise": 40_000, "mutated": 4_000, "limits": 4_000}
-#: What one client, and what all of them together, may keep: characters of its written form.
+#: How much one client, and all clients together, may keep: characters of its representation.
 KEPT = 8_000
-#: Seconds until the last of what was asked must have come to an end, done or refused.
+#: Seconds until the last request must have ended, carried out or refused.
 PATIENCE = 1200.0
-#: Seconds of processor time that one packet may take, with what the gateway does meanwhile.
+#: Seconds of processor time that one packet may take, including what the gateway does meanwhile.
 LONGEST = 1.0
 
 
@@ -61,9 +61,9 @@ class Case(NamedTuple):
 
 
 def cases() -> list[Case]:
-    """Every model that can be presented, on a mount of either kind.
+    """Return every model that can be presented, on a mount of either kind.
 
-    NexStar's are in their oldest and newest versions, and with a StarSense where that takes their place.
+    NexStar models come in their oldest and newest versions, and with a StarSense if one can replace the hand control.
     """
     mounts = (("nexstar", "6-8se"), ("lx200", "autostar"), ("nexstar", "cge"), ("lx200", "lx200gps"))
     faces = [("lx200", model, None) for model in load("lx200").models]
@@ -75,7 +75,7 @@ def cases() -> list[Case]:
 
 
 class Judge:
-    """Reads along in the transcript, and counts what should not be."""
+    """Reads the wire log, and counts what must not happen."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
@@ -86,12 +86,12 @@ class Judge:
         self._waiting: dict[str, bytes | None] = {}
 
     def say(self, what: str, about: str = "") -> None:
-        """Something was found; ``about`` is told for the first of its kind."""
+        """Count a finding; ``about`` is printed for the first of its kind."""
         self.found[what] += 1
         self.first.setdefault(what, about)
 
     def hear(self, entry: Entry) -> None:
-        """A transcript's sink."""
+        """Check an entry of the wire log; used as its sink."""
         if entry.arrow == "!" and "internal error" in entry.note:
             self.say(f"{self.case.presented}: internal error {entry.note.rpartition('report it: ')[2]}", entry.note)
         elif entry.arrow == ">" and entry.side == "mount":
@@ -115,7 +115,7 @@ class Judge:
             self.say(f"{self.case.presented}: ill-formed reply to {frame[:3]!r}", f"{self.case}: {frame!r}: {verdict}")
 
     def weigh(self, bridge: Bridge, client: CommandProcessor) -> None:
-        """What may grow has not."""
+        """Check that nothing has grown that may not grow."""
         framer: Any = client.framer
         pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
         for what, size, most in (
@@ -124,7 +124,7 @@ class Judge:
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._cache._readings), 40), ("deferred", len(client.runner._deferred), 4),
             ("said", len(bridge.wire_log._logged), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
-            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._left), 200),
+            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._saved_states), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")
@@ -134,7 +134,7 @@ SKY = Sky()
 
 
 async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> tuple[int, float]:
-    """So many bytes into one gateway -> (bytes thrown, the longest that a packet took in seconds)."""
+    """Send this many bytes to one gateway; return (bytes sent, the longest seconds that a packet took)."""
     asyncio.get_running_loop().set_exception_handler(
         lambda _, context: judge.say(f"{case.presented}: left over: {context.get('exception') or context['message']!r}",
                                      f"{case}: {context!r}"))  # fmt: skip
@@ -161,7 +161,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
             client: CommandProcessor = getattr(visitor._guest, "client")  # noqa: B009
             clients.append(client)
             for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
-                began = time.process_time()  # not what other programs take meanwhile
+                began = time.process_time()  # other programs do not count
                 visitor.tell(packet)
                 await asyncio.sleep(rng.choices([0.0, 0.01, 0.2], [40, 10, 1 if kind == "noise" else 5])[0])
                 longest = max(longest, time.process_time() - began)
@@ -182,18 +182,18 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
 
 
 def memory() -> int:
-    """The most this process has needed, bytes."""
+    """Return the peak memory of this process, bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def growth(seed: int, size: int = 60_000) -> dict[str, float]:
-    """Bytes of memory that stay, per byte thrown at one connection: either surface, either mount. It takes long."""
+    """Measure the bytes of memory that stay per byte sent, for either surface on either mount. It takes long."""
 
     async def program(case: Case) -> float:
         rng = Random(seed)
         bridge = Bridge(case.mount, driven=case.driven, presented=case.presented, surface=case.model)
         bridge.wire_log.sinks.clear()
-        asyncio.get_running_loop().set_exception_handler(lambda *_: None)  # that is looked for elsewhere
+        asyncio.get_running_loop().set_exception_handler(lambda *_: None)  # `throw` looks for these
         async with bridge:
             visitor, marks = bridge.client(), []
             for n in range(15):
@@ -202,9 +202,9 @@ def growth(seed: int, size: int = 60_000) -> dict[str, float]:
                     await asyncio.sleep(0.02)
                 visitor.heard = b""
                 await asyncio.sleep(60.0)
-                gc.collect()  # a fault and its traceback hold each other
+                gc.collect()  # a fault and its traceback refer to each other
                 marks.append(tracemalloc.get_traced_memory()[0])
-        return (min(marks[12:]) - min(marks[6:9])) / size  # what is read once has been read by then
+        return (min(marks[12:]) - min(marks[6:9])) / size  # everything loaded once has been loaded by then
 
     tracemalloc.start()
     figures = {}
@@ -215,7 +215,7 @@ def growth(seed: int, size: int = 60_000) -> dict[str, float]:
 
 
 def main() -> int:
-    """Throw, print figures -> exit code."""
+    """Send everything, print the figures and return the exit code."""
     parser = argparse.ArgumentParser(description="Throw random bytes at every surface.")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--bytes", type=int, default=20_000_000, help="in all")

@@ -2,8 +2,8 @@
 
     python -m tests.soak.kill_moving [--kills 40] [--seed 1]
 
-Real processes: a simulated mount, a gateway in front of it, a client that presses an arrow. A mount that is left moving
-must have left its mark; after the next start it stands still and tracks.
+Real processes: a simulated mount, a gateway in front of it, a client that holds a direction key. If a gateway leaves
+the mount moving, it must have left a motion marker; after the next start the mount must stand still and track.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from pathlib import Path
 from tests.integration.stops.test_shutdown import Moving
 from tests.support.process import Running
 
-#: Seconds: an arrow at a fast rate is some exchanges, tracking off among them, before the motor turns.
+#: Seconds: before the motor turns, a fast manual motion takes some exchanges, one of which turns tracking off.
 LONGEST = 0.2
 
 
 def _kill_once(moving: Moving, chance: random.Random) -> tuple[bool, bool, bool]:
-    """-> whether the mount was left moving, whether it was marked, whether the next start put it right."""
+    """Return whether the mount was left moving, whether a marker was there, and whether the next start stopped it."""
     host, _, port = moving.where.removeprefix("tcp://").rpartition(":")
     with socket.create_connection((host, int(port))) as client:
         client.sendall(b":RS#:Mn#")

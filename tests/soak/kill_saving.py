@@ -1,10 +1,10 @@
-"""Kill a gateway's keeping at random instants while it saves, and read what it has left behind. Standalone.
+"""Kill a gateway's state store at random times while it saves, and read what it has left behind. Standalone.
 
     python -m tests.soak.kill_saving [--kills 200] [--seed 1] [--directory DIR]
 
 A forked child changes all four sites again and again, each time to one number; the parent kills it without warning and
-reads the file: it must be whole, of one number throughout, and not older than the last one that was said to be written.
-Needs ``os.fork``. A directory on the disk in question shows more than one in memory.
+reads the file: it must be whole, with the same number throughout, and not older than the last one reported as written.
+It needs ``os.fork``. A directory on a real disk is a better test than one in memory.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LONGEST = 0.02
 
 
 def _save_on(directory: Path, first: int, report: int) -> None:
-    """The child: save one number after the other and report those that are on the disk."""
+    """In the child: save one number after the other, and report those that are on the disk."""
     store.PAUSE = 0.0
 
     async def program() -> None:
@@ -48,7 +48,7 @@ def _save_on(directory: Path, first: int, report: int) -> None:
 
 
 def _kill_once(directory: Path, first: int, chance: random.Random) -> tuple[str, int, bool]:
-    """-> what is wrong (empty: nothing), the number that was found, whether the child was killed between two files."""
+    """Return the problem (empty: none), the number found, and whether the child was killed between write and rename."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -57,7 +57,7 @@ def _kill_once(directory: Path, first: int, chance: random.Random) -> tuple[str,
         finally:
             os._exit(1)
     os.close(writer)
-    heard = os.read(reader, 4)  # it is under way
+    heard = os.read(reader, 4)  # saving has begun
     time.sleep(chance.uniform(0.0, LONGEST))
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)

@@ -1,8 +1,8 @@
-"""A gateway between clients and a simulated mount over a faulty line, on virtual time: what is ever told wrongly?
+"""A gateway between clients and a simulated mount over a faulty line, on virtual time: does it ever report nonsense?
 
-The simulator's own state is the truth: everything that the hub delivers is compared with what the mount could have said
-within the age an answer may have. The mount slews, is moved by hand and stopped all the while, so that an old answer is
-a wrong one. ``trial`` is one run; the same seed gives the same run.
+The simulator's own state is the truth: everything that the controller delivers is compared with what the mount could
+have reported within the permitted age. The mount slews, is moved by direction keys and stopped all the time, so that an
+old reply is a wrong one. ``trial`` is one run; the same seed gives the same run.
 
     python -m tests.soak.line_faults [--exchanges 100000] [--seed 1]
 """
@@ -30,28 +30,28 @@ from tests.soak.faulty import BREAKING, FaultyWire, Kind
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.virtual import run
 
-#: Degrees: what the coarsest reply resolves, and one that a garbled answer may be off beyond what a slew explains.
+#: Degrees: the coarsest resolution of a reply, and the error of a garbled one beyond what a slew explains.
 RESOLUTION, MARGIN = 0.01, 0.06
-#: Seconds: how old a position may be when it is told, on top of the exchange that brought it.
+#: Seconds: how old a position may be when a client receives it, plus the exchange that fetched it.
 AGE, EXCHANGE = 0.5, 0.9
 LONGEST_WAIT = 60.0
-#: Seconds after which the end or the beginning of a slew must have been told, whatever was lost meanwhile.
+#: Seconds after which the end or the beginning of a slew must have been reported, whatever was lost meanwhile.
 SETTLED = 40.0
-#: Seconds from one sample of the truth to the next; between them it is where they are or on the way.
+#: Seconds between two samples of the truth; between them the mount is at one of them or on the way.
 SAMPLED = 0.05
 POSITION = {"nexstar": b":GR#", "lx200": b"e"}
 MOUNTS = {"nexstar": ("cge", "6-8se"), "lx200": ("autostar", "lx200gps", "lx200")}
 
 
 def _apart(offsets: list[float]) -> float:
-    """How near to zero they come, or pass by between two of them."""
+    """Return the smallest distance from zero, which is zero if two neighbours have different signs."""
     if any(one * other <= 0.0 and abs(one - other) < 90.0 for one, other in pairwise(offsets)):
         return 0.0
     return min(map(abs, offsets), default=999.0)
 
 
 class Trial:
-    """One run; ``wrong`` counts by what was wrong, ``notes`` tells each in words."""
+    """One run; ``wrong`` counts errors by kind, ``notes`` describes each in words."""
 
     def __init__(self, driven: str, model: str, seed: int, rate: float, kinds: tuple[Kind, ...]) -> None:
         presented = "lx200" if driven == "nexstar" else "nexstar"
@@ -59,9 +59,9 @@ class Trial:
         self.bridge = Bridge(model, driven=driven, presented=presented, surface=None)
         self.sim = self.bridge.sim
         self.exact = Kind.ALTERED not in kinds
-        # No serial line and no TCP stream reorders; on a line that does, a stop is not always sure to have been heard.
+        # No serial line and no TCP stream reorders; on a line that does, a stop is not always certain to have arrived.
         self.ordered, self.unsure = Kind.OVERTAKEN not in kinds, 0
-        # An overtaken answer agrees with the present ones where nothing but the sky has moved since.
+        # An overtaken reply agrees with the present state if nothing but the sky has moved since.
         self.resolution = MARGIN if Kind.OVERTAKEN in kinds else RESOLUTION
         self.wire = FaultyWire(self.sim.feed, seed, rate, kinds, self._rebooted, text=driven == "lx200")
         line = self.bridge.controller.line
@@ -119,7 +119,7 @@ class Trial:
         self._hear()
 
     def _hear(self) -> None:
-        """Every question to the mount is a sample of the truth."""
+        """Sample the truth at every request to the mount."""
         feed = self.sim.feed
 
         def heard(data: bytes) -> bytes:
@@ -145,7 +145,7 @@ class Trial:
         return fold_declination(*self.sim.mechanics.believed(self.sim.now))
 
     def _rebooted(self) -> Any:
-        """The mount loses its alignment, its precision and what it was doing; it keeps its place and its clock."""
+        """Power-cycle the mount: it loses its alignment, precision and motion, and keeps its position and clock."""
         self.rebooted = asyncio.get_running_loop().time()
         sim = self.sim
         sim.mechanics.cancel(sim.now)
@@ -157,7 +157,7 @@ class Trial:
             sim.track(0)
         return self.wire._feed
 
-    # --- the program --------------------------------------------------------------------------------------------------
+    # --- the clients --------------------------------------------------------------------------------------------------
 
     async def play(self, exchanges: int) -> None:
         """Let clients work until the line has carried that many exchanges."""
@@ -188,18 +188,18 @@ class Trial:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await asyncio.sleep(60.0)  # a line that is left alone must come back
+            await asyncio.sleep(60.0)  # a line without faults must recover
             if self.line.state != "up" or not await self._request(bridge.client(), POSITION[self.driven], 1):
                 self._is_wrong("hang", f"line {self.line.state}: {self.line.reason}")
 
     async def _follow(self) -> None:
-        """What is told between two questions is reckoned: the truth must be known there as well."""
+        """Sample the truth between requests too: the gateway extrapolates positions."""
         while True:
             self._sample()
             await asyncio.sleep(SAMPLED)
 
     async def _poller(self, every: float) -> None:
-        """A program that shows where the telescope points, through the surface."""
+        """A program that displays the position, through the surface."""
         client = self.bridge.client(f"10.0.1.{int(every * 100)}")
         while True:
             if self.driven == "nexstar":
@@ -213,7 +213,7 @@ class Trial:
             await asyncio.sleep(every * self.random.uniform(0.8, 1.2))
 
     async def _request(self, client: Visitor, data: bytes, replies: int) -> bytes:
-        """Ask, and be patient; then something that needs no mount must be answered."""
+        """Send a request and wait; then a command that needs no mount must be answered."""
         loop = asyncio.get_running_loop()
         began = loop.time()
         client.heard = b""
@@ -231,7 +231,7 @@ class Trial:
         return answer
 
     async def _mover(self, client: Visitor) -> None:
-        """A program that slews, moves by hand and stops."""
+        """A program that slews, moves by direction keys and stops."""
         draw = self.random
         while True:
             what = draw.random()
@@ -255,7 +255,7 @@ class Trial:
             await asyncio.sleep(draw.uniform(0.1, 2.0))
 
     async def _renewer(self) -> None:
-        """Ask anew for what is told but once: who, where and when."""
+        """Read again what the gateway reads only once: identity, site and clock."""
         controller = self.bridge.controller
         while True:
             await asyncio.sleep(self.random.uniform(5.0, 20.0))
@@ -263,7 +263,7 @@ class Trial:
                 await controller.identification.learn(operation)
 
     async def _watcher(self) -> None:
-        """Everything else that the hub delivers, compared with the simulator."""
+        """Compare everything else that the controller delivers with the simulator."""
         controller, loop = self.bridge.controller, asyncio.get_running_loop()
         while True:
             await asyncio.sleep(self.random.uniform(0.2, 0.5))
@@ -287,14 +287,14 @@ class Trial:
             self.notes.append(f"{asyncio.get_running_loop().time():.3f} {what}: {words}")
 
     def _oldest(self, now: float) -> float:
-        """The time before which nothing that is told now may come from."""
+        """Return the time before which nothing that is reported now may come from."""
         line = self.line
-        old = line.state != "up" or self.bridge.controller.client_readings.gives_last_position  # which the log says
+        old = line.state != "up" or self.bridge.controller.client_readings.gives_last_position  # and the log says so
         allowed = 10.0 if old else max(AGE, 2.5 * line.typical_rtt)
         return now - allowed - EXCHANGE
 
     def _check_position(self, ra: float, dec: float, paired: bool) -> None:
-        """A position told to a client, against where the mount was while it may have been asked."""
+        """Compare a client's position with where the mount was when it may have been read."""
         now = asyncio.get_running_loop().time()
         self._sample()
         self.asked["positions"] += 1
@@ -303,7 +303,7 @@ class Trial:
         if self.exact:
             off_ra = _apart([wrap180(s[1] - ra) * math.cos(math.radians(dec)) for s in samples])
             off_dec = _apart([s[2] - dec for s in samples])
-            low = self.driven == "lx200" and now - self.rebooted < 40.0  # until it is told to be precise
+            low = self.driven == "lx200" and now - self.rebooted < 40.0  # until it is at high precision again
             off, allowed = max(off_ra, off_dec), 0.03 if low else self.resolution
         else:
             off = min((separation(ra, dec, s[1], s[2]) for s in samples), default=999.0)
@@ -367,7 +367,7 @@ def _nexstar_position(raw: bytes) -> tuple[float, float]:
 
 
 def trial(driven: str, model: str, seed: int, rate: float, kinds: tuple[Kind, ...], exchanges: int) -> Trial:
-    """One run on virtual time."""
+    """Run one trial on virtual time."""
     made: list[Trial] = []
 
     async def program() -> None:
@@ -379,7 +379,7 @@ def trial(driven: str, model: str, seed: int, rate: float, kinds: tuple[Kind, ..
 
 
 def main() -> int:
-    """All of it: both drivers, three rates, every kind of fault alone and all together."""
+    """Run all: both drivers, three rates, every kind of fault alone and all together."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--exchanges", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)

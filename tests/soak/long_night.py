@@ -2,9 +2,9 @@
 
     python -m tests.soak.long_night [--hours 8] [--gotos 60] [--seed 1] [--plans 0 1 2 3]
 
-Mount and gateway share one virtual clock in this process (``tests/support/night.py``): site and time are set, a program
-polls every half to whole second, guides every two to three where the mount can be, and goes somewhere else sixty times;
-the mount is parked at the end. Objects and resident memory are counted at every full hour.
+Mount and gateway share one virtual clock in this process (``tests/support/night.py``): a program sets site and time,
+polls every half to whole second, guides every two to three seconds if the mount can be guided, and sends sixty gotos;
+it parks the mount at the end. Objects and resident memory are counted at every full hour.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from tests.benchmarks.memory import resident
 from tests.support.night import PLANS, Plan, night
 from tests.support.virtual import run
 
-#: Between the first and the last hour: objects (a deque that fills, a cache), and MiB.
+#: Permitted growth from the first to the last hour: objects (a deque that fills, a cache), and MiB.
 OBJECTS, MEMORY = 200, 1.0
 
 
 def _spend(plan: Plan, hours: float, gotos: int, seed: int) -> bool:
-    """A night, and what it was like -> whether all was well."""
+    """Simulate a night and print its figures; return whether all was well."""
     counted: list[tuple[int, float]] = []
 
     def count() -> None:

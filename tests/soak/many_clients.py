@@ -1,11 +1,11 @@
-"""Two hundred programs on one gateway for minutes: right answers, flat memory, the line of one, the speed of one.
+"""Two hundred programs on one gateway for minutes: right answers, flat memory, line load and speed as with one client.
 
     python -m tests.soak.many_clients [--minutes 10] [--clients 200] [--seed 1]
 
-Two gateways, each in front of a mount of its own on a 9600-baud wire in this process (``paced.py``); both mounts do the
-same gotos. The one has the crowd (``crowd.py``), the other a single client; a probe in a third process asks both in
-turn. An answer is right when the mount pointed there, to a unit of the wire format, at one of the moments it was asked
-within the time that the snapshot may be old; right ascension and declination of the same. Exit code 1 when any was not.
+Two gateways, each with its own simulated mount on a 9600-baud wire in this process (``paced.py``); both mounts do the
+same gotos. One gateway has the crowd (``crowd.py``), the other a single client; a probe in a third process polls both
+in turn. A reply is right if the mount pointed there, to a unit of the wire format, at one of its own position replies
+within the permitted age; right ascension and declination at the same one. Exit code 1 if any was not.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from tests.soak.crowd import Outcome, Told, crowd
 from tests.soak.paced import PacedMount
 from tests.support.process import Running
 
-#: How old an answer may be, seconds: it is fresh for 0.5, and was under way before; what the wire of 24 bits rounds to.
+#: Seconds a reply may be old: fresh for 0.5, and on its way before; and the rounding of 24 bits on the wire, degrees.
 OLDEST, BINARY = 1.0, 180.0 / 2**24
 GOTO_EVERY, WEIGH_EVERY = 25.0, 2.0
 PROBE_EVERY = 0.05
-#: Seconds after the start until things have settled: the sky is loaded, everybody has connected.
+#: Seconds after the start until the sky is loaded and all clients are connected.
 SETTLE = 10.0
-#: KiB a minute in the second half that count as flat memory; bytes on the line at most, against one client's.
+#: KiB a minute in the second half that count as flat memory; the greatest ratio of bytes on the line to one client's.
 FLAT, LINE = 64.0, 1.1
 
 
 class Truth:
-    """Where a mount really pointed whenever it was asked during the last seconds."""
+    """Where a mount really pointed at each position request of the last seconds."""
 
     def __init__(self, mount: PacedMount) -> None:
         self._mount = mount
@@ -52,11 +52,11 @@ class Truth:
 
     def _note(self, request: bytes) -> None:
         if request == b"e":
-            simulator = self._mount.simulator  # its own time stands still since it answered
+            simulator = self._mount.simulator  # its own time stands still since it replied
             self._places.append((asyncio.get_running_loop().time(), *simulator.mechanics.truth(simulator.now)))
 
     def judge(self, told: Told, asked: float) -> str:
-        """Whether the mount pointed there when it was asked lately -> what is wrong, empty when nothing is."""
+        """Return what is wrong with a position, or an empty text if the mount reported it lately."""
         oldest, nearest = asked - OLDEST, 360.0
         for at, ra, dec in reversed(self._places):
             if at < oldest:
@@ -96,7 +96,7 @@ async def _bench(chance: random.Random, state: str, running: list[Running]) -> B
 
 
 async def _gotos(benches: list[Bench], chance: random.Random) -> None:
-    """Send every mount to the same places, one after the other."""
+    """Send every mount to the same targets, one after the other."""
     writers = [(await asyncio.open_connection("127.0.0.1", bench.nexstar))[1] for bench in benches]
     while True:
         azimuth, altitude = chance.uniform(0.0, 360.0), chance.uniform(20.0, 75.0)
@@ -116,19 +116,19 @@ async def _weigh(bench: Bench, sizes: list[tuple[float, float]]) -> None:
 
 
 def _spent(bench: Bench) -> float:
-    """Seconds of processor time that a gateway has had."""
+    """Return the seconds of processor time that a gateway has used."""
     fields = Path(f"/proc/{bench.gateway.process.pid}/stat").read_text("ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def slope(points: list[tuple[float, float]]) -> float:
-    """The slope of the straight line that lies best among some points."""
+    """Return the slope of the straight line that fits the points best."""
     mean_x, mean_y = (sum(point[axis] for point in points) / len(points) for axis in (0, 1))
     return sum((x - mean_x) * (y - mean_y) for x, y in points) / sum((x - mean_x) ** 2 for x, _ in points)
 
 
 def _probe(crowded: int, alone: int, seconds: float) -> None:
-    """Ask both gateways in turn and print the round trips, in microseconds."""
+    """Poll both gateways in turn and print the round trips, in microseconds."""
     connections = [processes.connect(port) for port in (crowded, alone)]
     times: list[list[float]] = [[], []]
     until, number = time.monotonic() + seconds, 0
@@ -143,7 +143,7 @@ def _probe(crowded: int, alone: int, seconds: float) -> None:
 
 
 async def _run(arguments: argparse.Namespace, state: str, running: list[Running]) -> bool:
-    """-> whether everything was as it should be."""
+    """Run everything and print the figures; return whether all of them are as they should be."""
     loop, chance = asyncio.get_running_loop(), random.Random(arguments.seed)
     crowded, alone = [await _bench(chance, state, running) for _ in range(2)]
     truth, outcome, sizes = Truth(crowded.mount), Outcome(), list[tuple[float, float]]()

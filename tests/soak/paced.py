@@ -1,7 +1,7 @@
-"""A simulated mount at the far end of a 9600-baud wire: a TCP port of this process that keeps when bytes came and went.
+"""A simulated mount on a 9600-baud wire: a TCP port of this process that records when bytes arrived and left.
 
-What arrives is understood when a wire of that rate would have carried it; the answer begins after the time a hand
-control takes, and comes byte by byte. Loop times are seconds; the mount and whoever asks it share this process's clock.
+A request is carried out once a wire of that rate would have delivered it; the reply begins after the time that a hand
+control takes, and leaves byte by byte. Times are those of the event loop in seconds; the client shares this clock.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BYTE = 10 / 9600
 
 @dataclass(slots=True)
 class Exchange:
-    """A request, when its first byte came, and when it was over: the answer's last byte sent, or all understood."""
+    """A request, the time of its first byte, and its end: the reply's last byte sent, or the request carried out."""
 
     request: bytes
     came: float
@@ -33,7 +33,7 @@ class PacedMount(asyncio.Protocol):
         self.simulator, self._chance, self._span = simulator, chance, (quickest, slowest)
         self.exchanges: list[Exchange] = []
         self.passed = 0
-        #: Called with every request at the moment the mount carries it out.
+        #: Called with every request when the mount carries it out.
         self.understood: Callable[[bytes], None] = lambda request: None
         self._feed: Callable[[bytes], bytes] = simulator.connection(self._later)
         self._loop = asyncio.get_running_loop()
@@ -41,7 +41,7 @@ class PacedMount(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
 
     async def listen(self) -> int:
-        """Wait for the gateway -> the TCP port."""
+        """Wait for the gateway on a TCP port; return the port."""
         server = await self._loop.create_server(lambda: self, "127.0.0.1", 0)
         return int(server.sockets[0].getsockname()[1])
 
@@ -67,7 +67,7 @@ class PacedMount(asyncio.Protocol):
             exchange.ended = self._loop.time()
 
     def _later(self, seconds: float, answer: bytes) -> None:
-        """A classic's second answer."""
+        """Send the delayed second reply of a classic LX200."""
         self._send(answer, self._loop.time() + seconds, None)
 
     def _send(self, answer: bytes, begin: float, exchange: Exchange | None) -> None:

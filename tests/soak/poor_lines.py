@@ -1,7 +1,7 @@
-"""What programs get over a poor line, and how soon the first answer comes: figures by hand, on virtual time.
+"""What programs receive over a poor line, and how soon the first reply arrives: figures to read, on virtual time.
 
-A program asks for the position and again 0.3 s after every answer, for 120 s on each line, while the mount rests and
-while it slews. Then a classic LX200 is met for the first time, at several speeds of the line.
+A program asks for the position again 0.3 s after every reply, for 120 s on each line, at rest and during a slew. Then
+it measures how soon an LX200 that the gateway has not met before is identified, at several speeds of the line.
 
     python -m tests.soak.poor_lines [--seconds 120]
 """
@@ -29,7 +29,7 @@ GOTO = b":RM#:Me#"
 
 
 async def polled(model: str, driven: str, poor: Poor, seconds: float, moving: bool, seed: int = 1) -> Polls:
-    """The figures of one line."""
+    """Measure one line."""
     bridge = Bridge(
         model, driven=driven, presented="lx200", surface="autostar", named=driven == "lx200", config={"sun": 0.0}
     )
@@ -50,7 +50,7 @@ async def polled(model: str, driven: str, poor: Poor, seconds: float, moving: bo
 
 
 async def first_answer(model: str, named: bool, latency: float) -> float:
-    """Seconds from the start of a gateway until the position is answered to a program that asks twice a second."""
+    """Return the seconds from a gateway's start to the first position for a program that asks as soon as it may."""
     bridge = Bridge(model, driven="lx200", presented="lx200", surface="autostar", latency=latency, named=named)
     bridge.controller.start()
     loop, client = asyncio.get_running_loop(), bridge.client()

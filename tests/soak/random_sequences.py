@@ -1,8 +1,8 @@
 """Random sequences for as long as you like: ``python -m tests.soak.random_sequences --minutes 10``.
 
-Every play has a seed, which says everything: mount, version, presented model, place, hour, and every byte that is said.
-A play with complaints is printed with its seed; the same seed plays it again, and ``--said`` shows what was said.
-With ``--by-hand`` the plays are motions by hand near a limit.
+Every play has a seed, which determines everything: mount, version, presented model, site, time, and every byte sent.
+A play with complaints is printed with its seed; the same seed repeats it, and ``--said`` prints what was sent.
+With ``--by-hand`` the plays are manual motions near a limit.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tests.property.random_play import cast, play
 
 
 def main() -> int:
-    """0 when no play was complained of."""
+    """Return 0 if no play has complaints, else 1."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=0, help="the first one")

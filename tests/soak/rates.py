@@ -1,8 +1,8 @@
-"""Rates, asked and measured at the axes of simulated mounts: NexStar rates over Meades, LX200 rates over NexStars.
+"""Rates, requested and measured at the axes of simulated mounts: NexStar rates on Meades, LX200 rates on NexStars.
 
     python -m tests.soak.rates
 
-A row fails where the axis turns otherwise than the speed that the tables name for that model says, by more than 10 %.
+A row fails if the axis speed differs by more than 10 % from the speed that the tables give for that model.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
 MEADES = ("lx200gps", "autostar", "lx200", "lx200-16")
-#: Model, version, what puts a fork on its wedge.
+#: Model, version, and the command that puts a fork on its wedge.
 NEXSTARS = (
     ("cge", "4.21", b""),
     ("avx", "5.31", b""),
@@ -36,14 +36,14 @@ NEXSTARS = (
 )
 VARIABLE = (0.5, 7.5, 14.5, 15.0, 22.5, -3.0, 30.0, 60.0, 150.0, -150.0, 300.0, 1000.0, 3600.0, 14400.0)
 KEYS = tuple(range(1, 10))
-#: How far apart asked and measured may be where the table names the speed.
+#: The permitted fraction by which the measured speed may differ from the table's.
 WITHIN = 0.10
-#: The fastest of motors that are told small gotos: they stop and start.
+#: The same for the fastest speed of motors that move by small gotos: they stop and start.
 STEPPED = 0.45
 
 
 class Row(Struct, frozen=True):
-    """Arcseconds a second. ``named`` is what the tables say that becomes of it."""
+    """Arcseconds a second. ``named`` is the speed that the tables give for the request."""
 
     mount: str
     what: str
@@ -68,7 +68,7 @@ def _limits(version: str = "") -> dict[str, Any]:
 
 
 def over_meade(model: str, variable: tuple[float, ...] = VARIABLE, keys: tuple[int, ...] = KEYS) -> list[Row]:
-    """Variable and fixed rates of a NexStar program, both axes, over a polar Meade that tracks."""
+    """Measure variable and fixed rates of a NexStar program, both axes, on a polar-mounted Meade that tracks."""
     rows: list[Row] = []
     facts = load("lx200").models[model]
     low, high = facts["max_rates"]
@@ -117,9 +117,9 @@ def over_meade(model: str, variable: tuple[float, ...] = VARIABLE, keys: tuple[i
 
 
 def over_nexstar(model: str, version: str, first: bytes, guides: tuple[float, ...] = (3.0, 7.5, 15.0)) -> list[Row]:
-    """Guide rates, arrows and drive rates of an LX200 program; hand controls before 1.6 go by small gotos."""
+    """Measure guide, direction key and drive rates of an LX200 program; hand controls before 1.6 use small gotos."""
     rows: list[Row] = []
-    ancient = version in ("1.2", "101.0")  # the former does not tell its model: it is driven by the commonest table
+    ancient = version in ("1.2", "101.0")  # 1.2 does not report its model, so the commonest table is used
     table = rate_tables()["se" if version == "1.2" else load("nexstar").models[model]["rates"]]
     name = f"{model}/{version}"
 
@@ -190,7 +190,7 @@ def _run(program: Callable[[], Coroutine[Any, Any, None]]) -> None:
 
 
 def main() -> int:
-    """0 when every rate is as the tables name it, else 1."""
+    """Return 0 if every rate is as the tables say, else 1."""
     rows = [row for model in MEADES for row in over_meade(model)]
     rows += [row for mount in NEXSTARS for row in over_nexstar(*mount)]
     print(f"{'mount':<18} {'command':<14} {'asked':>10} {'named':>10} {'measured':>10}")

@@ -1,7 +1,7 @@
-"""A recording made under load replays: every one of its replies is the same, whole and part by part.
+"""Replays a recording made under load: every one of its replies must be the same, whole and file by file.
 
-A gateway in a process of its own drives a simulated mount and is recorded in small files, while dozens of programs poll
-it, set it moving and stop it, and others come for one command and go. Then the recording is played again.
+A gateway in a process of its own drives a simulated mount and is recorded in small files, while dozens of programs
+poll, move and stop it, and others connect for one command. Then the recording is replayed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 from random import Random
 
-#: What the programs say, and how often in a hundred; after some of it an answer comes.
+#: What the programs send, with its weight; some of it has a reply.
 LX200 = (
     (b":GR#", 30),
     (b":GD#", 30),
@@ -54,7 +54,7 @@ sys.exit(main())
 
 
 async def program(port: int, words: tuple[tuple[bytes, int], ...], random: Random, until: float, pause: float) -> int:
-    """One program: ``pause`` seconds between two commands on average -> the bytes it was told."""
+    """Run one program with ``pause`` seconds between two commands on average; return the bytes it received."""
     told = 0
     with contextlib.suppress(OSError):
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -72,7 +72,7 @@ async def program(port: int, words: tuple[tuple[bytes, int], ...], random: Rando
 
 
 async def crowd(ports: list[int], many: int, seconds: float, new: float, seed: int) -> None:
-    """``many`` programs that stay, and ``new`` ones a second that come for a moment."""
+    """Run ``many`` programs that stay connected, and start ``new`` short-lived ones a second."""
     random, until = Random(seed), time.monotonic() + seconds
     words = (LX200, NEXSTAR)
     work = [
@@ -128,7 +128,7 @@ def record(path: Path, mount: str, arguments: argparse.Namespace, seed: int) -> 
 
 
 def played(path: Path) -> tuple[bool, str]:
-    """Whether a recording replays, and what is said of it."""
+    """Replay a recording; return whether it was the same, and what ``replay`` printed."""
     began = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", "gateway", "replay", str(path)], capture_output=True, text=True, timeout=600.0

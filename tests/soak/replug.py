@@ -1,7 +1,7 @@
 """A mount's serial port is unplugged and plugged in again, in real time, while programs poll and slew.
 
-The port is a pseudo-terminal behind a symbolic link; unplugged it is closed at the mount's end and the link is gone,
-plugged in again it is another pseudo-terminal under the same link. Clients come in over TCP and must not be dropped.
+The port is a pseudo-terminal behind a symbolic link. Unplugging closes it at the mount's end and removes the link;
+plugging in creates another pseudo-terminal under the same link. TCP clients must not be disconnected.
 
     python -m tests.soak.replug [--cycles 50] [--seed 1]
 """
@@ -34,7 +34,7 @@ class Plug:
         self._files: tuple[int, int] | None = None
 
     def plug_in(self) -> None:
-        """A new terminal under the old name."""
+        """Open a new terminal under the old name."""
         master, slave = os.openpty()
         tty.setraw(slave)
         os.set_blocking(master, False)
@@ -43,7 +43,7 @@ class Plug:
         asyncio.get_running_loop().add_reader(master, self._read, master)
 
     def unplug(self) -> None:
-        """The link goes first, then the line drops."""
+        """Remove the link first, then drop the line."""
         if self._files is None:
             return
         self._link.unlink()
@@ -60,7 +60,7 @@ class Plug:
 
 
 class Program:
-    """A client over TCP that counts what it asks and is told."""
+    """A client over TCP that counts its requests and their replies."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
@@ -68,7 +68,7 @@ class Program:
         self.dropped = False
 
     async def ask(self, data: bytes, end: bytes, patience: float) -> bytes:
-        """The reply up to ``end``, or what came of it in time."""
+        """Return the reply up to ``end``, or the part of it that arrived in time."""
         self.asked += 1
         self._writer.write(data)
         heard = b""
@@ -90,7 +90,7 @@ class Program:
 
 
 async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
-    """Unplug that often -> figures: what was asked, answered, lost, and how long the line took to come back."""
+    """Unplug that often; return figures: requests, replies, losses, and how long the link took to recover."""
     draw = Random(seed)
     simulator = make_simulator(Endpoint("nexstar", "-", "cge"), clock=time.time)
     figures: dict[str, Any] = {"cycles": cycles, "gotos": 0, "refused": 0, "back after": [], "wrong": []}

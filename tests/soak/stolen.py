@@ -1,9 +1,9 @@
-"""When a processor was not there: taken away by what this machine runs on, or by its kernel. Standalone, or by a proof.
+"""When a processor was taken away, by the host of a virtual machine or the kernel. Standalone, and part of others.
 
     python -m tests.soak.stolen PROCESSOR
 
-A task of real-time priority sleeps there for half a millisecond at a time. Nothing that other programs do can make it
-late, so where it is, nobody was served: it prints from when to when, in seconds of the monotonic clock.
+A task of real-time priority sleeps on it for half a millisecond at a time. No other program can delay it, so if it
+wakes late, no program ran: it prints the beginning and the end, in seconds of the monotonic clock.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import time
 from collections.abc import AsyncIterator, Sequence
 
 NAP = 0.0005
-#: It is late by some hundredths of a millisecond always.
+#: The sleep is always late by some hundredths of a millisecond.
 LATE = 0.0005
 
 
 def watch(processor: int) -> None:
-    """Print until killed, or left alone. Raises PermissionError where real-time priority is not to be had."""
+    """Print until killed, or until the parent has ended. Raises PermissionError without real-time priority."""
     os.sched_setaffinity(0, {processor})
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     gc.disable()
@@ -44,11 +44,11 @@ class Thefts:
         self.seen = True
 
     def between(self, begin: float, end: float) -> bool:
-        """Whether a processor was away in that time."""
+        """Whether a processor was taken away in that time."""
         return any(began < end and ended > begin for began, ended in self.spans)
 
     async def read(self, stream: asyncio.StreamReader) -> None:
-        """Take down what a watcher prints."""
+        """Record what a watcher prints."""
         self.seen &= await stream.readline() == b"watching\n"
         while line := await stream.readline():
             began, ended = map(float, line.split())
@@ -57,7 +57,7 @@ class Thefts:
 
 @contextlib.asynccontextmanager
 async def watched(processors: Sequence[int]) -> AsyncIterator[Thefts]:
-    """Watch these processors meanwhile."""
+    """Watch these processors within the block."""
     thefts = Thefts()
     watchers = [
         await asyncio.create_subprocess_exec(

@@ -1,16 +1,16 @@
-"""From a client's byte to the mount's byte: how long a stop waits beyond the exchange that is on the wire. Standalone.
+"""How long a stop waits beyond the exchange in flight, from the client's byte to the mount's byte. Standalone.
 
     python -m tests.soak.stop_latency [--seconds 60] [--copies 3] [--clients 200] [--seed 1]
 
-Real gateways, each with a mount of its own behind 9600 baud (``paced.py``); clients and mounts live in this process and
-share its clock. A motion is begun and ended again at a random moment: by ``:Q#`` or ``:Qn#``, by ``M`` or rate 0. What
-counts is the first stopping byte at the mount, less the later of the client's byte and the end of the exchange in
-flight: idle, among many that poll, and while another client floods the gateway. Told beside it is how late a bare echo
-in a process of its own was meanwhile, which is what the machine adds, and the gateway twice: on its way in and out.
-Clients and mounts stand for other computers: where there are processors enough, the gateway has one of its own, and the
-crowd takes only time that nobody wants. The 99th percentile is that of all endings together: of every stop, and of
-those during which no processor was taken away from this machine (``stolen.py``), which are what is judged. A crowd
-that is answered wrongly, or not at all, fails it, too.
+Real gateways, each with a mount of its own behind 9600 baud (``paced.py``); clients and mounts live in this process
+and share its clock. A client starts a motion and ends it at a random time by ``:Q#`` or ``:Qn#``, by ``M`` or rate 0.
+The measure is the first stopping byte at the mount, minus the later of the client's byte and the end of the exchange in
+flight: idle, among many that poll, and while another client floods the gateway. Beside it stands how late a bare echo
+server was meanwhile, the machine's own delay, which the gateway has twice: on its way in and out.
+
+Clients and mounts stand for other computers: with enough processors the gateway has one of its own, and the crowd uses
+only idle time. The 99th percentile is over all kinds of ends together: of every stop, and of those during which the
+machine kept all its processors (``stolen.py``); the latter is judged. A crowd with wrong or missing replies fails too.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from tests.soak.paced import Exchange, PacedMount
 from tests.soak.stolen import Thefts, watched
 from tests.support.process import Running
 
-#: A request that comes to the mount this soon after the client's byte had been sent before it came to the gateway.
+#: Seconds: a request that reaches the mount this soon after the client's byte was sent before the gateway had the byte.
 RACE = 0.001
 LONGEST = 1.2
 GOAL = 0.002
 LOST = 4.0
 FLOOD_EVERY = 0.02
-#: From when to when, seconds from the client's byte, no processor may be away: the same for every stop, late or not.
+#: The seconds before and after the client's byte in which no processor may be away: the same for every stop.
 BEFORE, AFTER = 0.02, 0.15
 
 
 class Stop(NamedTuple):
-    """How it was sent, when, and how late it came, seconds."""
+    """How a stop was sent, when, and how late it arrived, seconds."""
 
     ending: str
     sent: float
@@ -56,7 +56,7 @@ class Stop(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """What begins a motion, there and back, what ends it; what the mount hears first of its beginning and its end."""
+    """Commands that start a motion, there and back, and one that ends it; and tests for them at the mount."""
 
     name: str
     begin: tuple[bytes, ...]
@@ -66,7 +66,7 @@ class Ending(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A surface, a mount, and what a client that knows no measure sends."""
+    """A surface, a mount, and what a flooding client sends."""
 
     name: str
     mount: str
@@ -173,21 +173,21 @@ class Bench(NamedTuple):
     both: tuple[int, int]
 
 
-#: The processors of this machine: the last one is the gateway's, with more than one the others are everybody else's.
+#: The processors of this machine: the last one is the gateway's, the others, if any, are for everything else.
 PROCESSORS = sorted(os.sched_getaffinity(0))
 OTHERS = PROCESSORS[:-1] or PROCESSORS
 
 
 @contextlib.contextmanager
 def _beside() -> Iterator[None]:
-    """What is started here runs on the gateway's processor."""
+    """Run processes that are started within the block on the gateway's processor."""
     os.sched_setaffinity(0, PROCESSORS[-1:])
     yield
     os.sched_setaffinity(0, OTHERS)
 
 
 async def _bench(way: Way, chance: random.Random, state: str, running: list[Running]) -> Bench:
-    """Start a gateway and wait for it."""
+    """Start a gateway and wait until it is ready."""
     mount = PacedMount(make_simulator(Endpoint(way.mount, "sim", way.model), clock=time.time), chance)
     where = f"{way.mount}@socket://127.0.0.1:{await mount.listen()}"
     with _beside():
@@ -217,7 +217,7 @@ async def _drain(reader: asyncio.StreamReader) -> None:
 
 
 async def _measure(bench: Bench, until: float, chance: random.Random, found: list[Stop]) -> None:
-    """Motions, each ended at a random moment, one after the other."""
+    """Start motions one after the other, and end each at a random moment."""
     loop = asyncio.get_running_loop()
     reader, writer = await asyncio.open_connection("127.0.0.1", bench.port)
     drain = loop.create_task(_drain(reader))
@@ -233,14 +233,14 @@ async def _measure(bench: Bench, until: float, chance: random.Random, found: lis
         writer.write(ending.end)
         added = await _added(bench.mount.exchanges, before, sent, ending)
         if any(ending.begins(one.request) for one in bench.mount.exchanges[first:]):
-            found.append(Stop(ending.name, sent, added))  # else there was nothing yet to be ended
+            found.append(Stop(ending.name, sent, added))  # otherwise the motion had not begun
         await asyncio.sleep(chance.uniform(0.3, 0.8))  # a stop is several exchanges
     drain.cancel()
     writer.close()
 
 
 async def _added(exchanges: list[Exchange], before: int, sent: float, ending: Ending) -> float:
-    """Seconds that the stop has waited beyond what it had to; LOST when none came."""
+    """Return the seconds that the stop waited longer than necessary; LOST if it did not arrive."""
     loop = asyncio.get_running_loop()
     while loop.time() < sent + LOST:
         await asyncio.sleep(0.005)
@@ -254,7 +254,7 @@ async def _added(exchanges: list[Exchange], before: int, sent: float, ending: En
 
 
 async def _flood(bench: Bench, chance: random.Random) -> None:
-    """One client that sends whatever comes to its mind."""
+    """Run a client that sends random commands quickly."""
     reader, writer = await asyncio.open_connection("127.0.0.1", bench.port)
     drain = asyncio.get_running_loop().create_task(_drain(reader))
     try:
@@ -267,7 +267,7 @@ async def _flood(bench: Bench, chance: random.Random) -> None:
 
 
 async def _echo(port: int, found: list[float]) -> None:
-    """How late a program is on this machine that only sends back what it gets."""
+    """Measure the delay of a program on this machine that only returns what it receives."""
     loop = asyncio.get_running_loop()
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     while True:
@@ -286,7 +286,7 @@ async def _situation(
     state: str,
     running: list[Running],
 ) -> bool:
-    """Measure one situation, print its rows -> whether the goal was met."""
+    """Measure one situation and print its rows; return whether the goal was met."""
     loop = asyncio.get_running_loop()
     copies = arguments.copies if name == "idle" else 1
     benches = [await _bench(way, chance, state, running) for way in ways for _ in range(copies)]
@@ -311,7 +311,7 @@ async def _situation(
         if name == "flood":
             background += [loop.create_task(_flood(bench, chance)) for bench in benches]
         await asyncio.sleep(2.0)
-        gc.freeze()  # this process must not be what is late
+        gc.freeze()  # this process must not be the cause of delays
         until = loop.time() + arguments.seconds * arguments.copies / copies
         async with watched(PROCESSORS) as thefts:
             await asyncio.gather(
@@ -333,7 +333,7 @@ async def _situation(
 
 
 def _told(way: str, stops: list[Stop], thefts: Thefts) -> bool:
-    """Print the rows of a way -> whether the goal was met."""
+    """Print the rows of one surface and mount; return whether the goal was met."""
     alone = [stop for stop in stops if not thefts.between(stop.sent - BEFORE, stop.sent + AFTER)]
     endings = sorted({stop.ending for stop in stops})
     rows = [(name, [stop.added for stop in stops if stop.ending == name]) for name in endings]
@@ -352,7 +352,7 @@ def _told(way: str, stops: list[Stop], thefts: Thefts) -> bool:
 
 async def _all(arguments: argparse.Namespace, running: list[Running]) -> bool:
     met = True
-    for name in arguments.situations:  # under a load one gateway at a time: it is its own load that counts
+    for name in arguments.situations:  # with a load one gateway at a time, so that the load is its own
         for ways in [WAYS] if name == "idle" else [(way,) for way in WAYS]:
             with tempfile.TemporaryDirectory() as state:
                 met &= await _situation(name, ways, arguments, random.Random(arguments.seed), state, running)

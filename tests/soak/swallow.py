@@ -1,8 +1,8 @@
-"""A line swallows one byte, one command or one reply of an order or of its stop: what was told to stop stands still.
+"""Loses one byte, command or reply of a motion command or of its stop: the mount must stand still afterwards.
 
-For every mount, every way to move and every word for stop the traffic after the order, and after its stop, is counted
-on a line without fault; then each command, each reply and each byte of it is lost in turn, on virtual time. Ten seconds
-after the stop the mount's true axes must not move but by tracking. Standalone, exit code 1 when something moves.
+For every mount, every way to move and every stop command it counts the traffic after the motion command, and after its
+stop, on a good line; then it loses each command, reply and byte of it in turn, on virtual time. Ten seconds after the
+stop the true axes of the mount may only track. Standalone, exit code 1 if something moves.
 
     python -m tests.soak.swallow [--only cge] [--bytes 3] [--processes 2] [--stop-only]
 """
@@ -32,7 +32,7 @@ MOUNTS: dict[str, tuple[str, str, str | None]] = {
     "gt": ("nexstar", "gt", "101.0"), "lx200": ("lx200", "lx200", None), "lx200-16": ("lx200", "lx200-16", None),
     "lx200gps": ("lx200", "lx200gps", None), "autostar": ("lx200", "autostar", None),
 }  # fmt: skip
-#: What a program of either kind says: typed from the manuals.
+#: What programs of either kind send: typed from the manuals.
 LX200_MOTIONS = {"arrow": b":RM#:Me#", "nudge": b":RG#:Mn#", "goto": b":Sr08:00:00#:Sd+30*00:00#:MS#",
                  "pulse": b":Mgn3000#", "park": b":hP#"}  # fmt: skip
 LX200_ENDS = {"arrow": (b":Qe#", b":Q#"), "nudge": (b":Qn#", b":Q#"), "goto": (b":Q#", b":Qe#"),
@@ -41,15 +41,15 @@ NEXSTAR_MOTIONS = {"arrow": b"P\x02\x10\x24\x09\x00\x00\x00", "goto": b"r5555550
                    "rate": b"P\x03\x11\x06\x40\x00\x00\x00"}  # fmt: skip
 _RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00", b"P\x02\x11\x24\x00\x00\x00\x00"
 NEXSTAR_ENDS = {"arrow": (_RATE_0[0],), "goto": (b"M", _RATE_0[0]), "rate": (_RATE_0[1],)}
-#: Seconds: from an order to its stop, and from there to the judge.
+#: Seconds: from a motion command to its stop, and from there to the verdict.
 HELD, ALLOWED = 2.0, 10.0
-#: Seconds after an order, or a stop, whose traffic is swallowed.
+#: Seconds after a motion command, or a stop, in which traffic is lost.
 WINDOW = 1.5
 QUIET = {"lowest": -90.0, "sun": 0.0, "dead_man": 600.0}
 
 
 class Case(Struct, frozen=True):
-    """One line with one fault. ``after`` is "order" or "stop"; ``lost`` is "command", "reply", "byte" or "", none."""
+    """A line with one fault. ``after`` is "order" or "stop"; ``lost`` is "command", "reply", "byte" or "" for none."""
 
     mount: str
     program: str
@@ -72,7 +72,7 @@ class Outcome(Struct, frozen=True):
 
 
 class Swallowing:
-    """Stands between a gateway and its simulated mount and loses one thing, once it is armed."""
+    """Loses one thing between a gateway and its simulated mount, once it is armed."""
 
     def __init__(self, bridge: Any, case: Case) -> None:
         self._feed, self._case, self._until = bridge.controller.line.wire._feed, case, 0.0
@@ -134,12 +134,12 @@ async def _play(case: Case) -> Outcome:
 
 
 def play(case: Case) -> Outcome:
-    """One case, on virtual time."""
+    """Run one case, on virtual time."""
     return run(_play(case))
 
 
 def plain(mounts: list[str], afters: tuple[str, ...] = ("stop", "order")) -> Iterator[Case]:
-    """Every mount, motion and stop, without a fault."""
+    """Yield every mount, motion and stop, without a fault."""
     for mount, after in product(mounts, afters):
         for program, ends in (("lx200", LX200_ENDS), ("nexstar", NEXSTAR_ENDS)):
             for motion, words in ends.items():
@@ -148,7 +148,7 @@ def plain(mounts: list[str], afters: tuple[str, ...] = ("stop", "order")) -> Ite
 
 
 def faulty(calm: Outcome, every: int) -> Iterator[Case]:
-    """Each command and reply of a calm line lost in turn, and every so many bytes one byte."""
+    """Yield cases that lose each command and reply of a fault-free run in turn, and one byte out of ``every``."""
     case = calm.case
     for lost, count, step in zip(("command", "reply", "byte"), calm.size, (1, 1, every), strict=True):
         for number in range(1, count + 1, step):

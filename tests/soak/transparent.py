@@ -1,4 +1,4 @@
-"""91 things asked of every kind of mount, directly and through a gateway of its own protocol: how many answers differ.
+"""Sends 91 requests to every kind of mount, directly and through a gateway of its protocol: how many replies differ?
 
 python -m tests.soak.transparent
 """
@@ -12,7 +12,7 @@ from tests.support.virtual import run
 
 
 def main() -> int:
-    """0 when no more answers differ than are allowed, else 1."""
+    """Return 0 if no more replies differ than permitted, else 1."""
     worst = 0
     for protocol, model, version in MOUNTS:
         found = run(differences(protocol, model, version))

@@ -1,11 +1,11 @@
-"""Bring gateways to grief in motion and see how soon the mount stands still. Standalone.
+"""Make gateways fail during a motion and measure how soon the mount stands still. Standalone.
 
     python -m tests.soak.watchdog [--times 3]
 
-Real processes: a simulated mount that writes down where its axes truly are, a gateway in front of it on a TCP line or a
-pseudo-terminal, a client that presses an arrow at the fastest rate. The gateway is killed, frozen, made to quit, or its
-event loop is blocked. Printed are the seconds from there until the axes no longer turn but by tracking, the memory of
-the watchdog process, and the processor time that it takes in ten seconds of rest and of motion.
+Real processes: a simulated mount that records its true axes, a gateway in front of it on a TCP line or a
+pseudo-terminal, and a client that holds a direction key at the fastest rate. The gateway is killed, frozen, made to
+quit, or its event loop is blocked. The output is the seconds from there until the axes only track, the memory of the
+watchdog process, and its processor time in ten seconds of rest and of motion.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from pathlib import Path
 from tests.support.process import Running
 from tests.support.watchdog import FATES, Watched
 
-#: Seconds until rest that are allowed, and the watchdog's memory in MiB.
+#: Permitted seconds until rest, and the watchdog's memory in MiB.
 REST, MEMORY = 3.0, 10.0
-#: Degrees a second beyond which an axis is not tracking.
+#: Degrees a second above which an axis does not only track.
 TURNING = 0.02
 
 
 def _seconds_to_rest(watched: Watched, fate: str, truth: Path) -> float:
-    """By the mount's true axes, which are written ten times a second."""
+    """Return the seconds by the mount's true axes, which are written ten times a second."""
     before = len(truth.read_text().splitlines())
     watched.meet(fate)
     time.sleep(2.5)
@@ -39,19 +39,19 @@ def _seconds_to_rest(watched: Watched, fate: str, truth: Path) -> float:
 
 
 def _memory(number: int) -> float:
-    """Resident memory in MiB."""
+    """Return the resident memory in MiB."""
     words = Path(f"/proc/{number}/status").read_text().split()
     return int(words[words.index("VmRSS:") + 1]) / 1024
 
 
 def _processor(number: int) -> float:
-    """Processor seconds so far."""
+    """Return the processor seconds so far."""
     fields = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _figures() -> tuple[float, float, float]:
-    """-> memory, processor seconds in ten seconds of rest, and in ten of motion."""
+    """Return memory, processor seconds in ten seconds of rest, and in ten of motion."""
     started: list[Running] = []
     with tempfile.TemporaryDirectory() as place:
         watched = Watched(started, Path(place), "nexstar", "tcp")

@@ -10,7 +10,7 @@ import datetime
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from gateway.app.status import Rate, State, StatusLine, on_the_sky
+from gateway.app.status import Rate, State, StatusLine, format_position
 from gateway.core import operations as op
 from gateway.mount.motion.wanted import ByHand, Slew
 from gateway.mount.presence import HostActivity
@@ -38,7 +38,7 @@ def status_line(
     )  # fmt: skip
 
 
-def gather(controller: MountController, name: str, mount: str, programs: Sequence[str]) -> State:
+def collect_state(controller: MountController, name: str, mount: str, programs: Sequence[str]) -> State:
     """Return everything; ``programs`` are the hosts of connected programs, ``name`` is the mount's (or empty)."""
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     who = (identity.product, identity.model, identity.version) if identity else ("", "", "")
@@ -53,7 +53,7 @@ def gather(controller: MountController, name: str, mount: str, programs: Sequenc
         tuple(sorted(programs)),
         controller.line.typical_rtt,
         controller.line.answers,
-        tuple(_lately(controller)),
+        tuple(_recent_events(controller)),
     )
 
 
@@ -80,20 +80,21 @@ def _wanted(controller: MountController) -> Iterator[str]:
         yield "a stop, which the mount has not acknowledged yet"
     if isinstance(wanted.motion, Slew):
         since = controller.now() - wanted.motion.since
-        yield f"{_goto(controller, wanted.motion.operation)}{_by(wanted.motion.by, since)}"
+        yield f"{_goto(controller, wanted.motion.operation)}{_asked_by(wanted.motion.by, since)}"
     elif controller.slewing:
         yield "it slews without an order from this gateway: perhaps by its hand control"
     for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():
-        yield f"{_arrow(motion.operation, axis)}{_by(motion.by, controller.now() - motion.since)}"
+        yield f"{_arrow(motion.operation, axis)}{_asked_by(motion.by, controller.now() - motion.since)}"
     for order in wanted.pending:
         if not order.follow_up and order.number != wanted.active:
-            yield f"{type(order.operation).__name__}, not begun yet{_by(order.by, controller.now() - order.since)}"
+            asked = _asked_by(order.by, controller.now() - order.since)
+            yield f"{type(order.operation).__name__}, not begun yet{asked}"
 
 
 def _goto(controller: MountController, operation: op.Operation) -> str:
     if isinstance(operation, op.Goto):
         goal = controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
-        return f"a goto to {on_the_sky(goal)}"
+        return f"a goto to {format_position(goal)}"
     if isinstance(operation, op.GotoHorizontal | op.GotoAxes):
         return f"a goto to azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"
     return "the way to its park position" if isinstance(operation, op.Park) else "the way home"
@@ -105,7 +106,7 @@ def _arrow(operation: op.Move | op.MoveAxis, axis: int) -> str:
     return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"
 
 
-def _by(by: HostActivity | None, seconds: float) -> str:
+def _asked_by(by: HostActivity | None, seconds: float) -> str:
     return f", asked for {seconds:.0f} s ago" + (f" by {by.who}" if by is not None else "")
 
 
@@ -121,7 +122,7 @@ def _allowed(controller: MountController) -> Iterator[str]:
         yield "held: nothing moves it until mount-gateway stop --release"
 
 
-def _lately(controller: MountController) -> Iterator[str]:
+def _recent_events(controller: MountController) -> Iterator[str]:
     """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
     now = controller.wire_log.clock()
     counted: dict[tuple[str, str], tuple[int, float]] = {}

@@ -55,7 +55,7 @@ def describe(text: str) -> Object:
     return Object(name, Spot(entry.ra, entry.dec, j2000=True), _KINDS.get(entry.kinds[:1], "object"), entry.magnitude)
 
 
-def beginning(text: str, most: int) -> list[str]:
+def completions(text: str, most: int) -> list[str]:
     """Return at most ``most`` names that begin with a text: planets, catalogue numbers, stars and nebulae."""
     typed = names.normalized(text)
     bodies = [body for body in BODIES if typed and body.lower().startswith(typed)]

@@ -14,9 +14,9 @@ from typing import Any
 import msgspec
 
 from gateway.app.control import request_types
-from gateway.app.control.gather import gather
+from gateway.app.control.gather import collect_state
 from gateway.app.control.refusals import explain
-from gateway.app.status import State, on_the_sky
+from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Invalid, Stopped
 from gateway.mount.controller import MountController
@@ -70,7 +70,7 @@ class RequestHandler:
 
     def state(self) -> State:
         """Return what is known of the mount, without asking it."""
-        return gather(self._controller, self._name, self._mount, self._programs())
+        return collect_state(self._controller, self._name, self._mount, self._programs())
 
     async def carry_out(self, line: str) -> str:
         """Return ``done WORDS``, ``under way WORDS`` or ``failed REASON``; for ``See`` a ``State`` as JSON."""
@@ -108,11 +108,11 @@ class RequestHandler:
             case request_types.Goto():
                 active.goal = await of_date(self._controller, request.where)
                 await self._perform(op.Goto(active.goal.ra, active.goal.dec), active)
-                return f"it goes to {on_the_sky(active.goal)}"
+                return f"it goes to {format_position(active.goal)}"
             case request_types.Sync():
                 goal = await of_date(self._controller, request.where)
                 await self._perform(op.Sync(goal.ra, goal.dec), active)
-                return f"it points to {on_the_sky(goal)} from now on"
+                return f"it points to {format_position(goal)} from now on"
             case request_types.Park():
                 active.is_park = True
                 await self._perform(op.Park(), active)
@@ -214,14 +214,14 @@ class RequestHandler:
             order.follow_up for order in controller.wanted.value.pending
         )  # after parking, its tracking is still to be turned off
         if self._in_motion(active) or follows:
-            return f"{UNDER_WAY} {on_the_sky(seen.position) if seen.position else ''}"
+            return f"{UNDER_WAY} {format_position(seen.position) if seen.position else ''}"
         if controller.stops != active.stops:
             return f"{FAILED} it was stopped on the way"
         if active.goal is not None and seen.position is not None and (words := missed(active.goal, seen.position)):
             return f"{FAILED} {words}, or another goto came"
         if active.is_park:
             return f"{DONE} it is parked"
-        return f"{DONE} it is there{': ' + on_the_sky(seen.position) if seen.position else ''}"
+        return f"{DONE} it is there{': ' + format_position(seen.position) if seen.position else ''}"
 
     async def _cancel(self, number: str) -> str:
         controller, active = self._controller, self._remember(number, "mount-gateway stop")

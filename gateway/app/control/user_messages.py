@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from gateway.app.control.gather import LATELY, clock, gather, site
+from gateway.app.control.gather import LATELY, clock, collect_state, site
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.safety.admission.contradictions import contradiction_warning
@@ -30,7 +30,7 @@ def first_messages(controller: MountController, model: str | None, version: str 
     status: op.Status | None = controller.cache.value(op.GetStatus)
     if identity is None:
         return
-    yield UserMessage(f"found {gather(controller, '', '', ()).found}")
+    yield UserMessage(f"found {collect_state(controller, '', '', ()).found}")
     where = f"site {site(controller)}" if site(controller) else "site not known"
     yield UserMessage(f"{where}; clock {clock(controller) or 'not known'}")
     if words := _contradiction(controller, identity, model, version):

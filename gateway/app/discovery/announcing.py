@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, cast
 
 from msgspec.structs import replace
 
-from gateway.app.discovery.offer import EVERYWHERE, Offer, seen_from
+from gateway.app.discovery.offer import EVERYWHERE, Offer, address_towards
 from gateway.core.about import VERSION
 from gateway.protocols.registry import PROTOCOLS, spoken
 from gateway.system.own_commands import how_to_add
@@ -49,7 +49,7 @@ class Announcement:
         self._warn, self._note = warn, note
         self._skyfi: asyncio.DatagramTransport | None = None
         #: Functions that end the protocols' own discovery answers.
-        self._found: list[Callable[[], None]] = []
+        self._discovery_ends: list[Callable[[], None]] = []
         self._publishing: asyncio.Task[None] | None = None
         self._publisher: Publisher | None = None
 
@@ -63,14 +63,14 @@ class Announcement:
         except OSError as error:
             self._warn(f"SkySafari will not find this gateway by itself: UDP port {port}: {error.strerror or error}")
 
-    async def let_find(self, offers: Sequence[Offer]) -> None:
+    async def answer_discovery(self, offers: Sequence[Offer]) -> None:
         """Answer discovery requests from now on, for every protocol that has a discovery of its own."""
         for name, spec in PROTOCOLS.items():
             places = [(offer.host, offer.port) for offer in offers if offer.protocol == name]
             if spec.web is None or not places:
                 continue
             try:
-                self._found.append(await spec.web().answer_discovery(places))
+                self._discovery_ends.append(await spec.web().answer_discovery(places))
             except OSError as error:
                 self._warn(
                     f"{spec.title} programs will not find this gateway by themselves: {error.strerror or error}; "
@@ -98,7 +98,7 @@ class Announcement:
 
     async def close(self) -> None:
         """Withdraw all announcements."""
-        for end in self._found:
+        for end in self._discovery_ends:
             end()
         if self._skyfi is not None:
             self._skyfi.close()
@@ -110,7 +110,7 @@ class Announcement:
             await self._publisher.close()
 
 
-class _Answering(asyncio.DatagramProtocol):
+class _SkyFiProtocol(asyncio.DatagramProtocol):
     def __init__(self, offers: Sequence[Offer]) -> None:
         self._offers = offers
         self._transport: asyncio.DatagramTransport | None = None
@@ -128,7 +128,7 @@ class _Answering(asyncio.DatagramProtocol):
 async def answer_skyfi(offers: Sequence[Offer], host: str, port: int) -> asyncio.DatagramTransport:
     """Answer for the offers until the transport is closed. Raises OSError."""
     loop = asyncio.get_running_loop()
-    transport, _ = await loop.create_datagram_endpoint(lambda: _Answering(offers), local_addr=(host, port))
+    transport, _ = await loop.create_datagram_endpoint(lambda: _SkyFiProtocol(offers), local_addr=(host, port))
     return transport
 
 
@@ -139,7 +139,7 @@ def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> 
     if match is None or not able:
         return b""
     best = min(able, key=lambda offer: offer.port != USUAL)
-    address = seen_from(asker) if best.host in EVERYWHERE else best.host
+    address = address_towards(asker) if best.host in EVERYWHERE else best.host
     return match[1] + b"@" + address.encode() if address else b""
 
 

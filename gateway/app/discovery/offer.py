@@ -42,7 +42,7 @@ class Offer(Struct, frozen=True):
         return "." in self.host or self.host == "::"
 
 
-def offered(names: Iterable[str]) -> list[Offer]:
+def network_offers(names: Iterable[str]) -> list[Offer]:
     """Return the network surfaces among texts ``PROTOCOL:MODEL@WHERE [NAME]``, as in the ready lines."""
     found = []
     for name in names:
@@ -56,7 +56,7 @@ def offered(names: Iterable[str]) -> list[Offer]:
     return found
 
 
-def seen_from(asker: tuple[str, int]) -> str:
+def address_towards(asker: tuple[str, int]) -> str:
     """Return this computer's address on the route to another one; empty if there is no route. This sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
         try:
@@ -66,8 +66,10 @@ def seen_from(asker: tuple[str, int]) -> str:
         return str(way.getsockname()[0])
 
 
-def to_type(
-    offer: Offer, every: Callable[[], Held] = interface_addresses, first: Callable[[tuple[str, int]], str] = seen_from
+def reachable_addresses(
+    offer: Offer,
+    every: Callable[[], Held] = interface_addresses,
+    first: Callable[[tuple[str, int]], str] = address_towards,
 ) -> list[str]:
     """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only without IPv4."""
     if offer.host not in EVERYWHERE:
@@ -83,7 +85,7 @@ def to_type(
     return sorted(dict.fromkeys(old or new), key=lambda address: address != likeliest)
 
 
-def in_words(offer: Offer, addresses: list[str]) -> str:
+def phone_line(offer: Offer, addresses: list[str]) -> str:
     """Return the line that says what to type on a phone or another computer."""
     if not addresses:
         return f"no other computer reaches port {offer.port}: this one is in no network now"

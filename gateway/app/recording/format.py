@@ -124,7 +124,7 @@ def _when(last: Event | None) -> str:
     return f" after {last.at:.3f} s" if last is not None else ""
 
 
-def part_of(path: Path, number: int) -> Path:
+def part_path(path: Path, number: int) -> Path:
     """Return the name of an older file of a recording."""
     return path.with_name(f"{path.name}.{number}")
 
@@ -138,7 +138,7 @@ def read(path: Path) -> Recording:
     base, dot, number = str(path).rpartition(".")
     first, name = (int(number) + 1, Path(base)) if dot and number.isdecimal() else (1, path)
     while settings["from"] or first == 1:
-        older = part_of(name, first)
+        older = part_path(name, first)
         if not older.exists() or not is_recording(older):
             break
         head = _head(older)
@@ -148,7 +148,7 @@ def read(path: Path) -> Recording:
         settings, first = head, first + 1
     recording = Recording(parts[::-1])
     if name != path:
-        newer = part_of(name, int(number) - 1) if int(number) > 1 else name
+        newer = part_path(name, int(number) - 1) if int(number) > 1 else name
         if newer.exists() and is_recording(newer) and _head(newer)["began"] == settings["began"]:
             recording.continues_in = newer
     return recording

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gateway.app.recording.format import FORMAT, MARK, RECORDER, STOPPED, WITHOUT_TURNS, escape, is_recording, part_of
+from gateway.app.recording.format import FORMAT, MARK, RECORDER, STOPPED, WITHOUT_TURNS, escape, is_recording, part_path
 from gateway.app.recording.turns import TurnLoop
 from gateway.core.errors import UserError, about_file
 from gateway.core.wire_log import MOUNT, Entry
@@ -190,8 +190,8 @@ def _rotate(path: Path, keep: int) -> bool:
     if path.stat().st_size and not is_recording(path):
         raise UserError(f"cannot record to {path}: there is a file that is no recording; it is left alone")
     parts = [path]
-    while part_of(path, len(parts)).exists():
-        parts.append(part_of(path, len(parts)))
+    while part_path(path, len(parts)).exists():
+        parts.append(part_path(path, len(parts)))
     full = len(parts) >= keep
     for number in range(len(parts) - 1, -1, -1):
         part = parts[number]
@@ -200,7 +200,7 @@ def _rotate(path: Path, keep: int) -> bool:
             continue
         if not part.is_symlink() and stat.S_IMODE(part.stat().st_mode) & ~PRIVATE:
             part.chmod(PRIVATE)
-        part.replace(part_of(path, number + 1))
+        part.replace(part_path(path, number + 1))
     return full
 
 

@@ -114,9 +114,9 @@ class Watchdog:
 
     def _listen(self) -> None:
         if self._loop is not None and self._connection is not None:
-            self._loop.add_reader(self._connection.fileno(), self._heard)
+            self._loop.add_reader(self._connection.fileno(), self._on_readable)
 
-    def _heard(self) -> None:
+    def _on_readable(self) -> None:
         """Read the messages of the process, or notice that it has ended."""
         assert self._connection is not None and self._loop is not None
         try:
@@ -145,7 +145,7 @@ class Watchdog:
         self.start()
         self._listen()
         for mount in self._mounts:
-            mount.introduce()
+            mount.register()
 
     def _disconnect(self) -> None:
         connection, self._connection = self._connection, None
@@ -193,14 +193,14 @@ class WatchedMount:
     def opened(self, descriptor: int) -> None:
         """Pass the descriptor of the line, which was opened, to the process."""
         self._descriptor = descriptor
-        self.introduce()
+        self.register()
 
     def closed(self) -> None:
         """Tell the process to close its duplicate: the line is about to be closed."""
         self._descriptor = None
         self._watchdog.send(f"gone {self._number}")
 
-    def introduce(self) -> None:
+    def register(self) -> None:
         """Send the line's descriptor to the process, and the stop commands if the mount moves."""
         if self._descriptor is not None:
             words = (self._title, str(self._lock or ""))

@@ -75,7 +75,7 @@ class Watch:
     def __init__(self, connection: _socket.socket, gateway: str) -> None:
         self.connection, self.gateway = connection, gateway
         self.mounts: dict[str, Mount] = {}
-        self.heard = 0.0
+        self.last_heard = 0.0
         self._rest = b""
 
     def run(self) -> None:
@@ -83,15 +83,15 @@ class Watch:
         while True:
             moving = [mount for mount in self.mounts.values() if mount.stop]
             asked = time.monotonic()
-            left = max(0.0, self.heard + SILENCE - asked) if moving else None
+            left = max(0.0, self.last_heard + SILENCE - asked) if moving else None
             if select.select([self.connection], [], [], left)[0]:
                 if not self.listen():
-                    self.has_ended(moving)
+                    self.stop_for_ended_gateway(moving)
                     return
             elif left is not None and time.monotonic() - asked > left + FROZEN:
-                self.heard = time.monotonic()  # the whole computer was suspended or overloaded
+                self.last_heard = time.monotonic()  # the whole computer was suspended or overloaded
             else:
-                self.is_silent(moving)
+                self.stop_for_silent_gateway(moving)
 
     def listen(self) -> bool:
         """Read the gateway's messages; return whether it still runs."""
@@ -105,13 +105,13 @@ class Watch:
             if kind == _socket.SCM_RIGHTS
             for at in range(0, len(content), 4)
         ]
-        self.heard = time.monotonic()
+        self.last_heard = time.monotonic()
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
-            self.take(line.decode("ascii").split(" "), descriptors)
+            self.handle(line.decode("ascii").split(" "), descriptors)
         return bool(data)
 
-    def take(self, words: list[str], descriptors: list[int]) -> None:
+    def handle(self, words: list[str], descriptors: list[int]) -> None:
         """Act on one message of the gateway, split into words."""
         kind, number = [*words, ""][:2]
         if kind == "line":
@@ -129,7 +129,7 @@ class Watch:
         if mount is not None:
             os.close(mount.descriptor)
 
-    def has_ended(self, mounts: list[Mount]) -> None:
+    def stop_for_ended_gateway(self, mounts: list[Mount]) -> None:
         """Stop the mounts of a dead gateway for some seconds, each until another gateway has taken it."""
         self.say(mounts, "has ended")
         for mount in mounts:
@@ -142,7 +142,7 @@ class Watch:
             mounts = [mount for mount in mounts if not mount.taken_over()]
             times += 1
 
-    def is_silent(self, mounts: list[Mount]) -> None:
+    def stop_for_silent_gateway(self, mounts: list[Mount]) -> None:
         """Stop the mounts of a gateway that hangs for some seconds, or until it sends something again."""
         self.say(mounts, f"has not responded for {SILENCE:g} s")
         for attempt in range(TIMES):
@@ -151,7 +151,7 @@ class Watch:
             if attempt == 0:
                 self.report(mounts)
             if select.select([self.connection], [], [], max(0.0, began + EVERY - time.monotonic()))[0]:
-                self.heard = time.monotonic()
+                self.last_heard = time.monotonic()
                 return
         for mount in mounts:
             mount.stop = []

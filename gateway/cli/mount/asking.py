@@ -37,12 +37,12 @@ def add_which(command: argparse.ArgumentParser, which: str = "which one, where s
 def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """Return the running gateways that the flags choose, or ``all_of_them`` whatever ``--mount`` says."""
     from gateway.app.control.exchange import is_listening
-    from gateway.app.reach import look, scope_of
+    from gateway.app.reach import scope_of, search
 
     only = None if all_of_them else arguments.mount
     return [
         endpoint
-        for _, endpoint in look(scope_of(arguments.state)).gateways
+        for _, endpoint in search(scope_of(arguments.state)).gateways
         if is_listening(endpoint)
         and (only is None or only in (endpoint.name, endpoint.mount, endpoint.mount.partition("@")[2]))
     ]
@@ -66,7 +66,7 @@ def _flags(endpoints: Iterable[ControlEndpoint]) -> str:
 
 def report_no_gateway(arguments: argparse.Namespace) -> None:
     """Report that no gateway runs, or none with the mount that was named."""
-    from gateway.app.reach import scope_of, unseen
+    from gateway.app.reach import scope_of, unreachable_gateways
     from gateway.system.runtime_folders import user_name
 
     others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
@@ -75,7 +75,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
     streams.warn(NOBODY.format(which=which), streams.ERROR)
-    for process in unseen(scope_of(arguments.state)):
+    for process in unreachable_gateways(scope_of(arguments.state)):
         whose = user_name(process.user)
         streams.warn(
             f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or "

@@ -14,7 +14,7 @@ import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.request_types import See, encode
-from gateway.app.status import OLD, Rate, State, does, status, where
+from gateway.app.status import OLD_AFTER, Rate, State, activity, status, where
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.asking import (
     add_which,
@@ -114,9 +114,9 @@ def lines(state: State) -> Iterator[str]:
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
     seen = where(look)  # includes the age of an old position
-    if look.position is not None and look.age <= OLD:
+    if look.position is not None and look.age <= OLD_AFTER:
         seen += f", {look.age:.0f} s ago"
-    doing = "" if look.state in ("opening", "down") else does(look)  # not known now
+    doing = "" if look.state in ("opening", "down") else activity(look)  # not known now
     rows = {
         "mount": [state.found or "has not said yet which one it is"],
         "seen": [f"{seen}; {doing}" if doing else seen],

@@ -105,12 +105,14 @@ def console_offers(page: Console | None) -> list[Offer]:
 
 def phone_lines(page: Console) -> list[str]:
     """Return lines with the address for a phone and its QR code, if other computers reach the page."""
-    from gateway.app.discovery.offer import to_type
+    from gateway.app.discovery.offer import reachable_addresses
 
     found = console_offer(page)
     if not found.wide:
         return []
-    addresses = [f"http://{f'[{address}]' if ':' in address else address}:{page.port}/" for address in to_type(found)]
+    addresses = [
+        f"http://{f'[{address}]' if ':' in address else address}:{page.port}/" for address in reachable_addresses(found)
+    ]
     if not addresses:
         return [f"no other computer reaches the console's port {page.port}: this one is in no network now"]
     return [f"on your phone: {' or '.join(addresses)}", *qr_code(addresses[0])]

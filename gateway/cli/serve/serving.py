@@ -73,7 +73,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     Raises UserError if a port cannot be opened, or if no mount is found.
     """
     from gateway.app.discovery.announcing import Announcement
-    from gateway.app.discovery.offer import offered
+    from gateway.app.discovery.offer import network_offers
     from gateway.app.gateway import Gateway
     from gateway.astro.ephemeris.sky import Sky
     from gateway.clients.any_protocol.web import Web
@@ -94,7 +94,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def surfaces() -> list[Offer]:
-        return offered(name for gateway in gateways for name in gateway.names()) if config.discovery else []
+        return network_offers(name for gateway in gateways for name in gateway.names()) if config.discovery else []
 
     def offers() -> list[Offer]:
         return [offer for offer in surfaces() if offer.wide]
@@ -159,7 +159,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
                 web.close()
         pages = console_offers(console) if config.discovery else []
         if config.discovery:
-            await announcement.let_find([*surfaces(), *http_offers(console)])
+            await announcement.answer_discovery([*surfaces(), *http_offers(console)])
         announcement.publish([*offers(), *pages])  # only now, when the presented model is known
         await done.wait()
     finally:
@@ -186,9 +186,9 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
 def _phone_lines(names: Sequence[str]) -> list[str]:
     """Return lines with the addresses of surfaces for phones and other computers; none for local surfaces."""
-    from gateway.app.discovery.offer import in_words, offered, to_type
+    from gateway.app.discovery.offer import network_offers, phone_line, reachable_addresses
 
-    return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
+    return [phone_line(offer, reachable_addresses(offer)) for offer in network_offers(names) if offer.wide]
 
 
 async def _print_first_messages(gateway: Gateway, screen: Screen, several: bool) -> None:

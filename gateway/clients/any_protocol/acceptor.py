@@ -26,10 +26,10 @@ MAX_IDLE = 64
 
 
 class AnyConnection:
-    """A connection to such a port. ``left`` is called at its end; the other arguments are those of an acceptor."""
+    """A connection to such a port. ``closed`` is called at its end; the other arguments are those of an acceptor."""
 
-    def __init__(self, port: AnyAcceptor, name: str, host: str, write: Write, left: Callable[[], None]) -> None:
-        self._acceptors, self._web, self._controller, self._left = port.acceptors, port.web, port.controller, left
+    def __init__(self, port: AnyAcceptor, name: str, host: str, write: Write, closed: Callable[[], None]) -> None:
+        self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
         self._name, self._host, self._write = name, host, write
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
@@ -76,7 +76,7 @@ class AnyConnection:
         self._web.leave(self)
         if self._handler is not None:
             self._handler.close()
-        self._left()
+        self._closed()
 
     # --- recognising the protocol -----------------------------------------------------------------------------------
 
@@ -195,11 +195,11 @@ class AnyAcceptor:
         wire_log = self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
 
-        def left() -> None:
+        def closed() -> None:
             self._connections.discard(connection)
             wire_log.put(name, "-")
 
-        connection = AnyConnection(self, name, host, write, left)
+        connection = AnyConnection(self, name, host, write, closed)
         self._connections.add(connection)
         return connection
 

@@ -91,7 +91,7 @@ class CommandProcessor:
         if self.log.sinks:
             self._log_dropped()
         self._idle = self.framer.idle  # else the next bytes may belong to these
-        ended: set[bytes] = set()  # by these frames, with no other command since: a repetition does nothing
+        ended: set[bytes] = set()  # frames that ended a motion, with no other command since
         self.ended = bool(frames)
         for frame in frames:
             if isinstance(frame, Unterminated):

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gateway.app.control.gather import gather
+from gateway.app.control.gather import collect_state
 from gateway.app.gateway import Gateway
-from gateway.app.status import does, on_the_sky
+from gateway.app.status import activity, format_position
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
@@ -28,7 +28,7 @@ BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranu
 def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
     """Yield the state except answer times, clients and bodies of the sky; each part takes about 0.1 ms."""
     controller = gateway.controller
-    state = gather(controller, gateway.config.name or "", str(gateway.mount), ())
+    state = collect_state(controller, gateway.config.name or "", str(gateway.mount), ())
     look = state.look
     yield {}  # gathering is a step of its own
     here = None if look.position is None else coordinates(controller, look.position)
@@ -38,7 +38,7 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
     yield {
         "index": index, "name": look.name, "at": state.mount, "found": state.found, "product": state.product,
         "model": state.model, "version": state.version, "state": look.state, "reason": look.reason,
-        "does": does(look), "pier": snapshot.value(op.PierSide) or "",
+        "does": activity(look), "pier": snapshot.value(op.PierSide) or "",
         "tracking": status.tracking.value if status else "",
         "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
@@ -103,7 +103,7 @@ def _goal(controller: MountController, here: Mapping[str, Any] | None) -> dict[s
         operation = motion.operation
         if isinstance(operation, op.Goto):
             seen = controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
-            goal = {**coordinates(controller, seen), "words": on_the_sky(seen)}
+            goal = {**coordinates(controller, seen), "words": format_position(seen)}
         elif isinstance(operation, op.GotoHorizontal):
             words = f"azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"
             goal = {"ra": None, "dec": None, "alt": operation.alt, "az": operation.az, "words": words}

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from gateway import __version__
 from gateway.app.control.exchange import is_listening
-from gateway.app.reach import Scope, look, reachable, unseen
+from gateway.app.reach import Scope, reachable, search, unreachable_gateways
 from gateway.diagnostics.detect.ports import here, holder
 from gateway.diagnostics.doctor import installed
 from gateway.diagnostics.doctor.checks import USUAL
@@ -107,10 +107,10 @@ def unwritable(folder: Path) -> str:
 
 def running(scope: Scope) -> Iterator[Running]:
     """List the gateways that can be queried, and those that are only visible as processes."""
-    for _, endpoint in look(scope).gateways:
+    for _, endpoint in search(scope).gateways:
         if is_listening(endpoint):
             yield Running(endpoint.pid, endpoint.name or endpoint.mount)
-    for process in unseen(scope):
+    for process in unreachable_gateways(scope):
         yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
 
 

@@ -20,8 +20,8 @@ from gateway.mount.motion.wanted import Moving
 
 #: Seconds: the age of the last position at which a mount counts as silent, and the least time between two stops for it.
 BLIND = 1.0
-#: A motion is judged from this commanded speed on, degrees a second, and after so many seconds, including its start; so
-#: large a part of the commanded way must be seen.
+#: A motion is judged if it is at least this fast, degrees a second, and has lasted this many seconds, including its
+#: start; at least this part of the commanded way must be seen.
 FROM, AFTER, PART = 0.1, 3.0, 0.1
 #: Seconds; setting the clock by more than this changes the sky.
 CLOCK_JUMP = 30.0
@@ -55,7 +55,7 @@ class Course(Struct, frozen=True):
 
 
 class StallWatch:
-    """Finds axes that do not move although they were told to; ``look`` is called with every position.
+    """Finds axes that do not move although they were told to; call ``find_stalled`` with every position.
 
     Such a motor is stalled, or the mount reports an old position. Only speeds that a position shows clearly are judged,
     and only after the mount has had time to start.
@@ -68,7 +68,7 @@ class StallWatch:
         """Forget all motions: nothing moves by hand."""
         self._courses.clear()
 
-    def look(self, sample: Sample, ordered: Mapping[int, float], round_trip: float) -> int | None:
+    def find_stalled(self, sample: Sample, ordered: Mapping[int, float], round_trip: float) -> int | None:
         """Return an axis that moved too little, or None. ``ordered``: commanded speed per axis, degrees a second."""
         courses: dict[int, Course] = {}
         for axis, speed in ordered.items():

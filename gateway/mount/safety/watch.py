@@ -252,7 +252,7 @@ class LimitWatch:
         self._ends.look(here)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
         ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
-        stalled = self._stalls.look(here, ordered, mount.link.typical_rtt * mount.timing.reads)
+        stalled = self._stalls.find_stalled(here, ordered, mount.link.typical_rtt * mount.timing.reads)
         if stalled is not None:
             self._stop(
                 f"stopped: axis {stalled} was told to move, but its position does not change; check the "

@@ -61,7 +61,7 @@ class SiteAndClock:
             await self._first_answers()
         moment = self._site_clock.clock()
         if moment is None:
-            self._context.note_once("the mount does not tell the time: this computer's clock is used")
+            self._context.note_once("the mount does not report the time: this computer's clock is used")
             moment = op.Moment(self._site_clock.unix(), 0.0)
         return moment
 

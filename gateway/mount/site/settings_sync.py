@@ -34,7 +34,7 @@ MAX_SENT = 8
 
 
 class SyncSettings:
-    """``queue`` adds a setting. Call ``pause`` when the link comes up, and ``resume`` when the mount was identified."""
+    """Sends settings, which ``queue`` adds. Call ``pause`` when the link comes up, ``resume`` after identification."""
 
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
         self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
@@ -58,7 +58,7 @@ class SyncSettings:
         """Whether a site or a clock is pending."""
         return any(kind in (op.SetSite, op.SetClock) for kind, _ in self.pending)
 
-    # --- what is owed -----------------------------------------------------------------------------------------------
+    # --- pending settings -------------------------------------------------------------------------------------------
 
     def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
         """Queue a setting for the mount; it replaces an older one of its kind."""

@@ -15,7 +15,7 @@ import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
 from gateway.app.discovery.announcing import Announcement, Publisher, answer
-from gateway.app.discovery.offer import Offer, in_words, offered, to_type
+from gateway.app.discovery.offer import Offer, network_offers, phone_line, reachable_addresses
 from gateway.cli.serve import serving
 from gateway.protocols.registry import streams
 from gateway.system.own_commands import how_to_add
@@ -63,7 +63,7 @@ def test_offers_are_what_the_network_can_reach() -> None:
         "lx200:autostar@tcp://127.0.0.1:4040",
         "lx200:autostar@tcp://[fe80::1%eth0]:1",
     ]
-    found = offered(names)
+    found = network_offers(names)
     assert [(offer.scheme, offer.host, offer.port, offer.wide) for offer in found] == [
         ("tcp", "0.0.0.0", 4030, True),
         ("rfc2217", "::1", 4031, False),
@@ -222,12 +222,12 @@ HOME = held(
 )
 def test_it_is_told_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:
     offer = Offer("lx200", "autostar", "tcp", host, 4030)
-    assert in_words(offer, to_type(offer, lambda: own, lambda far: "192.168.1.23")) == says
+    assert phone_line(offer, reachable_addresses(offer, lambda: own, lambda far: "192.168.1.23")) == says
 
 
 def test_a_port_for_serial_programs_is_for_other_computers() -> None:
     offer = Offer("lx200", "autostar", "rfc2217", "0.0.0.0", 4030)
-    assert in_words(offer, ["192.168.1.23"]) == "on another computer: rfc2217://192.168.1.23:4030"
+    assert phone_line(offer, ["192.168.1.23"]) == "on another computer: rfc2217://192.168.1.23:4030"
 
 
 def test_the_ready_line_is_followed_by_it(started: list[Running]) -> None:

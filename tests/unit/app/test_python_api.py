@@ -61,7 +61,7 @@ def test_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
         "read_a_conversation": "BelowHorizon",
         "embed_a_gateway": "arrived at right ascension",
         "tiny_client": "(",
-        "like_skysafari": "it rests at 09:57:5",
+        "like_skysafari": "at rest: 09:57:5",
     }
     assert told[example.stem] in said.stdout
 

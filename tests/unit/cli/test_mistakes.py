@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.reach import silent
+from gateway.app.reach import explain_no_answer
 from gateway.cli import main
 from gateway.cli.serve.finding import port_advice
 from gateway.core.errors import UserError
@@ -122,7 +122,7 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
     gateway.ready()
     number = gateway.process.pid
     assert not processes.suspended(number)
-    assert silent(number) == (
+    assert explain_no_answer(number) == (
         f"the gateway (process {number}) does not answer: end it with kill -9 {number}, then "
         "mount-gateway stop stops its mount without it"
     )
@@ -131,7 +131,7 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
         until = time.monotonic() + PATIENCE
         while not processes.suspended(number):  # the signal takes a moment
             assert time.monotonic() < until
-        assert silent(number) == (
+        assert explain_no_answer(number) == (
             f"the gateway (process {number}) does not answer: it is suspended (Ctrl-Z?), and kill -CONT {number} "
             f"resumes it; or end it with kill -9 {number}, then mount-gateway stop stops its mount without it"
         )

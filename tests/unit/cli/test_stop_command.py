@@ -213,10 +213,10 @@ def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest
     os.chown(theirs, 1, 1)
     os.chown(theirs / "a.control", 1, 1)
     fake.symlink_to(theirs)
-    found = reach.look(reach.Scope(tmp_path / "none"))
+    found = reach.search(reach.Scope(tmp_path / "none"))
     assert [path for path, _ in found.gateways] == [theirs / "a.control"], "b is not of the folder's owner"
-    assert reach.look(reach.Scope(Path("/x"), alone=True)).gateways
-    assert not reach.look(reach.Scope(tmp_path, alone=True)).gateways
+    assert reach.search(reach.Scope(Path("/x"), alone=True)).gateways
+    assert not reach.search(reach.Scope(tmp_path, alone=True)).gateways
 
 
 @each(("words", "is_one"), [

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.simulated import _Caller, serve_simulator
+from gateway.app.simulated import _SimulatedConnection, serve_simulator
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from gateway.transport.baud import MAX_BYTES, SerialPace
 from tests.support.simulated_meade import Clock
@@ -64,7 +64,7 @@ def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: fl
             nonlocal heard
             heard += data
 
-        caller = _Caller(SimulatedHandControl("cpc", clock=Clock()), latency, baud, hear)
+        caller = _SimulatedConnection(SimulatedHandControl("cpc", clock=Clock()), latency, baud, hear)
         began = loop.time()
         caller.feed(b"e")
         while len(heard) < 18:

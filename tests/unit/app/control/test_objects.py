@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.app.control.objects import beginning
+from gateway.app.control.objects import completions
 from tests.support.each import each
 
 MOST = 12
@@ -24,18 +24,18 @@ MOST = 12
     ],
 )
 def test_what_is_meant_stands_first(typed: str, first: str) -> None:
-    assert beginning(typed, MOST)[0] == first
+    assert completions(typed, MOST)[0] == first
 
 
 def test_all_of_messier_that_begin_so() -> None:
-    assert beginning("m3", MOST)[:11] == ["M 3", *(f"M {number}" for number in range(30, 40))]
+    assert completions("m3", MOST)[:11] == ["M 3", *(f"M {number}" for number in range(30, 40))]
 
 
 def test_the_stars_that_mounts_are_aligned_on_come_before_others() -> None:
-    found = beginning("al", 40)
+    found = completions("al", 40)
     assert found.index("Altair") < found.index("Albali") < found.index("Alcaid")
 
 
 @pytest.mark.parametrize("typed", ["", "m999", "ngc 9999", "xyz 12", "m0"])
 def test_nothing_is_suggested_where_nothing_is(typed: str) -> None:
-    assert beginning(typed, MOST) == []
+    assert completions(typed, MOST) == []

@@ -169,7 +169,7 @@ class Process:
         )
         there.close()
 
-    def introduce(self, lock: Path) -> None:
+    def register(self, lock: Path) -> None:
         words = b"line 0 " + b"pier".hex().encode() + b" " + str(lock).encode().hex().encode()
         socket.send_fds(self.gateway, [words + b"\n"], [self.handed.fileno()])
 
@@ -212,7 +212,7 @@ def test_it_is_silent_until_something_moves_and_repeats_the_stop_until_another_h
 ) -> None:
     lock = tmp_path / "mount.lock"
     lock.write_text("1")
-    process.introduce(lock)
+    process.register(lock)
     process.gateway.sendall(b"moving 0 4d 500210\nbeat\nrest 0\n")
     time.sleep(2.0)
     assert process.heard() == b"", "at rest no heartbeat is due"
@@ -248,9 +248,9 @@ def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(
     monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
     watch = Watch(there, "1")
-    monkeypatch.setattr(watch, "is_silent", lambda mounts: stops.append(mounts))
+    monkeypatch.setattr(watch, "stop_for_silent_gateway", lambda mounts: stops.append(mounts))
     watch.mounts["0"] = Mount("pier", "", -1)
-    watch.mounts["0"].stop, watch.heard = [b"M"], clock[0]
+    watch.mounts["0"].stop, watch.last_heard = [b"M"], clock[0]
     with here, there, pytest.raises(InterruptedError):
         watch.run()
     assert len(stops) == stopped

@@ -77,4 +77,4 @@ def test_over_the_pole_the_way_counts_in_pieces() -> None:
     watch = StallWatch()
     for tick in range(40):
         dec = 85.0 + tick
-        assert watch.look(Sample(tick * 0.5, (0.0, dec if dec <= 90.0 else 180.0 - dec)), {2: 2.0}, 0.1) is None
+        assert watch.find_stalled(Sample(tick * 0.5, (0.0, dec if dec <= 90.0 else 180.0 - dec)), {2: 2.0}, 0.1) is None

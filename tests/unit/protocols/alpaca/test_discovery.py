@@ -75,9 +75,11 @@ def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pyte
 
     async def program() -> None:
         own = Announcement(lambda text: None, lambda text: None)
-        await own.let_find([Offer("lx200", "", "tcp", "0.0.0.0", 4030)])
+        await own.answer_discovery([Offer("lx200", "", "tcp", "0.0.0.0", 4030)])
         assert asked == [], "nothing that would be looked for so"
-        await own.let_find([Offer("lx200", "", "tcp", "0.0.0.0", 4030), Offer("alpaca", "", "tcp", *EVERYWHERE)])
+        await own.answer_discovery(
+            [Offer("lx200", "", "tcp", "0.0.0.0", 4030), Offer("alpaca", "", "tcp", *EVERYWHERE)]
+        )
         assert asked == [[EVERYWHERE]]
         await own.close()
         assert ended == [True]
@@ -94,7 +96,7 @@ def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest
     async def program() -> None:
         said: list[str] = []
         own = Announcement(said.append, lambda text: None)
-        await own.let_find([Offer("alpaca", "", "tcp", *EVERYWHERE)])
+        await own.answer_discovery([Offer("alpaca", "", "tcp", *EVERYWHERE)])
         await own.close()
         assert said == [
             "ASCOM Alpaca programs will not find this gateway by themselves: UDP port 32227: Address already in use; "
