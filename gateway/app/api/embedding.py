@@ -82,7 +82,7 @@ class RunningGateway:
 
         A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds.
         """
-        self._host.heard = True  # the program is alive: a motion by hand that it has begun may continue
+        self._host.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
         answer: object = await self._controller.perform(operation, self._controller.stops, self._host)
         return answer
 
