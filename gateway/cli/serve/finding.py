@@ -40,7 +40,7 @@ async def serve(
     if not patient:
         await _find(gateway, warn)
     start_sky()
-    found = not patient or await gateway.found(QUICK)
+    found = not patient or await gateway.wait_identified(QUICK)
     ready(gateway)
     if not found and not await _found(gateway, warn):
         reason = gateway.controller.line.reason or "no answer"
@@ -53,7 +53,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
     line, now = gateway.controller.line, asyncio.get_running_loop().time
     began, said = now(), False
     while now() < began + FIND_MOUNT:
-        if await gateway.found(0.1):
+        if await gateway.wait_identified(0.1):
             return True
         hope = FIRST_SENSE if line.transaction.heard_ever else FIRST_WORD
         if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):
@@ -61,7 +61,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
             warn(waiting_message(gateway))
-    return gateway.controller.context.found.is_set()  # a device that reports a position is a mount
+    return gateway.controller.context.wait_identified.is_set()  # a device that reports a position is a mount
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
@@ -111,7 +111,7 @@ def waiting_message(gateway: Gateway) -> str:
     """Return the message that says what the gateway waits for, and how long it may take."""
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.first_answer_seconds[gateway.mount.model is None]
-    if gateway.controller.context.found.is_set():
+    if gateway.controller.context.wait_identified.is_set():
         return (
             f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "
             "model"
