@@ -60,10 +60,7 @@ class RunningGateway:
         await self.perform(op.Goto(ra % 360.0, dec))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until no goto is in progress and return the position.
-
-        Raises Stopped if the mount was stopped meanwhile, TimeoutError after ``seconds``.
-        """
+        """Wait until no goto is in progress; return the position. Raises Stopped after a stop, and TimeoutError."""
         stops = self._controller.stops
         async with asyncio.timeout(seconds):
             while await self.perform(op.Slewing()):
