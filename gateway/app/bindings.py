@@ -190,10 +190,7 @@ def access(surface: SurfaceConfig, config: MountConfig) -> Access:
 
 
 def access_networks(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
-    """Return the networks that may connect to a surface or the console (None: all), and those that may only read.
-
-    Raises UserError.
-    """
+    """Return the networks that may connect (None: all), and those that may only read. Raises UserError."""
     looks = place.read_only
     allowed = None if place.allow is None else networks(place.allow)
     return allowed, looks if isinstance(looks, bool) else networks(looks)
