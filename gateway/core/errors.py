@@ -151,7 +151,7 @@ class Garbled(NoAnswer):
 class Silence(Fault):
     """No reply to a request that a mount of this kind may leave unanswered."""
 
-    words = "The mount does not know this question."
+    words = "The mount does not know this command."
 
 
 class Held(Fault):

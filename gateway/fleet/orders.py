@@ -34,10 +34,7 @@ Report = Callable[[str, str], None]
 
 
 class Orders:
-    """The orders for one mount. ``allowed``: those that the configuration allows.
-
-    ``doubt`` returns why only stops are carried out at the moment, or an empty text.
-    """
+    """The orders for one mount, of the ``allowed`` kinds. ``doubt`` returns why only stops are obeyed now, or ""."""
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:
         self._gateway, self._allowed, self._doubt, self._report = gateway, allowed, doubt, report

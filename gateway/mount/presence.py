@@ -14,13 +14,13 @@ FORGOTTEN_AFTER = 60.0
 
 
 class HostActivity:
-    """A connection of the host ``who``. ``heard`` is set by any data from it, and reset by the supervisor."""
+    """A connection of the host ``who``. ``sent_data`` is set by any data from it, and reset by the supervisor."""
 
-    __slots__ = ("closed", "heard", "last", "opened", "who")
+    __slots__ = ("closed", "last", "opened", "sent_data", "who")
 
     def __init__(self, who: str, opened: float) -> None:
         self.who, self.opened = who, opened
-        self.heard = True
+        self.sent_data = True
         self.last = opened
         self.closed: float | None = None
 

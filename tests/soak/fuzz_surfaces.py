@@ -124,7 +124,7 @@ class Judge:
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._cache._readings), 40), ("deferred", len(client.runner._deferred), 4),
             ("said", len(bridge.wire_log._logged), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
-            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._left), 200),
+            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._saved_states), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")

@@ -60,10 +60,7 @@ class RunningGateway:
         await self.perform(op.Goto(ra % 360.0, dec))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until no goto is in progress and return the position.
-
-        Raises Stopped if the mount was stopped meanwhile, TimeoutError after ``seconds``.
-        """
+        """Wait until no goto is in progress; return the position. Raises Stopped after a stop, and TimeoutError."""
         stops = self._controller.stops
         async with asyncio.timeout(seconds):
             while await self.perform(op.Slewing()):
@@ -85,7 +82,7 @@ class RunningGateway:
 
         A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds.
         """
-        self._host.heard = True  # the program is alive: a motion by hand that it has begun may continue
+        self._host.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
         answer: object = await self._controller.perform(operation, self._controller.stops, self._host)
         return answer
 

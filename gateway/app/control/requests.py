@@ -171,7 +171,7 @@ class RequestHandler:
         """Begin a motion by hand, or keep it alive. Raises Fault."""
         if not 1 <= request.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
-        active.activity.heard = True
+        active.activity.sent_data = True
         if active.stops != self._controller.stops:
             raise Stopped
         if active.pressed == (request.direction, request.key):

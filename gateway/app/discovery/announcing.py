@@ -161,10 +161,7 @@ class Publisher:
 
 
 def publish(interfaces: Sequence[str] | None = None) -> Publisher:
-    """Make a publisher on the interfaces with these addresses, or on all.
-
-    Raises ImportError if zeroconf is not installed, and OSError.
-    """
+    """Make a publisher on the interfaces with these addresses, or all. Raises ImportError without zeroconf, OSError."""
     from zeroconf import InterfaceChoice
     from zeroconf.asyncio import AsyncZeroconf
 

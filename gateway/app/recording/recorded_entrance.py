@@ -18,7 +18,7 @@ from gateway.app.recording.turns import TurnLoop
 from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Arrive, HandOver, HangUp, Write
+from gateway.transport.handler import Accept, HandOver, HangUp, Write
 from gateway.transport.wires import OnData, OnLost, Transport
 
 _T = TypeVar("_T")
@@ -32,16 +32,16 @@ class RecordedEntrance(Entrance):
         self._wait_numbers = count(1)
         self._present: set[str] = set()
 
-    def arrive(self, acceptor: Admitting) -> Arrive:
-        def arrive(name: str, host: str, write: Write) -> ConnectionHandler:
+    def accept(self, acceptor: Admitting) -> Accept:
+        def accept(name: str, host: str, write: Write) -> ConnectionHandler:
             acceptor.admit(name, host)
             connection = _RecordedConnection(
                 self._loop, self.recorder, self._unique(name), write, self._present.discard
             )
-            self._loop.enter(connection.come, acceptor, host)
+            self._loop.enter(connection.enter, acceptor, host)
             return connection
 
-        return arrive
+        return accept
 
     def _unique(self, name: str) -> str:
         """Return a name that no open connection has: clients of two surfaces may have the same host and port."""
@@ -118,9 +118,15 @@ class _RecordedConnection:
     """One connection at the entrance. Replies to the commands of one chunk of bytes are sent as one."""
 
     def __init__(
-        self, loop: TurnLoop, recorder: Recorder, name: str, write: Write, gone: Callable[[str], None]
+        self, loop: TurnLoop, recorder: Recorder, name: str, write: Write, release_name: Callable[[str], None]
     ) -> None:
-        self._loop, self._recorder, self._name, self._write, self._release_name = loop, recorder, name, write, gone
+        self._loop, self._recorder, self._name, self._write, self._release_name = (
+            loop,
+            recorder,
+            name,
+            write,
+            release_name,
+        )
         self._handler: ConnectionHandler | None = None
         self._change_rate: Callable[[int], int] | None = None
         self._hang_up: HangUp | None = None
@@ -137,8 +143,8 @@ class _RecordedConnection:
     def answered(self) -> bool:
         return self._handler is not None and not self._waiting and self._handler.answered
 
-    def come(self, acceptor: Admitting, host: str) -> None:
-        self._handler = acceptor.create(self._name, host, self._tell)
+    def enter(self, acceptor: Admitting, host: str) -> None:
+        self._handler = acceptor.create(self._name, host, self._reply)
         if self._change_rate is not None:
             self._handler.serial(self._change_rate)
         if self._hang_up is not None:
@@ -161,7 +167,7 @@ class _RecordedConnection:
             if replies:
                 self._write(b"".join(replies))
 
-    def _tell(self, data: bytes) -> int | None:
+    def _reply(self, data: bytes) -> int | None:
         if self._replies is None:
             return self._write(data)
         self._replies.append(data)

@@ -52,10 +52,7 @@ def selected_site(shared: MountSettings) -> Place | None:
 
 
 class StateStore:
-    """Keeps the files of one mount. ``shared`` are the settings that all clients share.
-
-    ``held``: this gateway holds the lock of the files, and may write them.
-    """
+    """Keeps the files of one mount. ``shared``: settings that all clients share; ``held``: it has the files' lock."""
 
     def __init__(
         self,

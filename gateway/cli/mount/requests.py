@@ -17,14 +17,7 @@ from typing import TypeAlias
 from gateway.app.control import request_types
 from gateway.app.control.exchange import ControlEndpoint, new_number
 from gateway.cli.command_line import Commands, Parser
-from gateway.cli.mount.asking import (
-    ANSWERED,
-    add_which,
-    cancelled_while_waiting,
-    report,
-    run_with_gateway,
-    send_request,
-)
+from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
@@ -128,7 +121,7 @@ def _add_wait(command: Parser) -> None:
 
 def _add_request(command: Parser, make: Make) -> None:
     """Add the flags that choose a gateway, and the function that makes the request."""
-    add_which(command)
+    gateway_client.add_which(command)
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
 
 
@@ -144,17 +137,17 @@ def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
     lasting = request.seconds if isinstance(request, request_types.Move) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
-        answer = await unless(done, send_request(endpoint, request_types.encode(request), lasting + ANSWERED))
+        answer = await unless(done, gateway_client.send_request(endpoint, request, lasting + gateway_client.ANSWERED))
         if answer is not None and answer.startswith("done ") and arguments.wait:
             if sys.stdout.isatty():
-                report(answer)
+                gateway_client.report(answer)
             answer = await _follow(endpoint, request.number, done)
         if answer is not None:
-            return report(answer)
-        report(await send_request(endpoint, request_types.encode(request_types.End(request.number))))
+            return gateway_client.report(answer)
+        gateway_client.report(await gateway_client.send_request(endpoint, request_types.End(request.number)))
         return 1
 
-    return run_with_gateway(arguments, work)
+    return gateway_client.run_with_gateway(arguments, work)
 
 
 async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
@@ -162,14 +155,14 @@ async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
-    line = request_types.encode(request_types.Follow(number))
+    request = request_types.Follow(number)
     try:
         while True:
-            answer = await unless(done, send_request(endpoint, line))
+            answer = await unless(done, gateway_client.send_request(endpoint, request))
             if answer is None or not answer.startswith("under way"):
                 return answer
             screen.show(answer)
-            if await cancelled_while_waiting(done):
+            if await gateway_client.cancelled_while_waiting(done):
                 return None
     finally:
         screen.clear()

@@ -13,18 +13,10 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.control.request_types import See, encode
+from gateway.app.control.request_types import See
 from gateway.app.status import OLD_AFTER, Rate, State, activity, status, where
 from gateway.cli.command_line import Commands
-from gateway.cli.mount.asking import (
-    add_which,
-    cancelled_while_waiting,
-    chosen_gateways,
-    report,
-    report_no_gateway,
-    run_with_gateway,
-    send_request,
-)
+from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
 from gateway.system import streams
 
@@ -44,7 +36,7 @@ def add_status(commands: Commands) -> None:
         epilog=EXAMPLES,
     )  # fmt: skip
     command.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
-    add_which(command)
+    gateway_client.add_which(command)
     command.set_defaults(run=lambda arguments: asyncio.run(_show_once(arguments)))
 
 
@@ -55,13 +47,13 @@ def add_watch(commands: Commands) -> None:
                     "terminal on one line, else line by line.",
         epilog="Example:\n  mount-gateway watch\n",
     )  # fmt: skip
-    add_which(command)
-    command.set_defaults(run=lambda arguments: run_with_gateway(arguments, _watch))
+    gateway_client.add_which(command)
+    command.set_defaults(run=lambda arguments: gateway_client.run_with_gateway(arguments, _watch))
 
 
 async def _state(endpoint: ControlEndpoint) -> State | str:
     """Return what a gateway knows of its mount; if it does not answer, a sentence that begins with ``failed``."""
-    answer = await send_request(endpoint, encode(See()))
+    answer = await gateway_client.send_request(endpoint, See())
     try:
         return msgspec.json.decode(answer, type=State)
     except msgspec.MsgspecError:
@@ -69,7 +61,7 @@ async def _state(endpoint: ControlEndpoint) -> State | str:
 
 
 async def _show_once(arguments: argparse.Namespace) -> int:
-    endpoints = chosen_gateways(arguments)
+    endpoints = gateway_client.chosen_gateways(arguments)
     answers = await asyncio.gather(*map(_state, endpoints))
     states = [answer for answer in answers if isinstance(answer, State)]
     for endpoint, answer in zip(endpoints, answers, strict=True):
@@ -81,7 +73,7 @@ async def _show_once(arguments: argparse.Namespace) -> int:
     elif states:
         streams.say("\n\n".join("\n".join(lines(state)) for state in states))
     if not endpoints:
-        report_no_gateway(arguments)
+        gateway_client.report_no_gateway(arguments)
     return 0 if endpoints and len(states) == len(endpoints) else 1
 
 
@@ -95,13 +87,13 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
         while (answer := await unless(done, _state(endpoint))) is not None:
             if isinstance(answer, str):
                 screen.clear()
-                return report(answer)
+                return gateway_client.report(answer)
             look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
             if screen.terminal is not None:
                 screen.show(status([look], screen.columns))
             else:
                 streams.say(status([look]))
-            if await cancelled_while_waiting(done):
+            if await gateway_client.cancelled_while_waiting(done):
                 break
     finally:
         screen.clear()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TextIO
 
 from gateway.cli.command_line import Commands
-from gateway.cli.mount.asking import add_which
+from gateway.cli.mount.gateway_client import add_which
 from gateway.core.errors import UserError
 from gateway.system import streams
 

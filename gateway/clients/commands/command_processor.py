@@ -82,7 +82,7 @@ class CommandProcessor:
 
         If they arrived earlier, ``stops`` is the controller's count of stops at that time.
         """
-        self.activity.heard |= stops != LONG_AGO
+        self.activity.sent_data |= stops != LONG_AGO
         if self.log.sinks:
             self.log.put("raw", data)
         if self._idle and self._task is None and self._answer_from_cache(data):

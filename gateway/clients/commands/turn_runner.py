@@ -17,7 +17,7 @@ from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
 from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import AT_ONCE, LATE
+from gateway.mount.link.queue import MAX_START_DELAY, STARTED_TOO_LATE
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
@@ -138,9 +138,11 @@ class TurnRunner:
     def _refused(self, operation: Operation, arrived: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
         late = self._controller.now() - arrived
-        if late > AT_ONCE and (isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))):
-            self._log.refused(f"{type(operation).__name__}: {LATE}")
-            return Busy(LATE)
+        if late > MAX_START_DELAY and (
+            isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))
+        ):
+            self._log.refused(f"{type(operation).__name__}: {STARTED_TOO_LATE}")
+            return Busy(STARTED_TOO_LATE)
         refusal = self.rights.refusal(operation)
         if refusal is not None:
             self._log.refused_once(f"{type(operation).__name__} refused: {refusal.why}")

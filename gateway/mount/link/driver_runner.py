@@ -15,7 +15,7 @@ from gateway.core.errors import Asleep, Busy, Fault, Refused
 from gateway.core.operations import Operation
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
-from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, POSITION, STOP
+from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_TOO_LATE, STOP
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Steps, Wait
 
@@ -89,25 +89,25 @@ class DriverRunner:
         return await self.drive(self._context.driver.perform(operation), priority)
 
     async def drive(self, steps: Steps, priority: int, since: float | None = None) -> Any:
-        """Run a generator of the driver and return its value. Raises Fault: Busy if it starts more than ``AT_ONCE``
-        seconds after ``since`` (loop time of the order), or if the line delayed the start of a motion by hand as long.
+        """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
+        ``MAX_START_DELAY`` seconds after ``since`` (loop time), or if the line delayed a motion by hand as long.
         """
         now, driver = self._context.now, self._context.driver
         self.exchanges = exchanges = 0
         asked: list[float] = []
-        late = since is not None and now() - since > AT_ONCE
+        late = since is not None and now() - since > MAX_START_DELAY
         if priority == MOTION:
             self.may_move.emit(None)
 
         async def exchange(command: Send) -> Mapping[str, Any]:
             nonlocal exchanges, late
             if late and (command.prompt or not exchanges):
-                raise Busy(LATE)
+                raise Busy(STARTED_TOO_LATE)
             began = now()
             if driver.asleep:
                 self._gate.admit(command, priority)
             reply, times = await self._verifier.exchange(command, priority)
-            late = late or now() - began > AT_ONCE
+            late = late or now() - began > MAX_START_DELAY
             if driver.asleep:
                 self._gate.answered(command)
             exchanges += times

@@ -21,9 +21,9 @@ STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
 READS = (POSITION, READ)
 #: Seconds after which the start of a motion by hand is refused instead of sent: by then the user has released the key
 #: or pressed another.
-AT_ONCE = 2.0
+MAX_START_DELAY = 2.0
 #: The message of that refusal.
-LATE = "The line to the mount was busy for too long: this motion was not started."
+STARTED_TOO_LATE = "The line to the mount was busy for too long: this motion was not started."
 #: Seconds after which the priority of a request rises. A read then goes before settings, so that clients that set
 #: values without pause do not hide the mount. The position always does: its two halves must be of one instant.
 AGED: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
@@ -179,7 +179,7 @@ class RequestQueue:
     def _is_settled(self, request: Request, now: float) -> bool:
         """Whether the request was cancelled, or has waited too long and was refused here."""
         if not request.future.done() and too_late(request, now):
-            request.future.set_exception(Busy(LATE))
+            request.future.set_exception(Busy(STARTED_TOO_LATE))
         return request.future.done()
 
 
@@ -213,4 +213,4 @@ def held_back(first: Request, now: float, urgent: float | None, typical_rtt: flo
 
 def too_late(one: Request, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
-    return one.command.prompt and now - one.asked > AT_ONCE
+    return one.command.prompt and now - one.asked > MAX_START_DELAY

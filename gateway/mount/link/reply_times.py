@@ -12,15 +12,15 @@ from collections.abc import Callable
 from gateway.protocols.base.driver import Send
 
 #: Seconds after its timeout within which the reply to a request may still arrive.
-LATEST = 2.5
-#: The timeout of a position read is QUICK times the typical reply time, at least SOON seconds, after KNOWN replies.
-QUICK, SOON, KNOWN = 8.0, 1.2, 20
-#: After a late reply the timeouts grow to LATER times the seconds it took. One later than LATEST_ANSWER is ignored.
-LATER, LATEST_ANSWER = 1.5, 6.0
+LATE_REPLIES_WITHIN = 2.5
+#: The timeout of a position read: this multiple of the typical time, at least so many seconds, after so many replies.
+POSITION_FACTOR, SHORTEST_TIMEOUT, ENOUGH_REPLIES = 8.0, 1.2, 20
+#: After a late reply the timeouts grow to LATE_FACTOR times its seconds, unless it took longer than LATEST_COUNTED.
+LATE_FACTOR, LATEST_COUNTED = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
 FIRST_ANSWER = 1.0
-#: Smoothing of the typical time: the weight of the newest reply, limited to FACTOR times the average plus AT_LEAST.
-SHARE, FACTOR, AT_LEAST = 0.2, 3.0, 0.01
+#: Smoothing of the typical time: weight of the newest reply, which is cut to FACTOR times the average plus MARGIN.
+WEIGHT, FACTOR, MARGIN = 0.2, 3.0, 0.01
 
 
 class ReplyTimes:
@@ -41,7 +41,7 @@ class ReplyTimes:
         self.answers += 1
         if not counts:
             return
-        self.typical_rtt += SHARE * (min(elapsed, FACTOR * self.typical_rtt + AT_LEAST) - self.typical_rtt)
+        self.typical_rtt += WEIGHT * (min(elapsed, FACTOR * self.typical_rtt + MARGIN) - self.typical_rtt)
         if self.answers == 1:
             self.typical_rtt = max(self.typical_rtt, min(elapsed, FIRST_ANSWER))
 
@@ -51,16 +51,16 @@ class ReplyTimes:
 
     def came_late(self, took: float) -> None:
         """Record a reply that arrived after its timeout."""
-        self._late = took if took <= LATEST_ANSWER else self._late
+        self._late = took if took <= LATEST_COUNTED else self._late
 
     def timeout(self, longest: float, position: bool) -> float:
         """Return the timeout of a reply in seconds; ``longest`` is the protocol's. It is shorter for a ``position``,
         which is polled: a lost reply is soon noticed and asked for again.
         """
-        longest = max(longest, LATER * self._late)
-        if not position or self.answers < KNOWN:
+        longest = max(longest, LATE_FACTOR * self._late)
+        if not position or self.answers < ENOUGH_REPLIES:
             return longest
-        return min(longest, max(SOON, QUICK * self.typical_rtt))
+        return min(longest, max(SHORTEST_TIMEOUT, POSITION_FACTOR * self.typical_rtt))
 
 
 class LateReplies:

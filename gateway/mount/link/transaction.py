@@ -16,7 +16,7 @@ from gateway.core.signals import Signal
 from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import RequestQueue
-from gateway.mount.link.reply_times import LATEST, LateReplies, ReplyTimes
+from gateway.mount.link.reply_times import LATE_REPLIES_WITHIN, LateReplies, ReplyTimes
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import Expected, ReplyRules
 from gateway.transport.wires import Transport
@@ -249,7 +249,7 @@ class Transaction:
 
     def _distrust(self, command: Send, expected: Expected, began: float) -> None:
         """Note that the reply to a request may still arrive."""
-        self.late.add(command, began + max(expected.timeout, command.patience or 0.0) + LATEST)
+        self.late.add(command, began + max(expected.timeout, command.patience or 0.0) + LATE_REPLIES_WITHIN)
         self._unanswered_since = began
         self.trouble = self.request, self._buffer
 

@@ -18,7 +18,7 @@ from msgspec import Struct
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.queue import AT_ONCE, STOP
+from gateway.mount.link.queue import MAX_START_DELAY, STOP
 from gateway.protocols.base.driver import Send
 
 #: Degrees by which a position may differ from the last one and be accepted at once.
@@ -28,9 +28,9 @@ FASTEST = 8.0 * math.sqrt(2.0)
 #: Degrees by which a latitude grows at most between two replies in a row.
 POLEWARD = 2.0
 #: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
-CLOCK = 1.6
-#: A reply that took over PROMPT seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
-PROMPT, SLOW_TRIES = 0.5, 3
+CLOCK_TOLERANCE = 1.6
+#: A reply that took over SLOW_AFTER seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
+SLOW_AFTER, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 TRIES, GARBLED_TRIES = 9, 3
 #: Shortest sleep in seconds: timers may fire this much too early.
@@ -40,7 +40,7 @@ LATE_REPLY_WAIT = 12.0
 #: How many late replies are taken into account at most: if one reply more agrees, one must be the request's own.
 MOST_LATE = 4
 #: How many requests have their last reply remembered: clients may ask for any number of devices.
-KNOWN = 100
+REMEMBERED = 100
 DAY = 86400.0
 #: Fields that describe the form of a reply, not its meaning.
 _FORM = ("length", "raw")
@@ -90,7 +90,7 @@ class ReplyVerifier:
             if command.unverified:
                 break
             took = reply.came - reply.asked
-            if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical_rtt:
+            if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.typical_rtt:
                 slow += 1
                 continue
             if not (agreeing and self._agree(kind, agreeing[-1], reply)):
@@ -112,7 +112,7 @@ class ReplyVerifier:
         """Remember the last reply; if there are too many, forget the oldest."""
         self._known.pop(key, None)
         self._known[key] = reply
-        if len(self._known) > KNOWN:
+        if len(self._known) > REMEMBERED:
             del self._known[next(iter(self._known))]
 
     async def _send_order(self, command: Send, priority: int) -> Mapping[str, Any]:
@@ -122,7 +122,7 @@ class ReplyVerifier:
         """
         if priority != STOP:
             try:
-                async with asyncio.timeout(AT_ONCE if command.prompt else LATE_REPLY_WAIT):
+                async with asyncio.timeout(MAX_START_DELAY if command.prompt else LATE_REPLY_WAIT):
                     while (left := self._late_replies.until(command, self._now()) - self._now()) > 0:
                         await asyncio.sleep(max(left, TICK))
             except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
@@ -218,6 +218,6 @@ def _clock_agrees(before: Reply, after: Reply) -> bool:
     """Whether two readings of a clock fit together; its date may change at midnight only."""
     then, now = _seconds(before.values), _seconds(after.values)
     drift = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
-    slack = CLOCK + (before.came - before.asked) + (after.came - after.asked)
+    slack = CLOCK_TOLERANCE + (before.came - before.asked) + (after.came - after.asked)
     others = [name for name in after.values if name not in ("time", "hour", "minute", "second", *_FORM)]
     return abs(drift) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))

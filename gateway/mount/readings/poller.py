@@ -27,15 +27,15 @@ OWN_AGE, OWN_AGE_ALONE = 25.0, 100.0
 #: Seconds to wait after an error.
 ASK_AGAIN = 1.0
 #: Seconds until the axes are read again after the mount did not report them, unless a client polls them.
-NOT_TOLD = 10.0
+AXES_AGAIN = 10.0
 #: Seconds that a task sleeps whose reading is not needed; a new reading or a motion wakes it.
 IDLE = 3600.0
 #: Seconds between two exchanges of the same kind at least: others need the line, too.
-BREATH = 0.05
+SHORTEST_PAUSE = 0.05
 #: The part of an exchange that passes, on average, until the line is free for the next.
-WAITING = 0.5
+WAIT_FOR_LINE = 0.5
 #: Seconds by which timers may fire too early: event loops count in milliseconds.
-SOON = 0.001
+TIMER_ERROR = 0.001
 
 
 class Poller:
@@ -88,7 +88,7 @@ class Poller:
                 await asyncio.sleep(0.2)
                 continue
             pause = self._pause(kind, self._context.now())
-            if pause <= SOON:
+            if pause <= TIMER_ERROR:
                 await self.renew(kind)
                 pause = self._pause(kind, self._context.now())
             if kind is op.Position:
@@ -118,7 +118,7 @@ class Poller:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
         if kind is op.Position and self._watched:
             return True
-        if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._watch.axes_interval is not None:
+        if kind is op.AxisPosition and now - self._axes_refused > AXES_AGAIN and self._watch.axes_interval is not None:
             return True
         return (kind is op.Slewing and self._context.movement.slewing) or self._cache.polled(kind, now)
 
@@ -131,11 +131,11 @@ class Poller:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if not self._needed(kind, now):
             return IDLE
-        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical_rtt
+        ahead = (self._reader.exchanges(kind) + WAIT_FOR_LINE) * self._link.typical_rtt
         every = POLL_PERIOD[kind]
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
             every = self._watch.axes_interval or every
-        return max(every - ahead, BREATH) - self._cache.age(kind, now)
+        return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)
 
     async def renew(self, kind: Kind) -> None:
         """Ask the mount again. The log records the decision, so that a replay asks at the same moments."""

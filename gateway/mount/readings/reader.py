@@ -23,15 +23,15 @@ from gateway.mount.readings.client_readings import POSITIONS, ClientReadings, ca
 
 _T = TypeVar("_T")
 #: Seconds between two checks whether the mount has begun to move.
-A_MOMENT = 0.2
+MOTION_CHECK = 0.2
 #: Seconds that a client waits at most to learn whether a goto has ended, and for the first reply of the mount.
-UNTIL_KNOWN, FIRST_ANSWER = 2.0, 2.0
+END_OF_GOTO, FIRST_ANSWER = 2.0, 2.0
 #: Seconds that a client waits for a new reading before it gets the last one: at rest, and in motion, in which the last
 #: one is outdated (as long as a reply may take). TRIES: how often the mount is asked again if orders keep coming that
 #: make its replies outdated.
-WAITS, WAITS_MOVING, TRIES = 2.5, 3.2, 3
+TIMEOUT, TIMEOUT_MOVING, TRIES = 2.5, 3.2, 3
 #: Degrees from its goal within which an undisturbed goto ends on every mount.
-CLOSE = 0.5
+AT_GOAL = 0.5
 
 
 class Reader:
@@ -72,7 +72,7 @@ class Reader:
         """Return the answer for a client, the last one if no new one arrives in time. Raises Fault if there is none."""
         fault: Fault
         try:
-            async with asyncio.timeout(WAITS_MOVING if self._movement.anything else WAITS):
+            async with asyncio.timeout(TIMEOUT_MOVING if self._movement.anything else TIMEOUT):
                 answer = await self._newest(operation)
         except Asleep:
             raise
@@ -120,7 +120,7 @@ class Reader:
         first = not self._precondition(operation).is_set()
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
         try:
-            async with asyncio.timeout(FIRST_ANSWER if first else UNTIL_KNOWN if slews else None):
+            async with asyncio.timeout(FIRST_ANSWER if first else END_OF_GOTO if slews else None):
                 return await self._fair.shared_result(self.shared(operation))
         except TimeoutError:
             if first or not self._movement.slewing:
@@ -217,7 +217,7 @@ class Reader:
         reading = self._context.tasks.spawn(self._request(operation))
         try:
             while not self._movement.anything:
-                if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:
+                if (await asyncio.wait({reading}, timeout=MOTION_CHECK))[0]:
                     return reading.result()
             return None
         finally:
@@ -250,4 +250,4 @@ def missed(goal: op.Equatorial, here: op.Equatorial) -> str:
     in the same coordinates. The gateway does not repeat the goto: a person may have ended it at the hand control.
     """
     away = separation(goal.ra, goal.dec, here.ra, here.dec)
-    return "" if away <= CLOSE else f"the goto ended {away:.1f} degrees from its goal: it was ended at the mount"
+    return "" if away <= AT_GOAL else f"the goto ended {away:.1f} degrees from its goal: it was ended at the mount"

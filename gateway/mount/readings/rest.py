@@ -70,10 +70,10 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
     except TimeoutError:
         pass
     if context.movement.anything:
-        raise Fault("it was stopped, and a program has set it moving again; mount-gateway stop --hold keeps it at rest")
+        raise Fault("a program has set the mount moving again; prevent that with: mount-gateway stop --hold")
     if rate is None:
         raise Fault(f"the stop was sent, but the gateway cannot see whether the mount is at rest: {trouble}")
-    raise Fault(f"it acknowledged the stop and still moves after {seconds:.0f} s, {rate:.3f} degrees a second")
+    raise Fault(f"the stop was acknowledged, but the mount still moves after {seconds:.0f} s: {rate:.3f} degrees/s")
 
 
 async def _sample(context: Context, reader: Reader) -> Sample:

@@ -100,8 +100,8 @@ def abandoned(
     for motion in motions:
         activities = presence.connections_for(motion.by)
         for one in activities:
-            if one.heard:
-                one.heard, one.last = False, now
+            if one.sent_data:
+                one.sent_data, one.last = False, now
         left = [one.closed for one in activities if one.closed is not None]
         if len(left) == len(activities) and now - max(motion.since, *left) >= closed:
             found.append((motion, "has disconnected"))

@@ -8,8 +8,8 @@ import pytest
 
 from gateway.mount.link.queue import (
     AGED,
-    AT_ONCE,
     IN_A_ROW,
+    MAX_START_DELAY,
     MOTION,
     PASSED_OVER,
     POSITION,
@@ -74,6 +74,6 @@ def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
 
 def test_what_begins_a_motion_by_hand_is_not_begun_late() -> None:
     arrow = Send("move", prompt=True)
-    assert too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01, command=arrow), NOW)
-    assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE + 0.01, command=arrow), NOW)
-    assert not too_late(Waits(MOTION, asked=NOW - AT_ONCE - 0.01), NOW)
+    assert too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
+    assert not too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)
+    assert not too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY - 0.01), NOW)

@@ -9,7 +9,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NoDevice
 from gateway.mount.link.reply_times import LateReplies
-from gateway.mount.link.verification import KNOWN
+from gateway.mount.link.verification import REMEMBERED
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -50,6 +50,6 @@ def test_no_client_makes_it_remember_without_end() -> None:
             client = bridge.client()
             for device in range(256):
                 await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))
-            assert len(bridge.controller.verifier._known) <= KNOWN
+            assert len(bridge.controller.verifier._known) <= REMEMBERED
 
     run(program())

@@ -79,7 +79,7 @@ def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
             _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
             began = bridge.controller.now()
             answer = await stopped(bridge.controller)
-            assert answer.startswith("failed it acknowledged the stop and still moves after 8 s, ")
+            assert answer.startswith("failed the stop was acknowledged, but the mount still moves after 8 s: ")
             assert bridge.controller.now() - began < 14.0
 
     run(program())
@@ -182,7 +182,7 @@ def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
             await asyncio.sleep(2)
             answer = await stopped(bridge.controller)
             pressing.cancel()
-            assert "a program has set it moving again" in answer and "stop --hold" in answer
+            assert "a program has set the mount moving again" in answer and "stop --hold" in answer
 
     run(program())
 

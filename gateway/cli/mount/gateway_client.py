@@ -10,11 +10,15 @@ import argparse
 import asyncio
 import contextlib
 from collections.abc import Callable, Coroutine, Iterable
+from typing import TYPE_CHECKING
 
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError
 from gateway.system import streams
+
+if TYPE_CHECKING:
+    from gateway.app.control.request_types import Request
 
 #: Timeout in seconds for the answer to a request, not counting the time of a ``move`` itself.
 ANSWERED = 15.0
@@ -84,11 +88,12 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
         )
 
 
-async def send_request(endpoint: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
+async def send_request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWERED) -> str:
     """Send a request and return the gateway's answer, or ``failed REASON`` if there is none."""
+    from gateway.app.control.request_types import encode
     from gateway.app.reach import ask
 
-    answer = await ask(endpoint, f"wish {line}", seconds)
+    answer = await ask(endpoint, f"wish {encode(request)}", seconds)
     if answer is None:
         return "failed the gateway has ended"
     if answer.startswith("failed this gateway knows no order"):
