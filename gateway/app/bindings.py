@@ -24,7 +24,7 @@ from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
 from gateway.transport import Listener, open_port
-from gateway.transport.handler import Arrive
+from gateway.transport.handler import Accept
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import SharedWebPort, WebDevice
@@ -87,14 +87,14 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     )
 
 
-async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str) -> Listener:
+async def open_surface(endpoint: Endpoint, baud: int | None, accept: Accept, title: str) -> Listener:
     """Open the port of a surface; HTTP clients see the mount under its ``title``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
         return SharedWebPort()
     if spec is None or spec.web is None:
-        return await open_port(endpoint.where, arrive, baud)
-    return await spec.web().open_port(endpoint.where, WebDevice(arrive, title))
+        return await open_port(endpoint.where, accept, baud)
+    return await spec.web().open_port(endpoint.where, WebDevice(accept, title))
 
 
 def _no_warning(words: str) -> None:

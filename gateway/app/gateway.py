@@ -110,8 +110,8 @@ class Gateway:
         self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         for endpoint, surface, acceptor in zip(self.endpoints, self.surfaces, self.acceptors, strict=True):
             try:
-                arrive = self.entrance.arrive(acceptor)
-                self.ports.append(await open_surface(endpoint, surface.baud, arrive, self.title))
+                accept = self.entrance.accept(acceptor)
+                self.ports.append(await open_surface(endpoint, surface.baud, accept, self.title))
             except UserError:
                 await self.close()
                 raise
@@ -246,7 +246,7 @@ class Gateway:
     def served(self) -> dict[str, WebDevice]:
         """Return the devices that another web server (the console's) is to serve, by protocol."""
         return {
-            endpoint.protocol: WebDevice(self.entrance.arrive(acceptor), self.title)
+            endpoint.protocol: WebDevice(self.entrance.accept(acceptor), self.title)
             for endpoint, acceptor in zip(self.endpoints, self.acceptors, strict=True)
             if endpoint.where == SERVED
         }

@@ -11,7 +11,7 @@ from gateway.app.config import Endpoint, MountConfig
 from gateway.core.errors import UserError
 from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS, simulators
-from gateway.transport import Arrive, Listener, open_port
+from gateway.transport import Accept, Listener, open_port
 from gateway.transport.baud import SerialPace
 from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.wires import BAUD, SimulatedTransport
@@ -129,7 +129,7 @@ async def serve_simulator(
     TCP ports are paced at ``baud`` if it is given, else not at all.
     """
 
-    def arrivals(pace: int | None) -> Arrive:
+    def arrivals(pace: int | None) -> Accept:
         return lambda name, host, write: _SimulatedConnection(simulator, latency, pace, write)
 
     return [

@@ -58,7 +58,7 @@ class ConnectionAcceptor:
         """The name of the model that clients see; None if the protocol has no models."""
         return str(self.binding.model["name"]) if self.binding.surface.protocol.models else None
 
-    def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """Admit a new connection. Raises ConnectionRefused."""
         self.admit(name, host)
         return self.create(name, host, write)
@@ -175,8 +175,8 @@ class LazyAcceptor:
             self._made = self._make()
         return self._made
 
-    def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        return self._one.arrive(name, host, write)
+    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler:
+        return self._one.accept(name, host, write)
 
     def admit(self, name: str, host: str) -> None:
         self._one.admit(name, host)

@@ -1,35 +1,35 @@
 """Ports for clients: TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
 
-A port knows no protocol. For every connection it calls ``arrive`` to get a handler, feeds the handler with bytes, and
+A port knows no protocol. For every connection it calls ``accept`` to get a handler, feeds the handler with bytes, and
 sends what the handler writes. Clients connect and disconnect at any time; no connection affects another.
 """
 
 from __future__ import annotations
 
 from gateway.core.errors import UserError
-from gateway.transport.handler import Arrive, ConnectionHandler, Listener
+from gateway.transport.handler import Accept, ConnectionHandler, Listener
 from gateway.transport.pty import PtyPort
 from gateway.transport.serial_port import SerialPort
 from gateway.transport.tcp import TcpPort
 
-__all__ = ["Arrive", "ConnectionHandler", "Listener", "open_port"]
+__all__ = ["Accept", "ConnectionHandler", "Listener", "open_port"]
 
 
-async def open_port(where: str, arrive: Arrive, baud: int | None = None) -> Listener:
+async def open_port(where: str, accept: Accept, baud: int | None = None) -> Listener:
     """Open ``tcp://`` or ``rfc2217://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError with the reason.
 
     ``baud`` is for the last two; a pseudo-terminal without it accepts any rate.
     """
     if where.startswith("tcp://"):
-        return await TcpPort.open(where, arrive)
+        return await TcpPort.open(where, accept)
     if where.startswith("rfc2217://"):
         from gateway.transport.rfc2217 import over_telnet
 
-        return await TcpPort.open(where, over_telnet(arrive))
+        return await TcpPort.open(where, over_telnet(accept))
     if where.startswith("pty:"):
         if not where[4:]:
             raise UserError("pty: needs a path, for example pty:/tmp/lx200")
-        return PtyPort(where[4:], arrive, baud)
+        return PtyPort(where[4:], accept, baud)
     if "://" not in where and not where.upper().startswith(("/", "~", ".", "COM", "\\\\.\\")):
         raise UserError(f"{where}: write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial port")
-    return await SerialPort.open(where, arrive, baud or 9600)
+    return await SerialPort.open(where, accept, baud or 9600)

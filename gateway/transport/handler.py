@@ -48,7 +48,7 @@ class ConnectionHandler(Protocol):
 #: Writes to a connection, and returns how many bytes are still to be sent, None if unknown.
 Write = Callable[[bytes], int | None]
 #: Called with (name, host, write) of a new connection; returns its handler.
-Arrive = Callable[[str, str, Write], ConnectionHandler]
+Accept = Callable[[str, str, Write], ConnectionHandler]
 
 
 class Listener(Protocol):

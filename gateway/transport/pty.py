@@ -21,7 +21,7 @@ from collections.abc import Callable
 from gateway.core.errors import UserError
 from gateway.transport.baud import misread
 from gateway.transport.device_link import DeviceLink, like_a_serial_port
-from gateway.transport.handler import Arrive, ConnectionHandler
+from gateway.transport.handler import Accept, ConnectionHandler
 
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
@@ -36,13 +36,13 @@ class PtyPort:
     has set another rate is not understood and understands nothing.
     """
 
-    def __init__(self, path: str, arrive: Arrive, baud: int | None = None) -> None:
+    def __init__(self, path: str, accept: Accept, baud: int | None = None) -> None:
         try:
             import tty  # noqa: F401
         except ImportError:
             raise UserError("pty: there are no pseudo-terminals on this system; use a serial port pair") from None
         self.baud = baud
-        self._arrive = arrive
+        self._accept = accept
         self._handler: ConnectionHandler | None = None
         #: Whether the sender of these bytes has closed its end already: the next program would read the replies.
         self._peer_closed = False
@@ -85,7 +85,7 @@ class PtyPort:
             if self.baud is not None:
                 data = misread(data, speed(pair.master), self.baud)
             if self._handler is None:
-                self._handler = self._arrive(self.path, self.where, self._write)
+                self._handler = self._accept(self.path, self.where, self._write)
             self._peer_closed = closed
             if data:
                 self._handler.feed(data)

@@ -16,7 +16,7 @@ from typing import Any
 
 from serial.rfc2217 import M_NORMAL, PortManager
 
-from gateway.transport.handler import Arrive, HandOver, HangUp, Write
+from gateway.transport.handler import Accept, HandOver, HangUp, Write
 
 IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
@@ -50,11 +50,11 @@ class _TelnetFilter:
     #: Always False: Telnet commands count, so none may be skipped.
     ended = False
 
-    def __init__(self, arrive: Arrive, name: str, host: str, write: Write) -> None:
+    def __init__(self, accept: Accept, name: str, host: str, write: Write) -> None:
         self.write = write
         self._held = b""
         self._telnet: PortManager | None = None
-        self._handler = arrive(name, host, self._send)
+        self._handler = accept(name, host, self._send)
 
     def feed(self, data: bytes) -> None:
         data = self._plain(data) if self._telnet is None else self._filtered(data)
@@ -112,6 +112,6 @@ class _TelnetFilter:
         self._handler.close()
 
 
-def over_telnet(arrive: Arrive) -> Arrive:
-    """Wrap ``arrive`` so that clients may use RFC 2217."""
-    return lambda name, host, write: _TelnetFilter(arrive, name, host, write)
+def over_telnet(accept: Accept) -> Accept:
+    """Wrap ``accept`` so that clients may use RFC 2217."""
+    return lambda name, host, write: _TelnetFilter(accept, name, host, write)

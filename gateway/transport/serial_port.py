@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 
 from gateway.core.errors import UserError
-from gateway.transport.handler import Arrive, ConnectionHandler
+from gateway.transport.handler import Accept, ConnectionHandler
 from gateway.transport.wires import SerialTransport
 
 #: Seconds between two attempts to open a lost port.
@@ -24,10 +24,10 @@ class SerialPort:
         self._changing: asyncio.Task[None] | None = None
 
     @classmethod
-    async def open(cls, url: str, arrive: Arrive, baud: int = 9600) -> SerialPort:
+    async def open(cls, url: str, accept: Accept, baud: int = 9600) -> SerialPort:
         """Open the port. Raises UserError if that is not possible now; if it is lost later, it is opened again."""
         self = cls(url, baud)
-        self._handler = arrive(url, url, self._write)
+        self._handler = accept(url, url, self._write)
         self._handler.serial(self._change_rate)
         try:
             await self._wire.open(self._handler.feed, self._lost)

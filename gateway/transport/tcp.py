@@ -14,7 +14,7 @@ import socket
 import time
 from typing import cast
 
-from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused, Taker
+from gateway.transport.handler import Accept, ConnectionHandler, ConnectionRefused, Taker
 from gateway.transport.intake import LARGE_READ, LATE, SHARE, Pace, skip_repetitions
 from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
 
@@ -52,7 +52,7 @@ class _Connection(asyncio.BufferedProtocol):
         _enable_keepalive(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         try:
-            self._handler = self._port.arrive(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
+            self._handler = self._port.accept(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
         except ConnectionRefused:
             stream.abort()
             return
@@ -201,8 +201,8 @@ def _enable_keepalive(connection: socket.socket) -> None:
 class TcpPort:
     """A listening TCP port; ``where`` is its address with the real port number."""
 
-    def __init__(self, arrive: Arrive) -> None:
-        self.arrive = arrive
+    def __init__(self, accept: Accept) -> None:
+        self.accept = accept
         self.connections: set[_Connection] = set()
         self.pace = Pace()
         #: Buffer for reads in large pieces; processed before another connection reads.
@@ -211,12 +211,12 @@ class TcpPort:
         self._server: asyncio.Server | None = None
 
     @classmethod
-    async def open(cls, where: str, arrive: Arrive) -> TcpPort:
+    async def open(cls, where: str, accept: Accept) -> TcpPort:
         """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0 takes a free one. Raises UserError.
 
         The address ``[::]`` means every address of this computer, IPv4 and IPv6.
         """
-        self = cls(arrive)
+        self = cls(accept)
         self._server, self.where = await listen(where, lambda: _Connection(self))
         return self
 

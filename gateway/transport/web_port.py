@@ -12,7 +12,7 @@ from typing import Any, Protocol, cast
 
 from msgspec import Struct
 
-from gateway.transport.handler import Arrive, Listener
+from gateway.transport.handler import Accept, Listener
 from gateway.transport.listening import SERVED, listen
 
 #: Bytes of one connection that are kept until the server is loaded; no legitimate request is longer.
@@ -107,9 +107,9 @@ class _Waiting(asyncio.Protocol):
 
 
 class WebDevice(Struct, frozen=True):
-    """One mount that is offered: ``arrive`` makes handlers for its clients, ``title`` is its name."""
+    """One mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name."""
 
-    arrive: Arrive
+    accept: Accept
     title: str
 
 

@@ -38,7 +38,7 @@ class Program:
     """One of the two."""
 
     def __init__(self, stage: Stage, host: str) -> None:
-        self.own, self._lines = stage, Lines(stage.acceptor.arrive, f"{host}:id-1", host)
+        self.own, self._lines = stage, Lines(stage.acceptor.accept, f"{host}:id-1", host)
 
     async def _ask(self, line: str) -> Any:
         told = json.loads(await self._lines.ask(line.encode() + b"\n"))

@@ -67,7 +67,7 @@ class Recorded:
         self.recorder: Recorder = record_whole(path, self.gateway, longest)
         entrance = self.gateway.entrance
         self.gateway.prepare(lambda reply_rules, to: MountLink(entrance.wire(self.wire), reply_rules, to))
-        self._arrive = entrance.arrive(self.gateway.acceptors[0])
+        self._arrive = entrance.accept(self.gateway.acceptors[0])
 
     def arrive(self, name: str, write: Any) -> ConnectionHandler:
         """Open a new connection. Raises TurnedAway."""

@@ -23,7 +23,7 @@ class Caller:
         self.heard = b""
         self.gone = False
         self._told = asyncio.Event()
-        arrive = over_telnet(acceptor.arrive) if transport == "rfc2217" else acceptor.arrive
+        arrive = over_telnet(acceptor.accept) if transport == "rfc2217" else acceptor.accept
         self._guest = arrive(f"{host}:{number}", host, self._hear)
         if not trusted:
             self._guest.network(self._hang_up)

@@ -37,7 +37,7 @@ class GuestWire:
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         loop = asyncio.get_running_loop()
-        self._guest = self._acceptor.arrive("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
+        self._guest = self._acceptor.accept("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
 
     def write(self, data: bytes) -> None:
         assert self._guest is not None

@@ -123,7 +123,7 @@ class Visit:
 
     def __init__(self, house: House, host: str) -> None:
         self._heard = b""
-        self._guest = house.acceptor.arrive(f"{host}:1", host, self._hear)
+        self._guest = house.acceptor.accept(f"{host}:1", host, self._hear)
 
     def _hear(self, data: bytes) -> None:
         self._heard += data

@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from typing import Protocol, TypeVar
 
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Arrive, Write
+from gateway.transport.handler import Accept, Write
 from gateway.transport.wires import Transport
 
 _T = TypeVar("_T")
@@ -22,7 +22,7 @@ Work = Callable[[], Coroutine[object, object, _T]]
 class Admitting(Protocol):
     """The acceptor of one surface's connections."""
 
-    def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
+    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
     def admit(self, name: str, host: str) -> None: ...
     def create(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
 
@@ -30,9 +30,9 @@ class Admitting(Protocol):
 class Entrance:
     """The entrance without a recording: everything enters as it arrives."""
 
-    def arrive(self, acceptor: Admitting) -> Arrive:
+    def accept(self, acceptor: Admitting) -> Accept:
         """Return the function that a port calls for each new connection."""
-        return acceptor.arrive
+        return acceptor.accept
 
     def wire(self, wire: Transport) -> Transport:
         """Return the transport to the mount for the line to use."""

@@ -18,7 +18,7 @@ from gateway.app.recording.turns import TurnLoop
 from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Arrive, HandOver, HangUp, Write
+from gateway.transport.handler import Accept, HandOver, HangUp, Write
 from gateway.transport.wires import OnData, OnLost, Transport
 
 _T = TypeVar("_T")
@@ -32,8 +32,8 @@ class RecordedEntrance(Entrance):
         self._wait_numbers = count(1)
         self._present: set[str] = set()
 
-    def arrive(self, acceptor: Admitting) -> Arrive:
-        def arrive(name: str, host: str, write: Write) -> ConnectionHandler:
+    def accept(self, acceptor: Admitting) -> Accept:
+        def accept(name: str, host: str, write: Write) -> ConnectionHandler:
             acceptor.admit(name, host)
             connection = _RecordedConnection(
                 self._loop, self.recorder, self._unique(name), write, self._present.discard
@@ -41,7 +41,7 @@ class RecordedEntrance(Entrance):
             self._loop.enter(connection.enter, acceptor, host)
             return connection
 
-        return arrive
+        return accept
 
     def _unique(self, name: str) -> str:
         """Return a name that no open connection has: clients of two surfaces may have the same host and port."""

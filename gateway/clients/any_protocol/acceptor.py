@@ -181,7 +181,7 @@ class AnyAcceptor:
         self._admission = Admission(self.access, self.number, self.controller.wire_log)
         self._connections: set[AnyConnection] = set()
 
-    def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """A new connection. Raises ConnectionRefused."""
         self.admit(name, host)
         return self.create(name, host, write)

@@ -121,7 +121,7 @@ class Visitor:
     def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._more = TimedEvent()
-        self._guest = stage.acceptor.arrive(host, host, self._hear)
+        self._guest = stage.acceptor.accept(host, host, self._hear)
 
     def _hear(self, data: bytes) -> None:
         self.heard += data

@@ -60,7 +60,7 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
         at=now + later.seconds,
         follow_up=True,
         urgent=later.urgent,
-        heard=later.not_while_busy,
+        not_while_busy=later.not_while_busy,
     )
     others = tuple(
         one

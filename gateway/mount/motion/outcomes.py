@@ -153,12 +153,14 @@ def can_be_postponed(order: Order) -> bool:
     A retried end waits too, for as long as it takes. Motions by hand and pulses never wait, because they are no longer
     wanted by then. No order waits for a line that is down.
     """
-    return order.heard or (isinstance(order.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not order.follow_up)
+    return order.not_while_busy or (
+        isinstance(order.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not order.follow_up
+    )
 
 
 def may_wait(order: Order, now: float) -> bool:
     """Whether the order may wait longer; if not, it is refused while the client still waits for its outcome."""
-    return order.heard or now < min(order.since + LONGEST, order.until)
+    return order.not_while_busy or now < min(order.since + LONGEST, order.until)
 
 
 def client_disconnected(order: Order) -> bool:

@@ -29,9 +29,9 @@ class Order(Struct, frozen=True):
 
     ``number`` is its sequence number, ``by`` the client's connection, ``since`` the loop time of its arrival, ``at``
     the one from which it is due, ``until`` the one at which the client stops waiting for the outcome. A ``follow_up``
-    is the gateway's own order, ``urgent`` if it ends a motion; a ``heard`` one waits until the mount accepts commands.
-    ``unless`` is the number of a goto: once that has begun, this order is void. A halt has three more fields: whether
-    it ``overtakes`` waiting orders, how many equal halts it ``repeats``, and the count ``Wanted.asked`` at its arrival.
+    is the gateway's own order, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts
+    commands. ``unless`` is the number of a goto: once that has begun, this order is void. A halt has three more fields:
+    whether it ``overtakes`` waiting orders, how many equal halts it ``repeats``, and ``Wanted.asked`` at its arrival.
     """
 
     number: int
@@ -43,7 +43,7 @@ class Order(Struct, frozen=True):
     until: float = inf
     follow_up: bool = False
     urgent: bool = False
-    heard: bool = False
+    not_while_busy: bool = False
     unless: int = 0
     overtakes: bool = False
     repeats: int = 0

@@ -130,7 +130,7 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
         async with Bridge() as bridge:
             acceptor = bridge.acceptor
             one, other, passing, line, serial = (
-                acceptor.arrive(name, host, lambda data: None)
+                acceptor.accept(name, host, lambda data: None)
                 for name, host in (
                     ("10.0.0.1:4", "10.0.0.1"),
                     ("10.0.0.1:5", "10.0.0.1"),

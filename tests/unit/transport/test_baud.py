@@ -62,7 +62,7 @@ def test_the_rate_changes_after_the_answer_and_stays_for_who_follows(
     async def program() -> None:
         cable = Cable()
         async with Bridge(latency=0.0) as bridge:
-            port = await SerialPort.open(cable.name, bridge.acceptor.arrive)
+            port = await SerialPort.open(cable.name, bridge.acceptor.accept)
             assert cable.rate() == 9600
             assert await cable.ask(b":SB4#") == b"1"
             assert await cable.until(19200)

@@ -17,7 +17,7 @@ from typing import Any
 from gateway.core.errors import NoAnswer
 from gateway.protocols.alpaca.http.requests import Asked
 from gateway.protocols.alpaca.tables import member, refused
-from gateway.transport.handler import Arrive, ConnectionRefused
+from gateway.transport.handler import Accept, ConnectionRefused
 from gateway.transport.web_port import WebDevice
 
 #: Seconds until a request times out, and until a silent program is forgotten.
@@ -41,7 +41,7 @@ class NoAnswerInTime(Exception):
 class Program:
     """One Alpaca client, with a connection of its own to the gateway."""
 
-    def __init__(self, arrive: Arrive, name: str, host: str) -> None:
+    def __init__(self, accept: Accept, name: str, host: str) -> None:
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[asyncio.Future[bytes]] = deque()
         self._rest = b""
@@ -49,7 +49,7 @@ class Program:
         self.gone = False
         #: Whether it has ever sent more than reads, which a web page cannot.
         self.acts = False
-        self._handler = arrive(name, host, self._hear)
+        self._handler = accept(name, host, self._hear)
         self._handler.network(lambda last: self.close())
 
     @property
@@ -95,8 +95,8 @@ class Program:
 class Programs:
     """The programs of one mount, by host and ClientID."""
 
-    def __init__(self, arrive: Arrive) -> None:
-        self._arrive = arrive
+    def __init__(self, accept: Accept) -> None:
+        self._accept = accept
         self._known: dict[tuple[str, int], Program] = {}
 
     def of(self, host: str, client: int, stop: bool = False) -> Program:
@@ -106,12 +106,12 @@ class Programs:
         if program is None or program.gone:
             if len(self._known) >= MOST and not stop:
                 raise ConnectionRefused
-            program = self._known[host, client] = Program(self._arrive, _name(host, client), host)
+            program = self._known[host, client] = Program(self._accept, _name(host, client), host)
         return program
 
     def extra_connection(self, host: str, client: int) -> Program:
         """Return another connection for a program, which is no sign of life of it. Raises ConnectionRefused."""
-        return Program(self._arrive, f"{_name(host, client)}-arrival", host)
+        return Program(self._accept, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
         """Forget closed and silent programs; if there are too many also an idle one, first those that only read."""
@@ -143,7 +143,7 @@ class Device:
     """One mount as an Alpaca device."""
 
     def __init__(self, web: WebDevice) -> None:
-        self.web, self.programs = web, Programs(web.arrive)
+        self.web, self.programs = web, Programs(web.accept)
 
     async def answer(self, asked: Asked, host: str) -> dict[str, Any]:
         """Return the value or the error as the members of a JSON object. Raises ConnectionRefused."""

@@ -112,7 +112,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
             await asyncio.sleep(0.31 * number)
             for turn in range(TURNS):
                 if turn % (TURNS // 3) == 0:
-                    guest = gateway.acceptors[0].arrive(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
+                    guest = gateway.acceptors[0].accept(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
                 guest.feed(words[turn * (number + 1) % len(words)])
                 await asyncio.sleep(random.uniform(0.1, 0.3))
 

@@ -52,7 +52,7 @@ class Mount:
         self.guests: list[Guest] = []
         self.refuses = False
 
-    def arrive(self, name: str, host: str, write: Write) -> Guest:
+    def accept(self, name: str, host: str, write: Write) -> Guest:
         if self.refuses:
             raise ConnectionRefused
         self.guests.append(Guest(self, name, write))
@@ -74,7 +74,7 @@ class Served:
 @contextlib.asynccontextmanager
 async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     mount = Mount()
-    device = WebDevice(mount.arrive, "a mount")
+    device = WebDevice(mount.accept, "a mount")
     port = await AlpacaWeb().open_port("tcp://127.0.0.1:0", device, names)
     try:
         async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(total=PATIENCE)) as http:
