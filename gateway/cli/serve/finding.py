@@ -61,7 +61,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
             warn(waiting_message(gateway))
-    return gateway.controller.context.wait_identified.is_set()  # a device that reports a position is a mount
+    return gateway.controller.context.found.is_set()  # a device that reports a position is a mount
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
@@ -111,7 +111,7 @@ def waiting_message(gateway: Gateway) -> str:
     """Return the message that says what the gateway waits for, and how long it may take."""
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.first_answer_seconds[gateway.mount.model is None]
-    if gateway.controller.context.wait_identified.is_set():
+    if gateway.controller.context.found.is_set():
         return (
             f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "
             "model"
