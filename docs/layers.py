@@ -1,7 +1,7 @@
 """Draws the picture of the layers in docs/architecture.md from the imports that are really in the code.
 
 ``python docs/layers.py`` writes it; a test compares. Imports inside functions and under ``TYPE_CHECKING`` count. An
-arrow that follows from others is left out: what ``cli`` reaches through ``app`` is not drawn again.
+arrow that follows from others is left out: ``cli`` reaches ``core`` through ``app``, so it has no arrow of its own.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ Graph = dict[str, set[str]]
 
 
 def layers() -> list[str]:
-    """The folders of ``gateway/``."""
+    """Return the folders of ``gateway/``."""
     return sorted(path.parent.name for path in (ROOT / "gateway").glob("*/__init__.py"))
 
 
 @cache
 def imports() -> Graph:
-    """Layer -> the other layers that its modules import from."""
+    """Return layer -> the other layers that its modules import from."""
     known = layers()
     found: Graph = {name: set() for name in known}
     for name in known:
@@ -40,13 +40,13 @@ def imports() -> Graph:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    """The second part of every ``gateway.X…`` that a module imports, wherever the import stands."""
+    """Yield the second part of every ``gateway.X…`` that a module imports, wherever the import stands."""
     for layer, names in _IMPORT.findall(path.read_text("utf-8")):
         yield from [layer] if layer else re.findall(r"\w+", names)
 
 
 def reached(graph: Graph, start: str) -> set[str]:
-    """Every layer that can be reached from one, in any number of steps."""
+    """Return every layer that can be reached from one, in any number of steps."""
     seen: set[str] = set()
     waiting = [start]
     while waiting:
@@ -57,7 +57,7 @@ def reached(graph: Graph, start: str) -> set[str]:
 
 
 def drawn(graph: Graph) -> Graph:
-    """The arrows that do not follow from others."""
+    """Return the arrows that do not follow from others."""
     return {
         name: {layer for layer in below if not any(layer in reached(graph, other) for other in below - {layer})}
         for name, below in graph.items()
@@ -65,13 +65,13 @@ def drawn(graph: Graph) -> Graph:
 
 
 def sentence(layer: str) -> str:
-    """The first sentence of what a folder says of itself."""
+    """Return the first line of a folder's docstring."""
     text = ast.get_docstring(ast.parse((ROOT / "gateway" / layer / "__init__.py").read_text("utf-8"))) or ""
     return text.split("\n")[0]
 
 
 def picture() -> str:
-    """The block between the two marks."""
+    """Return the block between the two marks."""
     graph = imports()
     order = sorted(graph, key=lambda name: (-len(reached(graph, name)), name))
     arrows = [f"    {name} --> {below}" for name in order for below in sorted(drawn(graph)[name])]
@@ -85,7 +85,7 @@ def picture() -> str:
 
 
 def refreshed(text: str) -> str:
-    """The page with the picture as it is now."""
+    """Return the page with the picture of the layers as they are now."""
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
     return f"{before}{BEGIN}{picture()}{END}{after}"

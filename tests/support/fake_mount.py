@@ -23,7 +23,7 @@ from gateway.mount.policy import Limits
 from gateway.mount.safety.sync_sum import check_sync
 from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.site_clock import SiteClock
-from gateway.protocols.base.surface import Session
+from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, ReuseLastReading
 
 

@@ -68,7 +68,7 @@ class Reconciler:
         self.at_rest.connect(lambda _: self._want(outcomes.at_rest(self.wanted)))
         self._stopping.ended.connect(lambda _: self._start_next())
         runner.scheduled.connect(self.plan)
-        runner.broken.connect(self._is_broken)
+        runner.broken.connect(self._on_broken)
         self._timer: asyncio.TimerHandle | None = None
         self.closed = False
 
@@ -141,12 +141,12 @@ class Reconciler:
         else:
             self._context.tasks.spawn(self._stopping.halt_again(*axes))
 
-    def _is_broken(self, _: None) -> None:
+    def _on_broken(self, _: None) -> None:
         """Stop the mount: after a defect in the driver it is unknown what moves."""
         if self.busy:
             self.begin_stop()
 
-    # --- carrying out -----------------------------------------------------------------------------------------------
+    # --- execution ---------------------------------------------------------------------------------------------------
 
     def _put(self, wanted: Wanted) -> None:
         self._state.value = wanted
@@ -222,7 +222,7 @@ class Reconciler:
         """Leave the order pending: it is begun again after the end. A motion by hand may have begun already."""
         self._keep_outcome(order, outcome)
         if isinstance(order.operation, op.Move | op.MoveAxis):
-            self._moves(order, order.operation)
+            self._takes_effect(order, order.operation)
 
     def _has_failed(self, order: Order, error: BaseException, outcome: Outcome | None) -> None:
         now = self._loop.time()
@@ -270,9 +270,9 @@ class Reconciler:
         if order.follow_up and not ends_focus(operation):
             self.lasting.emit(None)
         else:
-            self._moves(order, operation)
+            self._takes_effect(order, operation)
 
-    def _moves(self, order: Order, operation: op.Operation) -> None:
+    def _takes_effect(self, order: Order, operation: op.Operation) -> None:
         before = self.wanted
         self.begins.emit(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0

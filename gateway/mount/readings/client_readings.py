@@ -65,7 +65,7 @@ class ClientReadings:
         self._cache, self._wanted, self._movement = context.cache, context.wanted, context.movement
         self._astrometry = context.astrometry
         self.changed: Signal[None] = Signal()
-        self._taken: dict[Kind, tuple[Reported | None, Reported]] = {}
+        self._reported: dict[Kind, tuple[Reported | None, Reported]] = {}
         self._courses: dict[Kind, Course] = {}
         #: Positions that the mount does not report, and the reads from which they are calculated.
         self._sources: dict[Kind, Kind] = {}
@@ -79,11 +79,11 @@ class ClientReadings:
     def take(self, kind: Kind, value: Any, asked: float, at: Pair) -> None:
         """Take a reported position; ``asked`` is the loop time of the request, ``at`` the times of its two angles."""
         self._sources.pop(kind, None)
-        _, last = self._taken.get(kind, (None, None))
-        taken = Reported(value, Reading(_pair(value), at), asked)
+        _, last = self._reported.get(kind, (None, None))
+        reported = Reported(value, Reading(_pair(value), at), asked)
         if last is not None and min(at) - min(last.reading.at) < SOONEST:
-            last = self._taken[kind][0]
-        self._taken[kind] = last, taken
+            last = self._reported[kind][0]
+        self._reported[kind] = last, reported
         self._courses.pop(kind, None)
 
     def calculated_from(self, kind: Kind, source: Kind) -> None:
@@ -94,12 +94,12 @@ class ClientReadings:
         """Note that a command is sent that may set the mount moving: the next end makes readings outdated."""
         self._may_move = True
 
-    def ordered(self, operation: op.Operation, restless: bool) -> None:
-        """Note an operation that the mount has acknowledged, before any other part acts on it. ``restless``: the
+    def ordered(self, operation: op.Operation, moved_by_others: bool) -> None:
+        """Note an operation that the mount has acknowledged, before any other part acts on it. ``moved_by_others``: the
         position shows a motion that the gateway has not ordered.
         """
         if isinstance(operation, op.AbortMotion | op.StopAxis | op.AbortSlew):
-            if not (self._movement.anything or self._may_move or restless):
+            if not (self._movement.anything or self._may_move or moved_by_others):
                 return
             self._may_move = not isinstance(operation, op.AbortMotion) and self._movement.anything
         elif isinstance(operation, op.Move | op.MoveAxis):
@@ -126,14 +126,14 @@ class ClientReadings:
             return value
         source = self.source(kind)
         if source is not None:
-            seen = self.peek(source())
-            return NOT_CACHED if seen is NOT_CACHED else self._calculate(kind, seen)
-        if value is NOT_CACHED or kind not in self._taken:
+            position = self.peek(source())
+            return NOT_CACHED if position is NOT_CACHED else self._calculate(kind, position)
+        if value is NOT_CACHED or kind not in self._reported:
             return NOT_CACHED
-        _, last = self._taken[kind]
+        _, last = self._reported[kind]
         if last.asked < self._since:
             return NOT_CACHED
-        return type(last.value)(*place(self._course(kind), self._told_at())) if self._movement.anything else last.value
+        return type(last.value)(*place(self._course(kind), self._instant())) if self._movement.anything else last.value
 
     def last(self, kind: Kind) -> Any:
         """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
@@ -142,10 +142,10 @@ class ClientReadings:
         if kind is op.GetStatus:
             return self._cache.value(kind) or UNKNOWN
         source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)
-        if kind not in self._taken and source is not None:
-            seen = self.last(source)
-            return NOT_CACHED if seen is NOT_CACHED else self._calculate(kind, seen)
-        _, last = self._taken.get(kind, (None, None))
+        if kind not in self._reported and source is not None:
+            position = self.last(source)
+            return NOT_CACHED if position is NOT_CACHED else self._calculate(kind, position)
+        _, last = self._reported.get(kind, (None, None))
         if last is None or last.asked < self._since or self._now() - last.reading.complete > LAST_POSITION:
             return NOT_CACHED
         if not self.gives_last_position:
@@ -160,12 +160,12 @@ class ClientReadings:
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the answers just given may be given again."""
-        places = [kind for kind in kinds if kind in POSITIONS]
-        sources = [source for kind in places if (source := self.source(kind)) is not None]
+        positions = [kind for kind in kinds if kind in POSITIONS]
+        sources = [source for kind in positions if (source := self.source(kind)) is not None]
         until = self._cache.until([*kinds, *sources])
-        return min(until, self._moment + MOMENT) if places and self._movement.anything else until
+        return min(until, self._moment + MOMENT) if positions and self._movement.anything else until
 
-    def _told_at(self) -> float:
+    def _instant(self) -> float:
         """Return the moment to which positions are extrapolated; a new one makes earlier answers outdated."""
         now = self._now()
         if now - self._moment >= MOMENT:
@@ -178,7 +178,7 @@ class ClientReadings:
     def _course(self, kind: Kind) -> Course:
         """Return the course after the last reading, calculated once."""
         if kind not in self._courses:
-            before, last = self._taken[kind]
+            before, last = self._reported[kind]
             same = before is not None and before.asked >= self._since
             self._courses[kind] = course(
                 before.reading if before is not None and same else None,
@@ -236,15 +236,15 @@ class ClientReadings:
             return op.Position
         return self._sources.get(kind)
 
-    def _calculate(self, kind: Kind, seen: Any) -> Any:
+    def _calculate(self, kind: Kind, position: Any) -> Any:
         """Calculate a position by the present site and clock; NOT_CACHED if the site is unknown."""
-        if isinstance(seen, op.Horizontal):
-            return seen
+        if isinstance(position, op.Horizontal):
+            return position
         astrometry = self._astrometry
         try:
             if kind is op.HorizontalPosition:
-                return astrometry.horizon(seen)
-            return astrometry.axes(seen, wedge=not self._driver.german)
+                return astrometry.horizon(position)
+            return astrometry.axes(position, wedge=not self._driver.german)
         except Unsupported:
             return NOT_CACHED
 
