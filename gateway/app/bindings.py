@@ -82,7 +82,7 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
         spec.opening,
         made.model,
         made.settings,
-        counts_in=spec.equinox,
+        default_equinox=spec.equinox,
         fit=made.fit,
     )
 
@@ -142,7 +142,7 @@ class AcceptorFactory:
         for protocol in spoken(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
             speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _no_warning)
-            one.binding = msgspec.structs.replace(one.binding, speaks=titles)
+            one.binding = msgspec.structs.replace(one.binding, titles=titles)
         return AnyAcceptor(speaking, self._web)
 
     def _one(
@@ -155,7 +155,7 @@ class AcceptorFactory:
             self.own.append(binding)
         binding = msgspec.structs.replace(
             binding,
-            equinox=self._j2000 if (surface.equinox or binding.counts_in) == "j2000" else None,
+            equinox=self._j2000 if (surface.equinox or binding.default_equinox) == "j2000" else None,
             profiles=tuple(profiles(endpoint.protocol, surface, self._j2000)),
         )
         self.bindings.append((endpoint.protocol, binding))

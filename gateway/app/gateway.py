@@ -272,7 +272,7 @@ class Gateway:
         """The name of the mount in messages."""
         return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
 
-    async def found(self, seconds: float) -> bool:
+    async def wait_identified(self, seconds: float) -> bool:
         """Wait until the mount is identified; return whether that happened within ``seconds``."""
         try:
             async with asyncio.timeout(seconds):

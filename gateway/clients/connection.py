@@ -224,12 +224,12 @@ class ClientConnection:
         self.stranger, self._deliver = True, lambda data, stops: None
         if self._first is not None:
             self._first.done = True
-        speaks, client = self._binding.speaks, self.client
+        titles, client = self._binding.titles, self.client
         client.log.note(
-            f"sends {greeting.words}; this is a port for programs that speak {speaks}: "
+            f"sends {greeting.words}; this is a port for programs that speak {titles}: "
             "nothing of it reaches the mount, and the connection is closed"
         )
-        self._hang_up(page(speaks, greeting.head_only) if greeting.http else b"")
+        self._hang_up(page(titles, greeting.head_only) if greeting.http else b"")
 
     def close(self) -> None:
         self._process_waiting()

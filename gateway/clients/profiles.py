@@ -58,8 +58,8 @@ class ClientProfile(Struct, frozen=True):
 class SurfaceBinding(Struct, frozen=True):
     """A surface as it is presented on one port."""
 
-    #: The protocol's title.
-    speaks: str
+    #: The title of the port's protocol, or those of all its protocols.
+    titles: str
     surface: Surface
     framing: Callable[[], Framer]
     #: The bytes with which a client may begin, for ``StrangerFilter``.
@@ -68,7 +68,7 @@ class SurfaceBinding(Struct, frozen=True):
     settings: ClientSettings
     equinox: EquinoxConverter | None = None
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
-    counts_in: str = "jnow"
+    default_equinox: str = "jnow"
     #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()

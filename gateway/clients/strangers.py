@@ -178,11 +178,11 @@ class Recogniser:
         return None
 
 
-def page(speaks: str, head_only: bool = False) -> bytes:
-    """Return a complete HTTP/1.1 answer for a web browser. ``speaks`` is the title of the port's protocol."""
+def page(titles: str, head_only: bool = False) -> bytes:
+    """Return a complete HTTP/1.1 answer for a web browser. ``titles`` are those of the port's protocols."""
     text = (
         '<!doctype html>\n<html lang="en">\n<title>mount-gateway</title>\n<link rel="icon" href="data:,">\n'
-        f"<p>This port of mount-gateway is for telescope programs that speak {speaks}.\n"
+        f"<p>This port of mount-gateway is for telescope programs that speak {titles}.\n"
         "<p>A web browser can do nothing here, and nothing of its request has reached the mount.\n"
         "To use the mount, enter this address and this port in your telescope program.\n"
     ).encode()

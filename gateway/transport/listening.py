@@ -44,8 +44,8 @@ async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[
 def _reason(error: OSError, host: str) -> str:
     if isinstance(error, socket.gaierror):
         return (
-            f"no address is known for the name {host}; write 0.0.0.0 for everybody who can reach this "
-            "computer, or 127.0.0.1 for programs on it"
+            f"no address is known for the name {host}; write 0.0.0.0 for every computer that can reach "
+            "this one, or 127.0.0.1 for programs on it"
         )
     if isinstance(error, PermissionError):
         return "ports below 1024 are for the system's own services; take a higher one, such as 4030"

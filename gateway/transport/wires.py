@@ -205,8 +205,8 @@ def open_port(url: str, baud: int) -> Serial:
     except ValueError as error:
         raise OSError(
             errno.EINVAL,
-            f"{error}; socket://HOST:PORT, rfc2217://HOST:PORT or a serial port will do, "
-            "and where programs connect tcp://HOST:PORT or pty:PATH",
+            f"{error}; write socket://HOST:PORT, rfc2217://HOST:PORT or a serial port "
+            "(a surface for programs: tcp://HOST:PORT or pty:PATH)",
         ) from None
 
 

@@ -101,7 +101,7 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
         surface = SurfaceConfig(at="lx200@tcp://127.0.0.1:0")
         gateway = Gateway(MountConfig(at=f"nexstar@{link}"), [surface])
         await gateway.open()
-        assert await gateway.found(20.0)
+        assert await gateway.wait_identified(20.0)
         line = gateway.controller.line
         host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
         programs = [Program(*await asyncio.open_connection(host, int(port))) for _ in range(3)]

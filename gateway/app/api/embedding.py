@@ -46,7 +46,7 @@ class RunningGateway:
 
     async def ready(self, seconds: float = FIND_MOUNT) -> None:
         """Wait until the mount has identified itself. Raises NoAnswer if it has not within ``seconds``."""
-        if not await self._gateway.found(seconds):
+        if not await self._gateway.wait_identified(seconds):
             raise NoAnswer(f"{self._gateway.title} has not answered within {seconds:g} s.")
 
     async def position(self) -> tuple[float, float]:

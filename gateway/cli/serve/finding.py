@@ -40,7 +40,7 @@ async def serve(
     if not patient:
         await _find(gateway, warn)
     start_sky()
-    found = not patient or await gateway.found(QUICK)
+    found = not patient or await gateway.wait_identified(QUICK)
     ready(gateway)
     if not found and not await _found(gateway, warn):
         reason = gateway.controller.line.reason or "no answer"
@@ -53,7 +53,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
     line, now = gateway.controller.line, asyncio.get_running_loop().time
     began, said = now(), False
     while now() < began + FIND_MOUNT:
-        if await gateway.found(0.1):
+        if await gateway.wait_identified(0.1):
             return True
         hope = FIRST_SENSE if line.transaction.heard_ever else FIRST_WORD
         if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):

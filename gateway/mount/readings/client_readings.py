@@ -133,11 +133,7 @@ class ClientReadings:
         _, last = self._reported[kind]
         if last.asked < self._since:
             return NOT_CACHED
-        return (
-            type(last.value)(*place(self._course(kind), self._current_moment()))
-            if self._movement.anything
-            else last.value
-        )
+        return type(last.value)(*place(self._course(kind), self._instant())) if self._movement.anything else last.value
 
     def last(self, kind: Kind) -> Any:
         """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
@@ -169,7 +165,7 @@ class ClientReadings:
         until = self._cache.until([*kinds, *sources])
         return min(until, self._moment + MOMENT) if positions and self._movement.anything else until
 
-    def _current_moment(self) -> float:
+    def _instant(self) -> float:
         """Return the moment to which positions are extrapolated; a new one makes earlier answers outdated."""
         now = self._now()
         if now - self._moment >= MOMENT:

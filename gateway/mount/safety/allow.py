@@ -36,7 +36,7 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     """Return the deadline for the first position after a motion by hand begins, in whatever direction it moves.
 
     The mount must have reported a position before it can reach any limit. ``speed`` is that of all axes together,
-    degrees a second. The first stretch of the motion has been checked already (``admission/motions.py``).
+    degrees a second. The first stretch of the motion has been checked already (``admission/by_hand.py``).
     """
     here, limits, timing = view.seen.last, view.limits, view.timing
     if here is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:

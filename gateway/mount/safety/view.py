@@ -13,8 +13,7 @@ from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.stop_timing import StopTiming, ahead
 
-#: Degrees a second, faster than any tracking: something moves the mount. The last digit of a coarse position may jump
-#: so.
+#: Degrees a second, faster than any tracking: the mount is moved, or a coarse position changed by a digit.
 FASTER_THAN_TRACKING = 0.1
 
 

@@ -116,7 +116,7 @@ def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, 
         await gateway.open()
         try:
             async with asyncio.timeout(20):
-                assert await gateway.found(10)
+                assert await gateway.wait_identified(10)
                 link = await asyncio.open_connection(*address(gateway))
                 assert await ask(link, b"x") == b"#"
                 assert await decided is asleep

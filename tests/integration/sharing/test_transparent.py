@@ -205,7 +205,7 @@ def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> No
             )
         )
         gateway.begin()
-        assert await gateway.found(30.0)
+        assert await gateway.wait_identified(30.0)
         ((protocol, face),) = gateway.bindings
         assert f"{protocol}:{face.model['name']}" == told
         assert gateway.acceptors[0].binding.model is face.model

@@ -314,7 +314,7 @@ def test_an_address_is_one_of_the_network() -> None:
         (
             "nexstar@sim",
             "lx200@tcp://no-computer.invalid:4030",
-            "no address is known for the name no-computer.invalid; write 0.0.0.0 for everybody",
+            "no address is known for the name no-computer.invalid; write 0.0.0.0 for every computer",
         ),
     ],
 )

@@ -36,7 +36,7 @@ def serve(program: Callable[[Gateway, list[str]], Awaitable[None]], at: str = "t
         await gateway.open()
         try:
             async with asyncio.timeout(20):
-                assert await gateway.found(10)
+                assert await gateway.wait_identified(10)
                 await program(gateway, said)
         finally:
             await gateway.close()

@@ -35,7 +35,7 @@ def serve(program: Callable[[list[int], list[str]], Awaitable[None]], **settings
         await gateway.open()
         try:
             async with asyncio.timeout(30):
-                assert await gateway.found(10)
+                assert await gateway.wait_identified(10)
                 await program([int(port.where.rpartition(":")[2]) for port in gateway.ports], said)
         finally:
             await gateway.close()

@@ -44,7 +44,7 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
                     return await response.json() if response.content_type == "application/json" else response.status
 
             for number, gateway in enumerate(gateways):
-                assert await gateway.found(PATIENCE)
+                assert await gateway.wait_identified(PATIENCE)
                 assert (await ask("PUT", f"{API}{number}/connected", data={"Connected": "true"}))["ErrorNumber"] == 0
             yield gateways, ask
     finally:

@@ -82,7 +82,7 @@ async def opened(state: Path, access: Access = Access(), pin: str = "", **mount:
     console = Console([gateway], access, pin)
     try:
         await console.open("127.0.0.1", 0)
-        assert await gateway.found(PATIENCE)
+        assert await gateway.wait_identified(PATIENCE)
         async with aiohttp.ClientSession() as http:
             yield Open(gateway, console, http)
     finally:

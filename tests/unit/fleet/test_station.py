@@ -47,7 +47,7 @@ async def shown(folder: Path, name: str | None = None, **keys: Any) -> AsyncIter
     await gateway.open()
     there = There(gateway, MqttConfig(at="mqtt://broker.invalid", **{"id": "pier", **keys}))
     try:
-        assert await gateway.found(PATIENCE)
+        assert await gateway.wait_identified(PATIENCE)
         there.station.start()
         await until(lambda: name is not None or (there.state.get("aligned") and there.state["altitude_degrees"]))
         yield there

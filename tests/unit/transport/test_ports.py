@@ -25,7 +25,7 @@ def serve(program: Callable[[Gateway], Awaitable[None]], *surfaces: str, mount: 
         gateway = Gateway(MountConfig(at=mount), [SurfaceConfig(at=surface) for surface in surfaces])
         await gateway.open()
         try:
-            assert await gateway.found(PATIENCE)
+            assert await gateway.wait_identified(PATIENCE)
             async with asyncio.timeout(30):
                 await program(gateway)
         finally:
