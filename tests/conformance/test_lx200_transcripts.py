@@ -10,10 +10,10 @@ from gateway.core import operations as op
 from gateway.protocols.base.session import NamedSite, Shared
 from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.each import each
+from tests.support.fake_gateway import FakeConnection, FakeGateway
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import Conversation, files, read
 from tests.support.virtual import run
-from tests.support.visits import House, Visit
 
 FILES = files("lx200-*.txt")
 WAYS: dict[str, Callable[[bytes], list[bytes]]] = {
@@ -56,8 +56,10 @@ def test_conversation_with_clients(path: Path) -> None:
     conversation = read(path)
 
     async def program() -> None:
-        house = House(**_settings(conversation))
-        await receive(conversation, house, Visit.ask, lambda text: _set_up(house.mount, house.shared, text))
+        gateway = FakeGateway(**_settings(conversation))
+        await receive(
+            conversation, gateway, FakeConnection.ask, lambda text: _set_up(gateway.mount, gateway.shared, text)
+        )
 
     run(program())
 

@@ -185,8 +185,8 @@ def test_every_row_is_answered_and_well_formed(model: str, version: str) -> None
     for name in NEXSTAR.surface:
         command = NEXSTAR.commands[name]
         for frame in frames_of(name):
-            assert talk.face.framing().feed(frame, talk.now) == [frame]
-            if lacks(talk.face.model, frame):
+            assert talk.binding.framing().feed(frame, talk.now) == [frame]
+            if lacks(talk.binding.model, frame):
                 assert command.since is not None and command.since > (1, 2), "what every version has is read"
                 assert talk.send(frame) == b""
                 continue

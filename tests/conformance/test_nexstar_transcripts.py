@@ -10,10 +10,10 @@ import pytest
 from gateway.core import operations as op
 from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.each import each
+from tests.support.fake_gateway import FakeConnection, FakeGateway
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import files, read
 from tests.support.virtual import run
-from tests.support.visits import House, Visit
 
 FILES = files("nexstar-*.txt")
 WAYS: dict[str, Callable[[bytes], list[bytes]]] = {
@@ -25,9 +25,9 @@ WAYS: dict[str, Callable[[bytes], list[bytes]]] = {
 }
 #: One byte at 9600 baud.
 BYTE = 10 / 9600
-PACES: dict[str, Callable[[Visit, bytes], Awaitable[bytes]]] = {
-    "whole packets": Visit.ask,
-    "a byte at 9600 baud": lambda visit, data: visit.dribble(data, BYTE),
+PACES: dict[str, Callable[[FakeConnection, bytes], Awaitable[bytes]]] = {
+    "whole packets": FakeConnection.ask,
+    "a byte at 9600 baud": lambda connection, data: connection.dribble(data, BYTE),
 }
 MODES = {"0": op.Tracking.OFF, "1": op.Tracking.ALTAZ, "2": op.Tracking.EQ_NORTH, "3": op.Tracking.EQ_SOUTH}
 
@@ -59,12 +59,12 @@ def test_conversation(path: Path, way: str) -> None:
 
 @pytest.mark.parametrize("ask", PACES.values(), ids=PACES)
 @each("path", FILES)
-def test_conversation_with_clients(path: Path, ask: Callable[[Visit, bytes], Awaitable[bytes]]) -> None:
+def test_conversation_with_clients(path: Path, ask: Callable[[FakeConnection, bytes], Awaitable[bytes]]) -> None:
     conversation = read(path)
 
     async def program() -> None:
-        house = House(protocol="nexstar", **conversation.settings)
-        await receive(conversation, house, ask, lambda text: _set_up(house.mount, text))
+        gateway = FakeGateway(protocol="nexstar", **conversation.settings)
+        await receive(conversation, gateway, ask, lambda text: _set_up(gateway.mount, text))
 
     run(program())
 

@@ -17,7 +17,7 @@ from gateway.astro.spherical import separation, sidereal_time, wrap180, wrap360
 from tests.integration.test_scenarios import dms, hms, parse_dec, parse_ra
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.sampling import as_a_rule
-from tests.support.two_gateways import Chain, equatorial
+from tests.support.two_gateways import TwoGateways, equatorial
 from tests.support.virtual import run
 
 #: What the inner gateway presents, and what it drives; the model that a nexstar surface has over it of itself.
@@ -162,7 +162,7 @@ def _parts(named: str | None) -> tuple[str | None, str | None]:
     return model or None, version or None
 
 
-def row(surface: tuple[str, str | None], mount: tuple[str, str, str], nexstar: bool, **more: Any) -> Chain:
+def row(surface: tuple[str, str | None], mount: tuple[str, str, str], nexstar: bool, **more: Any) -> TwoGateways:
     """The chain of a case; its outer surface is the program's."""
     driven, named, fits = mount
     (model, version), (shown, shown_as) = _parts(named), _parts(surface[1] or fits)
@@ -178,7 +178,7 @@ def row(surface: tuple[str, str | None], mount: tuple[str, str, str], nexstar: b
         config={"lowest": -90.0, "sun": 0.0},
         **more,
     )
-    return Chain(bridge, surface[0], "nexstar" if nexstar else "lx200", fits if nexstar else "autostar")
+    return TwoGateways(bridge, surface[0], "nexstar" if nexstar else "lx200", fits if nexstar else "autostar")
 
 
 def apart(one: tuple[float, float], other: tuple[float, float]) -> float:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.soak.poor_lines import LINES, MOUNTS, first_answer, polled
 from tests.support.in_process_gateway import Bridge
-from tests.support.poor_line import Poor, over, poll
+from tests.support.poor_line import LineFaults, insert_poor_line, poll
 from tests.support.virtual import run
 
 
@@ -46,10 +46,10 @@ def test_a_classic_answers_soon_after_the_start(model: str, latency: float, name
 def test_an_old_position_is_marked_in_the_log_once() -> None:
     async def program() -> None:
         async with Bridge("cpc", config={"sun": 0.0}) as bridge:
-            wire = over(bridge, Poor())
+            wire = insert_poor_line(bridge, LineFaults())
             bridge.controller.line.transaction.connection_lost("unplugged")
             await asyncio.sleep(5.0)
-            wire._poor = Poor(lost=2.0)
+            wire._poor = LineFaults(lost=2.0)
             polls = await poll(bridge, 8.0)
             said = [entry.note for entry in bridge.entries if "has not replied in time" in entry.note]
             assert said == ["the mount has not replied in time: programs get its last position, up to 10 s old"]

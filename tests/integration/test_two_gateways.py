@@ -18,7 +18,7 @@ import pytest
 from gateway.astro.spherical import separation
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
-from tests.support.two_gateways import Chain, equatorial
+from tests.support.two_gateways import TwoGateways, equatorial
 from tests.support.virtual import run
 
 ARCSECOND = 1.0 / 3600.0
@@ -58,7 +58,7 @@ def test_every_zone_is_known() -> None:
 def test_positions_of_a_nexstar_program_reach_a_nexstar_mount() -> None:
     async def program() -> None:
         bridge = Bridge("cge", config={"lowest": -90.0}, latency=0.0)
-        async with Chain(bridge, "lx200", "nexstar", "cge") as chain:
+        async with TwoGateways(bridge, "lx200", "nexstar", "cge") as chain:
             client = chain.client()
             for ra, dec in places(as_a_rule(24, whole=60)):
                 assert await client.ask(b"r" + hex_place(ra, dec)) == b"#"
@@ -76,7 +76,7 @@ def test_positions_of_a_nexstar_program_reach_a_nexstar_mount() -> None:
 def test_sites_all_over_the_globe_reach_a_nexstar_mount() -> None:
     async def program() -> None:
         bridge = Bridge(aligned=False, latency=0.0)
-        async with Chain(bridge, "lx200", "nexstar", "6-8se") as chain:
+        async with TwoGateways(bridge, "lx200", "nexstar", "6-8se") as chain:
             client = chain.client()
             chance = random.Random(7)
             corners = [(0.5, -0.5), (-0.5, 0.5), (89.99, 179.99), (-89.99, -179.99), (0.0, 180.0)]
@@ -111,7 +111,7 @@ def test_utc_of_a_nexstar_program_reaches_a_nexstar_mount(instant: str) -> None:
 
     async def program() -> None:
         bridge = Bridge(aligned=False, latency=0.0)
-        async with Chain(bridge, "lx200", "nexstar", "6-8se") as chain:
+        async with TwoGateways(bridge, "lx200", "nexstar", "6-8se") as chain:
             client = chain.client()
             moment = datetime.fromisoformat(instant)
             each = INSTANTS.index(instant) // 2 % 2  # of two that are played one has each zone with, one without
@@ -165,7 +165,7 @@ def test_utc_of_an_lx200_program_reaches_a_nexstar_mount_from_every_zone(instant
 def test_a_round_trip_of_positions_is_within_an_arcsecond_of_time() -> None:
     async def program() -> None:
         bridge = Bridge("cge", latency=0.0)
-        async with Chain(bridge, "lx200", "nexstar", "cge") as chain:
+        async with TwoGateways(bridge, "lx200", "nexstar", "cge") as chain:
             client = chain.client()
             told = equatorial(await client.ask(b"e"))
             truth = bridge.sim.truth()
@@ -180,7 +180,7 @@ def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_surface(m
 
     async def program() -> None:
         bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, config={"lowest": -90.0})
-        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+        async with TwoGateways(bridge, "nexstar", "lx200", "autostar") as chain:
             client = chain.client()
             chance = random.Random(5)
             for _ in range(as_a_rule(8, whole=15)):
@@ -206,7 +206,7 @@ def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_surface(m
 def test_utc_of_an_lx200_program_reaches_a_meade_from_every_zone(model: str, instant: str) -> None:
     async def program() -> None:
         bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, aligned=False)
-        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+        async with TwoGateways(bridge, "nexstar", "lx200", "autostar") as chain:
             client = chain.client()
             moment = datetime.fromisoformat(instant)
             for hours in offsets()[INSTANTS.index(instant) % as_a_rule(2, whole=1) :: as_a_rule(2, whole=1)]:
@@ -226,7 +226,7 @@ def test_utc_of_an_lx200_program_reaches_a_meade_from_every_zone(model: str, ins
 def test_sites_of_an_lx200_program_reach_a_meade(model: str) -> None:
     async def program() -> None:
         bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, aligned=False)
-        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+        async with TwoGateways(bridge, "nexstar", "lx200", "autostar") as chain:
             client = chain.client()
             chance = random.Random(9)
             for _ in range(as_a_rule(12, whole=25)):

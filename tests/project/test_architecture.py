@@ -26,7 +26,7 @@ def test_the_picture_shows_the_layers_as_they_are() -> None:
 
 
 def test_the_walk_is_what_the_program_prints() -> None:
-    printed = Running("explain", "lx200", "nexstar:6-8se", ":MS#").told().stdout  # it knows nothing of other tests
+    printed = Running("explain", "lx200", "nexstar:6-8se", ":MS#").finish().stdout  # it knows nothing of other tests
     written = _WALK.search(PAGE)
     assert written is not None
     assert written[1] == printed

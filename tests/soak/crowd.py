@@ -70,7 +70,7 @@ class Outcome:
     wrong: int = 0
     words: list[str] = field(default_factory=list)
 
-    def reproach(self, text: str) -> None:
+    def add_error(self, text: str) -> None:
         """Count an error."""
         self.wrong += 1
         if len(self.words) < 10:
@@ -114,7 +114,7 @@ async def _client(
             outcome.answers += 1
             fault = judge(told, asked) if told is not None else fault
             if fault:
-                outcome.reproach(
+                outcome.add_error(
                     f"{question!r} was answered {reply!r}, {loop.time() - began:.1f} s after the beginning: {fault}"
                 )
             due = max(due + 1.0 / RATE, loop.time())
@@ -154,9 +154,9 @@ def main() -> int:
     parser.add_argument("nexstar_port", type=int)
     parser.add_argument("--clients", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--meek", action="store_true", help="use the processor only when nobody else wants it")
+    parser.add_argument("--idle", action="store_true", help="run at idle priority")
     arguments = parser.parse_args()
-    if arguments.meek:  # it stands for other computers, which take no time from the gateway's
+    if arguments.idle:  # it stands for other computers, which take no time from the gateway's
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     outcome, chance = Outcome(), random.Random(arguments.seed)
     with contextlib.suppress(KeyboardInterrupt):

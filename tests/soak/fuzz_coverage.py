@@ -103,7 +103,7 @@ def _parsing(protocol: str) -> Target:
         talk.now = talk.mount.clock.unix
         talk.session.common.settings = MountSettings()
         talk.session.forget()
-        for frame in talk.face.framing().feed(data[2:], talk.now):
+        for frame in talk.binding.framing().feed(data[2:], talk.now):
             reply = talk._handle(frame)
             verdict = of_reply(PROTOCOLS[protocol], frame, reply) if reply else ""
             assert not verdict, (frame, verdict)

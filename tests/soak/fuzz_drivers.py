@@ -39,10 +39,10 @@ SLICE = 20_000
 MANNERS = ("true", "flawed", "noise", "nak", "endless", "length", "silent", "late", "unasked", "hash", "foreign")
 
 
-class Liar:
+class CorruptingTransport:
     """A transport to a simulated mount that corrupts replies. ``manner`` says how; None draws one for every reply."""
 
-    name = "liar"
+    name = "corrupting"
 
     def __init__(self, feed: Callable[[bytes], bytes], rng: Random) -> None:
         self.feed, self.rng = feed, rng
@@ -218,7 +218,7 @@ async def ask(bridge: Bridge, operation: op.Operation, findings: Findings, label
     findings.slowest[kind.__name__] = max(findings.slowest.get(kind.__name__, 0.0), loop.time() - began)
 
 
-async def lie(driven: str, mount: str, rng: Random, size: int, findings: Findings) -> int:
+async def corrupt(driven: str, mount: str, rng: Random, size: int, findings: Findings) -> int:
     """Send this many reply bytes to one gateway; return how many there were."""
     label = f"{driven}:{mount}"
     asyncio.get_running_loop().set_exception_handler(
@@ -226,35 +226,35 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
                                         f"{label} {context!r}"))  # fmt: skip
     bridge = Bridge(mount, driven=driven, latency=0.0)
     bridge.wire_log.sinks[:] = [lambda entry: _hear(entry, driven, findings)]
-    liar = Liar(bridge.sim.feed, rng)
-    bridge.controller.line.wire = liar  # type: ignore[assignment]
+    transport = CorruptingTransport(bridge.sim.feed, rng)
+    bridge.controller.line.wire = transport  # type: ignore[assignment]
     if rng.random() < 0.3:
-        liar.manner = None
+        transport.manner = None
     bridge.controller.start()
     try:
         async with asyncio.timeout(120.0):
             await bridge.controller.settled.wait()
     except TimeoutError:
         findings.ended["never identified"] += 1
-    liar.manner = None
+    transport.manner = None
     loop = asyncio.get_running_loop()
     end = loop.time() + size  # a gateway that polls receives more than a byte a second
-    while liar.told < size:
+    while transport.told < size:
         if loop.time() > end:
             findings.say(f"{driven}: not spoken to any more", f"{label}: line {bridge.controller.line.state}")
             break
         if rng.random() < 0.1:
-            liar.manner = rng.choice([None, None, *MANNERS])
+            transport.manner = rng.choice([None, None, *MANNERS])
         await asyncio.gather(*(ask(bridge, any_operation(rng), findings, driven) for _ in range(rng.choice([1, 1, 4]))))
         await asyncio.sleep(rng.choice([0.0, 0.3, 5.0]))
         _weigh(bridge, findings, driven)
-    liar.manner = "true"
+    transport.manner = "true"
     bridge.sim.asleep = False  # as if a person had pressed a key
-    for broken in liar.broken:
+    for broken in transport.broken:
         findings.say(f"{driven}: {broken.partition(':')[2]}", broken)
     await _recover(bridge, findings, label)
     await bridge.controller.close()
-    return liar.told
+    return transport.told
 
 
 async def _recover(bridge: Bridge, findings: Findings, label: str) -> None:
@@ -320,7 +320,7 @@ def main() -> int:
         driven, mount = wanted[n % len(wanted)]
         own = Random(rng.getrandbits(64))
         try:
-            told[driven] += run(lie(driven, mount, own, SLICE, findings))
+            told[driven] += run(corrupt(driven, mount, own, SLICE, findings))
         except Exception as error:
             findings.say(f"{driven}:{mount}: {error!r}", f"gateway {n} of seed {arguments.seed}")
         n += 1

@@ -12,28 +12,28 @@ import argparse
 import asyncio
 
 from tests.support.in_process_gateway import Bridge
-from tests.support.poor_line import Polls, Poor, over, poll
+from tests.support.poor_line import LineFaults, Polls, insert_poor_line, poll
 from tests.support.virtual import run
 
 LINES = {
-    "as it should be": Poor(),
-    "3 % lost": Poor(lost=0.03),
-    "3 % garbled": Poor(garbled=0.03),
-    "3 % doubled": Poor(doubled=0.03),
-    "3 % of each": Poor(lost=0.03, garbled=0.03, doubled=0.03),
-    "round trip of 1 s": Poor(seconds=1.0),
-    "answers 3.6 s late": Poor(seconds=3.6),
+    "as it should be": LineFaults(),
+    "3 % lost": LineFaults(lost=0.03),
+    "3 % garbled": LineFaults(garbled=0.03),
+    "3 % doubled": LineFaults(doubled=0.03),
+    "3 % of each": LineFaults(lost=0.03, garbled=0.03, doubled=0.03),
+    "round trip of 1 s": LineFaults(seconds=1.0),
+    "answers 3.6 s late": LineFaults(seconds=3.6),
 }
 MOUNTS = {"cpc": "nexstar", "lx200gps": "lx200", "lx200": "lx200"}
 GOTO = b":RM#:Me#"
 
 
-async def polled(model: str, driven: str, poor: Poor, seconds: float, moving: bool, seed: int = 1) -> Polls:
+async def polled(model: str, driven: str, poor: LineFaults, seconds: float, moving: bool, seed: int = 1) -> Polls:
     """Measure one line."""
     bridge = Bridge(
         model, driven=driven, presented="lx200", surface="autostar", named=driven == "lx200", config={"sun": 0.0}
     )
-    over(bridge, poor, seed)
+    insert_poor_line(bridge, poor, seed)
     bridge.controller.start()
     try:
         async with asyncio.timeout(90.0):

@@ -304,7 +304,7 @@ async def _situation(
                         *map(str, bench.both),
                         "--clients",
                         str(arguments.clients),
-                        "--meek",
+                        "--idle",
                     )
                 )
         background = [loop.create_task(_echo(echo, bare))]

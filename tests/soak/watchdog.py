@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 from tests.support.process import Running
-from tests.support.watchdog import FATES, Watched
+from tests.support.watchdog import FAILURES, Watched
 
 #: Permitted seconds until rest, and the watchdog's memory in MiB.
 REST, MEMORY = 3.0, 10.0
@@ -28,10 +28,10 @@ REST, MEMORY = 3.0, 10.0
 TURNING = 0.02
 
 
-def _seconds_to_rest(watched: Watched, fate: str, truth: Path) -> float:
+def _seconds_to_rest(watched: Watched, failure: str, truth: Path) -> float:
     """Return the seconds by the mount's true axes, which are written ten times a second."""
     before = len(truth.read_text().splitlines())
-    watched.meet(fate)
+    watched.inflict(failure)
     time.sleep(2.5)
     rows = [json.loads(line) for line in truth.read_text().splitlines()[before:]]
     turning = [row["t"] for row in rows if max(abs(row["rate1"]), abs(row["rate2"])) > TURNING]
@@ -79,7 +79,7 @@ def main() -> int:
     worst = 0.0
     for kind in ("nexstar", "lx200"):
         for port in ("tcp", "pty"):
-            for fate in FATES:
+            for failure in FAILURES:
                 seconds = []
                 for _ in range(arguments.times):
                     started: list[Running] = []
@@ -87,11 +87,11 @@ def main() -> int:
                         truth = Path(place) / "truth.jsonl"
                         watched = Watched(started, Path(place), kind, port, truth)
                         watched.move()
-                        seconds.append(_seconds_to_rest(watched, fate, truth))
+                        seconds.append(_seconds_to_rest(watched, failure, truth))
                         _end(watched, started)
                 worst = max(worst, *seconds)
                 print(
-                    f"{kind:<8} {port:<4} {fate:<8} at rest after {' '.join(f'{one:.1f}' for one in seconds)} s",
+                    f"{kind:<8} {port:<4} {failure:<8} at rest after {' '.join(f'{one:.1f}' for one in seconds)} s",
                     flush=True,
                 )
     memory, resting, moving = _figures()

@@ -28,7 +28,7 @@ class Cable:
         self._out = False
 
 
-def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[bytes]:
+def lose_commands(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[bytes]:
     """Make the mount miss the next commands with these beginnings; return the list of those it has missed."""
     wire = bridge.controller.line.wire
     missed: list[bytes] = []
@@ -44,7 +44,7 @@ def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[b
     return missed
 
 
-def mute(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
+def lose_replies(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
     """Lose the replies to the next commands with these beginnings, which the mount executes; return the commands."""
     wire = bridge.controller.line.wire
     heard: list[bytes] = []

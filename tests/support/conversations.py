@@ -9,9 +9,9 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
+from tests.support.fake_gateway import FakeConnection, FakeGateway
 from tests.support.fake_mount import Talk
 from tests.support.transcript_files import Conversation, read
-from tests.support.visits import House, Visit
 
 
 def degrees(text: str) -> float:
@@ -42,18 +42,18 @@ def play(
 
 async def receive(
     conversation: Conversation,
-    house: House,
-    ask: Callable[[Visit, bytes], Awaitable[bytes]],
+    gateway: FakeGateway,
+    ask: Callable[[FakeConnection, bytes], Awaitable[bytes]],
     set_up: Callable[[str], None],
 ) -> None:
     """Replay a conversation through ClientConnections, reconnecting where the original program did."""
-    visit, heard = house.visit(), b""
+    connection, heard = gateway.connect(), b""
     for line in conversation.lines:
         if line.mark == ">":
             if "connections" in conversation.settings:
-                visit.close()
-                visit = house.visit()
-            heard += await ask(visit, line.data)
+                connection.close()
+                connection = gateway.connect()
+            heard += await ask(connection, line.data)
         elif line.mark == "<":
             assert heard == line.data, line
             heard = b""
@@ -61,7 +61,7 @@ async def receive(
             await asyncio.sleep(float(line.text))
         else:
             set_up(line.text)
-            house.controller.changed()
+            gateway.controller.changed()
     assert heard == b""
 
 

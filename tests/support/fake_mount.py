@@ -135,10 +135,10 @@ class Talk:
     ) -> None:
         self.mount = mount or Mount()
         endpoint = Endpoint(protocol, "-", model, version)
-        self.face: SurfaceBinding = make_surface(endpoint, SurfaceConfig(at="-", **settings), Limits())
+        self.binding: SurfaceBinding = make_surface(endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
-        self.session = self.face.surface.session(self.face.model, self.face.settings, lambda: self.now)
-        self.framer = self.face.framing()
+        self.session = self.binding.surface.session(self.binding.model, self.binding.settings, lambda: self.now)
+        self.framer = self.binding.framing()
         self.deferred: list[tuple[float, Session, str]] = []
         self._told: dict[type[Any], tuple[float, Any]] = {}
 
@@ -151,7 +151,7 @@ class Talk:
         return reply
 
     def _handle(self, frame: bytes) -> bytes:
-        return self._run(self.face.surface.handle(self.session, frame), self.session) or b""
+        return self._run(self.binding.surface.handle(self.session, frame), self.session) or b""
 
     def _run(self, steps: Any, session: Session) -> bytes | None:
         answer: Any = None
@@ -186,7 +186,7 @@ class Talk:
         before = self.session
         self.session = type(before)(before.model, before.settings, before.clock, before.common)
         self.session.kept = copy(before.kept)
-        self.framer = self.face.framing()
+        self.framer = self.binding.framing()
 
     def wait(self, seconds: float) -> None:
         """Let time pass on the host and on the mount, and run each deferred handler at its time."""
@@ -195,7 +195,7 @@ class Talk:
             at, session, handler = due[0]
             self.deferred.remove(due[0])
             self._pass(at - self.now)
-            self._run(self.face.surface.handlers[handler](session, None, {}), session)  # type: ignore[arg-type]
+            self._run(self.binding.surface.handlers[handler](session, None, {}), session)  # type: ignore[arg-type]
         self._pass(until - self.now)
 
     def _pass(self, seconds: float) -> None:

@@ -26,7 +26,7 @@ MARGIN, OLDEST = 0.02, 10.5
 SAMPLE, RECKONED = 0.05, 1.1
 
 
-class Poor(Struct, frozen=True):
+class LineFaults(Struct, frozen=True):
     """The faults of a line: fractions of all exchanges, and the seconds that a round trip takes."""
 
     lost: float = 0.0
@@ -40,7 +40,7 @@ class PoorWire:
 
     name = "a poor line"
 
-    def __init__(self, connect: Callable[..., Callable[[bytes], bytes]], poor: Poor, seed: int) -> None:
+    def __init__(self, connect: Callable[..., Callable[[bytes], bytes]], poor: LineFaults, seed: int) -> None:
         self._feed, self._poor, self._random = connect(self._later), poor, Random(seed)
         self._on_data: OnData | None = None
         self._free = 0.0
@@ -89,7 +89,7 @@ class Polls(Struct):
     longest: float = 0.0
 
 
-def over(bridge: Bridge, poor: Poor, seed: int = 1) -> PoorWire:
+def insert_poor_line(bridge: Bridge, poor: LineFaults, seed: int = 1) -> PoorWire:
     """Put a poor line between a bridge and its mount."""
     wire = PoorWire(bridge.sim.connection, poor, seed)
     bridge.controller.line.wire = wire

@@ -59,7 +59,7 @@ class Running:
             ALIVE.remove(self)
         return code
 
-    def told(self, number: int | None = None) -> subprocess.CompletedProcess[str]:
+    def finish(self, number: int | None = None) -> subprocess.CompletedProcess[str]:
         """Read the rest of the output until the process ends, by itself or by this signal."""
         if number is not None:
             self.process.send_signal(number)
@@ -81,9 +81,9 @@ def started(*words: str) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def told(*arguments: str) -> subprocess.CompletedProcess[str]:
+def run_to_end(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run a product process that ends by itself; return its output and exit code."""
-    return Running(*arguments).told()
+    return Running(*arguments).finish()
 
 
 def ask(where: str, data: bytes, until: bytes = b"#") -> bytes:

@@ -26,7 +26,7 @@ from tests.support.sent_forms import malformed
 MOST = 60.0
 
 
-class GuestWire:
+class SurfaceTransport:
     """A transport to the surface of another gateway."""
 
     name = "the other gateway"
@@ -49,7 +49,7 @@ class GuestWire:
             self._guest = None
 
 
-class Chain:
+class TwoGateways:
     """``outer`` serves the clients and drives ``inner``, which drives the simulated mount."""
 
     def __init__(self, inner: Bridge, link: str, presented: str, surface: str | None = None) -> None:
@@ -60,7 +60,7 @@ class Chain:
         self.wire_log.sinks.append(self.entries.append)
         driver, follow_ups, reply_rules = make_driver(Endpoint(link, "-"), MountConfig(at="-"), loop.time)
         self.driver: Any = driver
-        line = MountLink(GuestWire(inner.acceptor), reply_rules, self.wire_log)
+        line = MountLink(SurfaceTransport(inner.acceptor), reply_rules, self.wire_log)
         site_clock = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
         self.controller = MountController(
@@ -69,7 +69,7 @@ class Chain:
         face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
         self.acceptor = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
 
-    async def __aenter__(self) -> Chain:
+    async def __aenter__(self) -> TwoGateways:
         await self.inner.__aenter__()
         self.controller.start()
         async with asyncio.timeout(MOST):  # otherwise a mount that is never identified is asked for ever

@@ -14,7 +14,7 @@ from tests.support.process import PATIENCE, Running, ask
 
 SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps"}
 #: What can happen to a gateway, as a signal; a process that is frozen or blocked continues to exist.
-FATES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
+FAILURES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
 #: A gateway whose event loop SIGUSR1 blocks for this many seconds; it does not load astropy (see `GATEWAY`).
 BLOCKED = 6
 PROGRAM = f"""
@@ -92,10 +92,10 @@ class Watched:
             ask(self.where, b":RS#:Ms#:GVP#")  # a gateway that has just recovered stops the mount first
         time.sleep(seconds)
 
-    def meet(self, fate: str) -> float:
+    def inflict(self, failure: str) -> float:
         """Send the signal to the gateway; return the seconds until the mount was at rest, too long by up to 0.2."""
         began = time.monotonic()
-        self.gateway.process.send_signal(FATES[fate])
+        self.gateway.process.send_signal(FAILURES[failure])
         while self.speed() > 0.05:
             assert time.monotonic() - began < PATIENCE, "the mount goes on moving"
         return time.monotonic() - began

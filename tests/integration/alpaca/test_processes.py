@@ -13,7 +13,7 @@ from urllib.parse import urlencode
 
 import pytest
 
-from tests.support.process import PATIENCE, Running, told
+from tests.support.process import PATIENCE, Running, run_to_end
 
 API = "/api/v1/telescope/0/"
 
@@ -50,7 +50,7 @@ def start(state: Path, *more: str) -> Running:
 
 
 def played(path: Path) -> str:
-    done = told("replay", str(path))
+    done = run_to_end("replay", str(path))
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -79,7 +79,7 @@ def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> N
     time.sleep(0.5)
     assert own.end() == 0
     assert "the same bytes" in played(path)
-    said = told("decode", str(path)).stdout
+    said = run_to_end("decode", str(path)).stdout
     assert "go to a position: RA 05:30:00" in said and "rightascension: RA" in said
 
 
@@ -103,6 +103,6 @@ def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("where", ["pty:/tmp/mount", "rfc2217://127.0.0.1:4030", "web"])
 def test_it_is_spoken_over_http_alone(where: str) -> None:
-    done = told("config", "--mount", "nexstar@sim", "--surface", f"alpaca@{where}")
+    done = run_to_end("config", "--mount", "nexstar@sim", "--surface", f"alpaca@{where}")
     assert done.returncode == 2
     assert "is spoken over HTTP; write alpaca@tcp://127.0.0.1:11111" in done.stderr

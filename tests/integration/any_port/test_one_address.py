@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.process import PATIENCE, Running, told
+from tests.support.process import PATIENCE, Running, run_to_end
 
 GET = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 #: Longer than what is read of a connection at a time.
@@ -171,10 +171,10 @@ def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[R
         one.close()
     time.sleep(0.5)
     running.pop().end()
-    played = told("replay", str(path))
+    played = run_to_end("replay", str(path))
     assert played.returncode == 0, played.stdout + played.stderr
     assert "6 connections" in played.stdout, played.stdout
-    said = told("decode", str(path)).stdout
+    said = run_to_end("decode", str(path)).stdout
     assert said.count("speaks nexstar") == 2 and said.count("speaks lx200") == 3, said
     assert "speaks stellarium, because the program has sent nothing for 3 s" in said
     assert "e: RA" in said and "GR: RA" in said and "go to a position" in said
@@ -196,7 +196,7 @@ def test_a_recording_of_stellarium_replays_without_a_difference(running: list[Ru
     program.close()
     time.sleep(0.5)
     running.pop().end()
-    played = told("replay", str(path))
+    played = run_to_end("replay", str(path))
     assert played.returncode == 0, played.stdout + played.stderr
     assert "1 connection" in played.stdout, played.stdout
 

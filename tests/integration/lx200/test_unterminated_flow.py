@@ -173,6 +173,6 @@ def test_a_simulated_telescope_does_not_move_either(model: str, way: str) -> Non
 def test_a_mount_of_the_same_kind_is_told_nothing() -> None:
     mount = Mount()
     talk = Talk(mount)
-    talk.face.surface.verbatim = True
+    talk.binding.surface.verbatim = True
     talk.send(b":B1:Mn#:BD05:Mn#")
     assert mount.asked == []

@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import ARCSECOND, off, on_a_bridge, place, polled, precise, settled, up
-from tests.support.two_gateways import Chain
+from tests.support.two_gateways import TwoGateways
 from tests.support.virtual import run
 
 
@@ -129,7 +129,7 @@ async def test_the_last_position_for_ten_seconds_and_then_silence(bridge: Bridge
 
 def test_a_goto_of_a_meade() -> None:
     async def goto() -> None:
-        async with Chain(Bridge(), "lx200", "nexstar", "6-8se") as chain:
+        async with TwoGateways(Bridge(), "lx200", "nexstar", "6-8se") as chain:
             client, bridge = chain.client(), chain.inner
             await polled(client)
             for east in (20.0, -20.0):
@@ -150,7 +150,7 @@ def test_a_meade_presented_as_a_german_mount() -> None:
     """Asked at every poll: a silence would cost the program seconds each time."""
 
     async def asked() -> None:
-        async with Chain(Bridge("cge"), "lx200", "nexstar", "cge") as chain:
+        async with TwoGateways(Bridge("cge"), "lx200", "nexstar", "cge") as chain:
             client = chain.client()
             assert await client.ask(b"p", 2.0) == b"E#"
             assert len(await client.ask(b"z", 2.0)) == 18
@@ -162,7 +162,7 @@ def test_the_zones_sign_is_the_other_one_on_a_meade() -> None:
     """Five hours west with an hour of daylight saving: a Meade adds four to local time."""
 
     async def told() -> None:
-        async with Chain(Bridge(), "lx200", "nexstar", "6-8se") as chain:
+        async with TwoGateways(Bridge(), "lx200", "nexstar", "6-8se") as chain:
             client = chain.client()
             assert await client.ask(b"H\x0f\x1a\0\4\6\x1a\xfb\1") == b"#"
             await asyncio.sleep(3)

@@ -13,7 +13,16 @@ from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import place
-from tests.support.told import FREE, MEADES, MOUNTS, bridge_to, degrees, set_out, told, tracked
+from tests.support.reported_positions import (
+    FREE,
+    MEADES,
+    MOUNTS,
+    bridge_to,
+    degrees,
+    reported_position,
+    start_moving,
+    tracked,
+)
 from tests.support.virtual import run
 
 SURFACES = ("lx200", "nexstar")
@@ -31,14 +40,14 @@ def test_two_reads_a_tenth_of_a_second_apart_differ_and_are_where_the_tube_is(
     async def program() -> None:
         async with bridge_to(mount, presented, latency=0.02) as bridge:
             client = bridge.client()
-            await set_out(client, presented, by_hand)
+            await start_moving(client, presented, by_hand)
             await asyncio.sleep(2.6)
-            last, errors = await told(client, presented), []
+            last, errors = await reported_position(client, presented), []
             for _ in range(20):
                 await asyncio.sleep(0.1)
                 if not by_hand and separation(*bridge.sim.truth(), 120.0, 30.0) < 6.0:
                     break  # it slows down
-                seen = await told(client, presented)
+                seen = await reported_position(client, presented)
                 assert seen != last
                 last = seen
                 if abs(seen[1]) < 80.0:
@@ -56,11 +65,11 @@ def test_what_comes_in_two_halves_is_told_of_one_instant(mount: str) -> None:
     async def program() -> None:
         async with bridge_to(mount, "lx200", latency=0.1) as bridge, tracked(bridge) as track:
             client = bridge.client()
-            await set_out(client, "lx200", True)
+            await start_moving(client, "lx200", True)
             await asyncio.sleep(3.0)
             off = []
             for _ in range(30):
-                seen = await told(client, "lx200")
+                seen = await reported_position(client, "lx200")
                 if abs(seen[1]) < 70.0:
                     off.append(track.off(seen))
                 await asyncio.sleep(0.07)
@@ -75,7 +84,7 @@ def test_both_halves_that_a_program_asks_for_are_of_one_instant(pair: bytes) -> 
     async def program() -> None:
         async with bridge_to("cpc", "lx200", latency=0.02) as bridge:
             client, other = bridge.client(), bridge.client("10.0.0.2")
-            await set_out(client, "lx200", True)
+            await start_moving(client, "lx200", True)
             await asyncio.sleep(2.5)
             first, second = pair.split()
             for _ in range(20):
@@ -96,7 +105,7 @@ def test_all_that_a_nexstar_program_reads_at_a_time_is_of_one_instant() -> None:
     async def program() -> None:
         async with bridge_to("cpc", "nexstar", latency=0.02) as bridge:
             client, other = bridge.client(), bridge.client("10.0.0.2")
-            await set_out(client, "nexstar", True)
+            await start_moving(client, "nexstar", True)
             for _ in range(7):  # a rate takes two readings
                 await client.ask(b"z", until=b"#")
                 await asyncio.sleep(0.4)
@@ -126,8 +135,8 @@ def test_the_first_position_after_a_stop_is_younger_than_the_stop(
     async def program() -> None:
         async with bridge_to(mount, presented, latency=0.15, ramps=False) as bridge, tracked(bridge) as track:
             client, polls = bridge.client(), bridge.client("10.0.0.2")
-            await told(polls, presented)
-            await set_out(client, presented, by_hand)
+            await reported_position(polls, presented)
+            await start_moving(client, presented, by_hand)
             for _ in range(6):
                 polls.tell(b":GR#" if presented == "lx200" else b"e")
                 await asyncio.sleep(0.3)
@@ -136,7 +145,7 @@ def test_the_first_position_after_a_stop_is_younger_than_the_stop(
             await bridge.controller.stop()
             since, late = bridge.controller.now() - 0.16, bridge.client("10.0.0.3")
             for _ in range(4):
-                seen = await told(late, presented)
+                seen = await reported_position(late, presented)
                 assert track.off(seen, since) < 0.05
                 await asyncio.sleep(0.05)
 
@@ -150,13 +159,13 @@ def test_a_reading_older_than_an_order_is_not_told_after_it(mount: str, presente
     async def program() -> None:
         async with bridge_to(mount, presented, latency=0.02, ramps=False) as bridge:
             client, other = bridge.client(), bridge.client("10.0.0.2")
-            before = await told(other, presented)
-            await set_out(client, presented, by_hand)
+            before = await reported_position(other, presented)
+            await start_moving(client, presented, by_hand)
             await asyncio.sleep(0.3)
             while not (bridge.controller.slewing or bridge.controller.wanted.axes):
                 await asyncio.sleep(0.01)
             where = bridge.sim.truth()
-            seen = await told(other, presented)
+            seen = await reported_position(other, presented)
             assert separation(*before, *where) > 0.1
             assert separation(*seen, *before) > 0.05
 
@@ -168,15 +177,15 @@ def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> None:
     async def program() -> None:
         async with bridge_to(mount, "lx200") as bridge:
             client, goal = bridge.client(), (120.0, 30.0)
-            begin = await told(client, "lx200")
-            await set_out(client, "lx200", False)
+            begin = await reported_position(client, "lx200")
+            await start_moving(client, "lx200", False)
             while (await client.ask(b":D#", until=b"#")).strip(b" #"):
-                seen = await told(client, "lx200")
+                seen = await reported_position(client, "lx200")
                 for which in {"lx200": (0, 1), "cge": (1,)}.get(mount, ()):  # others go round in other angles
                     way, gone = wrap180(goal[which] - begin[which]), wrap180(seen[which] - begin[which])
                     assert gone * (1 if way > 0 else -1) <= abs(way) + 0.01
                 await asyncio.sleep(0.1)
-            assert separation(*await told(client, "lx200"), *goal) < 0.02
+            assert separation(*await reported_position(client, "lx200"), *goal) < 0.02
 
     run(program())
 
@@ -191,7 +200,7 @@ def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount:
             client.tell(b":RS#:Ms#")
             lowest = 90.0
             for _ in range(700):
-                seen = await told(client, "lx200")
+                seen = await reported_position(client, "lx200")
                 lowest = min(lowest, controller.astrometry.altitude(*seen) or 0.0)
                 said = controller.cache.value(op.Position)
                 if said is not None and (controller.astrometry.altitude(said.ra, said.dec) or 0.0) >= 20.0:
@@ -210,7 +219,7 @@ def test_rules_go_by_what_the_mount_has_said() -> None:
             controller, looks = bridge.controller, []
             controller.reader.position.connect(looks.append)
             client = bridge.client()
-            await set_out(client, "nexstar", True)
+            await start_moving(client, "nexstar", True)
             await asyncio.sleep(2.5)
             reckoned = 0
             for _ in range(30):
@@ -247,7 +256,7 @@ def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: str, p
         async with bridge_to(mount, presented, latency=0.15) as bridge:
             client = bridge.client()
             question, idle = (b":D#", b"#") if presented == "lx200" else (b"L", b"0#")
-            await set_out(client, presented, False)
+            await start_moving(client, presented, False)
             for _ in range(5):
                 await client.ask(question, until=b"#")
                 await asyncio.sleep(0.3)
@@ -271,7 +280,7 @@ def test_slewing_is_told_from_the_order_until_the_mount_has_arrived(mount: str) 
             while (await other.ask(b":D#", until=b"#")).strip(b" #"):
                 await asyncio.sleep(0.05)
             assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
-            assert separation(*await told(other, "lx200"), 120.0, 30.0) < 0.02
+            assert separation(*await reported_position(other, "lx200"), 120.0, 30.0) < 0.02
 
     run(program())
 
@@ -324,7 +333,7 @@ def test_in_motion_a_reply_is_told_again_for_fifty_milliseconds(mount: str, pres
     async def program() -> None:
         async with bridge_to(mount, presented, latency=0.02) as bridge:
             client, question = bridge.client(), b":GR#" if presented == "lx200" else b"e"
-            await set_out(client, presented, True)
+            await start_moving(client, presented, True)
             await asyncio.sleep(2.6)
             await client.ask(question, until=b"#")
             frames, last, since = handled(bridge), b"", 0.0
@@ -350,7 +359,7 @@ def test_in_motion_polls_cost_the_line_no_more_than_two_exchanges_a_second(
     async def program(asked: bool) -> float:
         async with bridge_to(mount, presented) as bridge:
             client = bridge.client()
-            await set_out(client, presented, by_hand)
+            await start_moving(client, presented, by_hand)
             await asyncio.sleep(2.0)
             before = len(bridge.sent())
             for _ in range(40):

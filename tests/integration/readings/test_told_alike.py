@@ -17,7 +17,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from tests.support.in_process_gateway import EVENING, Bridge
-from tests.support.told import degrees
+from tests.support.reported_positions import degrees
 from tests.support.virtual import run
 
 STEP = 0.08

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.axes import Sky
-from tests.support.cable import Cable, deafen, mute
+from tests.support.cable import Cable, lose_commands, lose_replies
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -199,7 +199,7 @@ def test_a_mount_that_was_aligned_meanwhile_is_not_told() -> None:
 def test_what_was_lost_on_the_line_is_told_again(mount: str, lost: bytes, heard: bool) -> None:
     async def program() -> None:
         async with nexstar_to(mount) as bridge:
-            missed = (mute if heard else deafen)(bridge, (lost,), 1)
+            missed = (lose_replies if heard else lose_commands)(bridge, (lost,), 1)
             client = bridge.client()
             await client.ask(SYDNEY)
             await client.ask(MARCH)
@@ -219,7 +219,7 @@ def test_what_was_lost_on_the_line_is_told_again(mount: str, lost: bytes, heard:
 def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None:
     async def program() -> None:
         async with nexstar_to("lx200") as bridge:
-            missed = deafen(bridge, (command,), 100)
+            missed = lose_commands(bridge, (command,), 100)
             client = bridge.client()
             await client.ask(SYDNEY)
             await client.ask(MARCH)
@@ -240,7 +240,7 @@ def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None
 def test_a_lost_acknowledgement_of_a_hand_control_needs_no_second_telling() -> None:
     async def program() -> None:
         async with Bridge("6-8se", aligned=False, presented="nexstar", surface=None) as bridge:
-            mute(bridge, (b"W",), 1)
+            lose_replies(bridge, (b"W",), 1)
             client = bridge.client()
             await client.ask(SYDNEY)
             await asyncio.sleep(30.0)
@@ -263,7 +263,7 @@ def test_a_guide_rate_and_a_backlash_are_told_when_the_motors_can_be_reached(how
                 cable.pull()
                 await asyncio.sleep(2.0)
             else:
-                deafen(bridge, (b"P\x02\x10\x46", b"P\x02\x10\x10"), 2)
+                lose_commands(bridge, (b"P\x02\x10\x46", b"P\x02\x10\x10"), 2)
             await client.ask(b"P\x02\x10\x46\x40\0\0\0", 4.0)
             await client.ask(b"P\x02\x10\x10\x1e\0\0\0", 4.0)
             await plugged_in(bridge, cable)

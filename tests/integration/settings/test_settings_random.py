@@ -25,7 +25,7 @@ from gateway.mount.site.pending_settings import (
     tried,
     without,
 )
-from tests.support.cable import Cable, deafen, mute
+from tests.support.cable import Cable, lose_commands, lose_replies
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
 from tests.support.virtual import run
@@ -67,7 +67,7 @@ class Night:
             await asyncio.sleep(self.random.uniform(0.1, SOON))
             self.cable.plug()
         else:
-            lose = deafen if what == "lost" else mute
+            lose = lose_commands if what == "lost" else lose_replies
             lose(self.bridge, (self.random.choice(LOSABLE[self.driven]),), 1)
         await asyncio.sleep(self.random.choice([0.0, 0.05, 0.5, 2.5, 6.0, 15.0]))
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.protocols.mechanics.truth import truth_of
-from tests.support.cable import deafen
+from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -38,7 +38,7 @@ def test_an_end_that_was_lost_is_made_good_within_a_moment(mount: str, motion: b
             client = bridge.client()
             client.tell(motion)
             await asyncio.sleep(2.0)
-            missed = deafen(bridge, (end,))
+            missed = lose_commands(bridge, (end,))
             asked = bridge.clock()
             client.tell(end)
             await asyncio.sleep(0.15)  # an exchange may be under way
@@ -109,7 +109,7 @@ def test_the_end_of_a_pulse_that_the_gateway_times_is_made_good() -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:
             client = bridge.client()
-            missed = deafen(bridge, (b":Qe#",))
+            missed = lose_commands(bridge, (b":Qe#",))
             client.tell(b":Mge0500#")
             await asyncio.sleep(1.5)
             assert missed
@@ -125,7 +125,7 @@ def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
             client = bridge.client()
             client.tell(b":F+#")
             await asyncio.sleep(1.0)
-            missed = deafen(bridge, (b":FQ#",))
+            missed = lose_commands(bridge, (b":FQ#",))
             client.tell(b":FQ#")
             await asyncio.sleep(1.0)
             assert missed

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation
-from tests.support.cable import deafen
+from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -47,7 +47,7 @@ def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, times: in
             client.tell(motion)
             await asyncio.sleep(4.0)
             ends = (b":Q#",) if mount in MEADES else (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0")
-            missed = deafen(bridge, ends, times)
+            missed = lose_commands(bridge, ends, times)
             client.tell(b":Q#")
             assert await seconds_to_rest(bridge, 30.0) < {1: 6.0, 3: 9.0 if mount in MEADES else 15.0}[times]
             assert missed
@@ -62,7 +62,7 @@ def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount:
             client = bridge.client()
             client.tell(b":RM#:Me#:Mn#")
             await asyncio.sleep(3.0)
-            missed = deafen(bridge, (b":Qe#",))
+            missed = lose_commands(bridge, (b":Qe#",))
             client.tell(b":Qe#")
             for _ in range(16):
                 client.tell(b":GR#")
@@ -84,7 +84,7 @@ def test_a_release_that_was_lost_at_the_fastest_rate_is_sent_again(mount: str, f
             client = bridge.client()
             client.tell(fastest + b":Me#")
             await asyncio.sleep(3.0)
-            missed = deafen(bridge, (b":Qe#",))
+            missed = lose_commands(bridge, (b":Qe#",))
             client.tell(b":Qe#")
             assert await seconds_to_rest(bridge, 30.0) < 6.0
             assert missed
@@ -116,7 +116,7 @@ def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
             client = bridge.client()
             client.tell(b":RM#:Me#")
             await asyncio.sleep(3.0)
-            deafen(bridge, (b":Q",), 1000)
+            lose_commands(bridge, (b":Q",), 1000)
             client.tell(b":Q#")
             assert await seconds_to_rest(bridge, 25.0) == 25.0
             warned = [

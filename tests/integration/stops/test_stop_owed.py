@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.protocols.mechanics.truth import truth_of
-from tests.support.cable import deafen
+from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -30,7 +30,7 @@ def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: b
             client.tell(rate + b":Mn#")
             await asyncio.sleep(3.0)
             assert abs(truth_of(bridge.sim).rate2) > 0.01
-            deafen(bridge, ENDS, times)
+            lose_commands(bridge, ENDS, times)
             client.tell(b":Q#")
             await asyncio.sleep(12.0 * times / 3 + 5.0)
             assert not bridge.controller.wanted.owed
@@ -45,7 +45,7 @@ def test_somebody_is_told_after_seven_times_and_it_is_left_alone() -> None:
             client = bridge.client()
             client.tell(b":RC#:Mn#")
             await asyncio.sleep(3.0)
-            missed = deafen(bridge, ENDS, 1000)
+            missed = lose_commands(bridge, ENDS, 1000)
             client.tell(b":Q#")
             await asyncio.sleep(240.0)
             sent = len(missed)

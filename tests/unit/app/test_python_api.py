@@ -55,7 +55,7 @@ def test_the_examples_of_the_docstrings_are_true() -> None:
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    said = Running(str(example), by=None if POSSIBLE else [sys.executable, "-W", "error"]).told()
+    said = Running(str(example), by=None if POSSIBLE else [sys.executable, "-W", "error"]).finish()
     assert (said.returncode, said.stderr) == (0, "")
     told = {
         "read_a_conversation": "BelowHorizon",

@@ -33,7 +33,7 @@ def refused(*arguments: str) -> str:
 
 
 def test_a_mistake_ends_the_process_with_code_2() -> None:
-    done = Running("run").told()
+    done = Running("run").finish()
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("mount-gateway: ") and done.stderr.count("\n") == 0
 

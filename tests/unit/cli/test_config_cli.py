@@ -79,7 +79,7 @@ def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
             link.settimeout(20)
             assert link.recv(1) == b"V"
             began = time.monotonic()
-            told = gateway.told(signal.SIGINT)
+            told = gateway.finish(signal.SIGINT)
     assert (told.returncode, told.stdout, told.stderr) == (0, "", "")
     assert time.monotonic() - began < 3.4  # an answer of the mount would be waited for 3.5 s
 

@@ -101,7 +101,7 @@ def test_ctrl_c_stops_what_was_begun(
         while not _wanted(which, capsys) and time.monotonic() < deadline:
             time.sleep(0.1)
         assert _wanted(which, capsys)
-        told = command.told(signal.SIGINT)
+        told = command.finish(signal.SIGINT)
         assert (told.returncode, told.stdout.splitlines()[-1:], told.stderr) == (1, ["the mount was stopped"], "")
         while _wanted(which, capsys) and time.monotonic() < deadline:
             time.sleep(0.1)
@@ -155,7 +155,7 @@ def test_watch_tells_a_line_a_second(tmp_path: Path, started: list[Running]) -> 
     assert command.process.stdout is not None
     for _ in range(2):
         assert command.process.stdout.readline().startswith("6-8se  ")
-    assert command.told(signal.SIGINT).returncode == 0
+    assert command.finish(signal.SIGINT).returncode == 0
 
 
 class Typed:
@@ -212,5 +212,5 @@ def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_declination_below_the_equator_is_no_flag() -> None:
-    told = Running("goto", "05:00", "-5:30", "--mount", "none").told()
+    told = Running("goto", "05:00", "-5:30", "--mount", "none").finish()
     assert (told.returncode, "no gateway runs here for none" in told.stderr) == (1, True)

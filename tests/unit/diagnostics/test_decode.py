@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from gateway.cli import main
-from tests.support.process import told
+from tests.support.process import run_to_end
 
 #: Decodes a file in both protocols, and says last by how much that made its memory grow, in kB.
 PROGRAM = """
@@ -38,7 +38,7 @@ def test_megabytes_of_junk_take_little(tmp_path: Path) -> None:
     path, program = tmp_path / "junk", tmp_path / "decode.py"
     path.write_bytes(Random(1).randbytes(5_000_000))
     program.write_text(PROGRAM)
-    done = told(str(program), str(path))
+    done = run_to_end(str(program), str(path))
     *said, last = done.stderr.splitlines()
     first, second, grown = map(int, last.split())
     assert (done.returncode, first, second) == (0, 2, 2)

@@ -14,10 +14,10 @@ from gateway.app.config.programs import first_bytes, open_needs, programs, with_
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core.wire_log import Entry
 from tests.support.each import each
+from tests.support.fake_gateway import FakeGateway
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import files, read
 from tests.support.virtual import run
-from tests.support.visits import House
 
 TCP = "lx200@tcp://127.0.0.1:0"
 GENUINE = b" M31 EX GAL MAG 3.5 SZ178.0'#"
@@ -26,10 +26,10 @@ MOBILE = (b"Ka", b"##", b"#\x06")
 DESKTOP = (b"#:GR#", b"#:GD#")
 
 
-def house(**keys: str) -> tuple[House, list[Entry]]:
+def gateway(**keys: str) -> tuple[FakeGateway, list[Entry]]:
     """A port as ``Gateway`` puts it together, and what is noted down."""
     surface = SurfaceConfig(at=TCP, **keys)  # type: ignore[arg-type]
-    built = House(Mount())
+    built = FakeGateway(Mount())
     j2000 = EquinoxConverter(built.mount.sky, built.controller.clock)
     face = replace(built.acceptor.binding, profiles=tuple(profiles("lx200", surface, j2000)))
     built.acceptor.binding = face
@@ -95,8 +95,8 @@ def test_starry_night_begins_in_low_precision() -> None:
 
 def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
     async def story() -> None:
-        built, entries = house()
-        mobile, other = built.visit(), built.visit()
+        built, entries = gateway()
+        mobile, other = built.connect(), built.connect()
         assert [await mobile.ask(data) for data in MOBILE] == [b"", b"", b"P"]
         of_date, j2000 = await other.ask(b":GR#"), await mobile.ask(b"#:GR#")
         assert of_date == b"12:34:56#"
@@ -116,24 +116,24 @@ def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
 
 def test_stellarium_mobile_is_recognised_byte_by_byte() -> None:
     async def story() -> None:
-        built, _ = house()
-        visit = built.visit()
-        assert await visit.dribble(b"".join(MOBILE), 0.01) == b"P"
-        assert await visit.ask(b"#:GR#") != b"12:34:56#"
+        built, _ = gateway()
+        connection = built.connect()
+        assert await connection.dribble(b"".join(MOBILE), 0.01) == b"P"
+        assert await connection.ask(b"#:GR#") != b"12:34:56#"
 
     run(story())
 
 
 def test_a_recognised_stellarium_gets_the_reply_that_it_can_read() -> None:
     async def story() -> None:
-        built, _ = house()
-        stellarium, other = built.visit(), built.visit()
+        built, _ = gateway()
+        stellarium, other = built.connect(), built.connect()
         for data in DESKTOP:
             assert await stellarium.ask(data)
-        for visit, text in ((stellarium, CLEAN), (other, GENUINE)):
+        for connection, text in ((stellarium, CLEAN), (other, GENUINE)):
             for data in (b":Sr12:34:00#", b":Sd+45*12:00#"):
-                assert await visit.ask(data) == b"1"
-            assert await visit.ask(b":CM#") == text
+                assert await connection.ask(data) == b"1"
+            assert await connection.ask(b":CM#") == text
 
     run(story())
 
@@ -141,11 +141,11 @@ def test_a_recognised_stellarium_gets_the_reply_that_it_can_read() -> None:
 def test_an_explicit_key_beats_recognition() -> None:
     async def story() -> None:
         for keys in ({"equinox": "jnow"}, {"client": "any"}, {"client": "skysafari"}):
-            built, _ = house(**keys)
-            visit = built.visit()
+            built, _ = gateway(**keys)
+            connection = built.connect()
             for data in MOBILE:
-                await visit.ask(data)
-            assert await visit.ask(b"#:GR#") == b"12:34:56#", keys
+                await connection.ask(data)
+            assert await connection.ask(b"#:GR#") == b"12:34:56#", keys
 
     run(story())
 
@@ -155,11 +155,11 @@ def test_only_the_right_program_is_recognised(path: Path) -> None:
     """Every conversation that is known, from its first byte on."""
 
     async def story() -> None:
-        built, entries = house()
-        visit = built.visit()
+        built, entries = gateway()
+        connection = built.connect()
         for line in read(path).lines:
             if line.mark == ">":
-                await visit.ask(line.data)
+                await connection.ask(line.data)
         notes = [entry.note for entry in entries if "applying its profile" in entry.note]
         expected = {"lx200-stellarium": 1, "lx200-stellarium-mobile": 1}
         assert len(notes) == expected.get(path.stem, 0)
@@ -175,11 +175,11 @@ def test_nobody_is_recognised_where_connections_do_not_end() -> None:
 
 def test_a_command_without_a_reply_leaves_one_reason_per_host() -> None:
     async def story() -> None:
-        built, entries = house()
+        built, entries = gateway()
         for host in ("192.168.4.2", "192.168.4.2", "192.168.4.3"):
-            visit = built.visit(host)
+            connection = built.connect(host)
             for data in (b":XY12#", b":XY12#", b":Q#", b":GR#"):
-                await visit.ask(data)
+                await connection.ask(data)
         notes = [entry for entry in entries if entry.arrow == "!"]
         assert [entry.note for entry in notes] == ["no reply to b':XY12#': lx200 has no such command"] * 2
 

@@ -165,7 +165,7 @@ def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None
     assert gateway.process.stdout.readline() == "found Celestron NexStar, cpc, version 4.21\n"
     assert gateway.process.stdout.readline().startswith("site ")
     ask(address, b":RS#:Mn#:GVP#")
-    told = gateway.told(signal.SIGINT)
+    told = gateway.finish(signal.SIGINT)
     assert (told.returncode, told.stdout.startswith("stopped the mount; tracking is o")) == (0, True)
     assert told.stderr.splitlines()[:2] == [
         "mount-gateway: the mount was named as cge, and says that it is cpc: leave the model out, it is asked for, or "
@@ -180,6 +180,6 @@ def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, sta
     started.append(simulator)
     simulator.ready()
     where = ("--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
-    told = Running("run", "--mount", f"nexstar@{tmp_path}/mount", "--baud", "19200", *where).told()
+    told = Running("run", "--mount", f"nexstar@{tmp_path}/mount", "--baud", "19200", *where).finish()
     words = f"nexstar@{tmp_path}/mount: the mount answers at 9600 baud, and not at 19200: leave --baud out"
     assert (told.returncode, told.stderr.splitlines()[-1]) == (2, f"mount-gateway: {words}")

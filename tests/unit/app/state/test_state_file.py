@@ -233,7 +233,7 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
 def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
     """A taste of ``tests/soak/kill_saving.py``, which kills hundreds."""
     proof = str(Path(__file__).parents[3] / "soak" / "kill_saving.py")
-    done = Running(proof, "--kills", "5", "--seed", "11", by=None if POSSIBLE else [sys.executable]).told()
+    done = Running(proof, "--kills", "5", "--seed", "11", by=None if POSSIBLE else [sys.executable]).finish()
     assert done.returncode == 0, done.stdout + done.stderr
 
 

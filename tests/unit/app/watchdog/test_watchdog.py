@@ -50,20 +50,20 @@ def watch(tmp_path: Path, started: list[Running]) -> Iterator[Callable[[str, str
 
 
 @pytest.mark.parametrize(
-    ("fate", "kind", "port"),
+    ("failure", "kind", "port"),
     [("killed", "nexstar", "tcp"), ("frozen", "lx200", "pty"), ("blocked", "nexstar", "pty"), ("quit", "lx200", "tcp")],
 )
 def test_a_gateway_that_comes_to_grief_does_not_leave_its_mount_moving(
-    watch: Callable[[str, str], Watched], fate: str, kind: str, port: str
+    watch: Callable[[str, str], Watched], failure: str, kind: str, port: str
 ) -> None:
     watched = watch(kind, port)
     watched.move()
-    assert watched.meet(fate) < AT_REST
-    if fate in ("frozen", "blocked"):
-        if fate == "frozen":
+    assert watched.inflict(failure) < AT_REST
+    if failure in ("frozen", "blocked"):
+        if failure == "frozen":
             watched.gateway.process.send_signal(signal.SIGCONT)
         watched.move()  # it goes on, and its motions are watched again
-        assert watched.meet("killed") < AT_REST
+        assert watched.inflict("killed") < AT_REST
     assert watched.gateway.process.stderr is not None
     told = iter(watched.gateway.process.stderr.readline, "")  # before it, on a slow computer: a mount is there
     silence = threading.Timer(PATIENCE, watched.close)
@@ -113,7 +113,7 @@ def test_one_that_was_killed_is_replaced(watch: Callable[[str, str], Watched]) -
     while watched.watchdog() in (None, first):
         assert time.monotonic() < deadline
     watched.move(0.0)
-    assert watched.meet("killed") < AT_REST
+    assert watched.inflict("killed") < AT_REST
 
 
 def test_ctrl_z_stops_the_mount_and_suspends_then(watch: Callable[[str, str], Watched]) -> None:

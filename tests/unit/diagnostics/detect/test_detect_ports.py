@@ -114,7 +114,7 @@ def found(cli: tuple[Path, list[str]], tmp_path_factory: pytest.TempPathFactory)
     """All findings; the command line looks while the others are looked at."""
     command = Running(*cli[1])
     everybody = asyncio.run(_everybody(tmp_path_factory.mktemp("ports")))
-    told = command.told()
+    told = command.finish()
     return {**everybody, "cli": (told.returncode, told.stdout, told.stderr)}
 
 

@@ -216,7 +216,7 @@ def test_the_clock_of_an_old_mount_is_not_set() -> None:
 
 def test_the_log_says_why_there_is_no_answer() -> None:
     talk = Talk(protocol="nexstar", model="cpc", version="4.03")
-    why = talk.face.surface.silence(talk.session, b"s34AB0500,12CE0500")
+    why = talk.binding.surface.silence(talk.session, b"s34AB0500,12CE0500")
     assert "4.03" in why and "no such command" in why
 
 

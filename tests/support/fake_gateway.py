@@ -24,7 +24,7 @@ from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 
 
-class Still:
+class FakeController:
     """Stands in for the mount controller. Call ``changed`` after setting other readings of the mount."""
 
     def __init__(self, mount: Mount) -> None:
@@ -97,8 +97,8 @@ class Still:
         return self.loop.create_task(work)
 
 
-class House:
-    """A mount behind a surface; ``visit`` opens a connection."""
+class FakeGateway:
+    """A mount behind a surface; ``connection`` opens a connection."""
 
     def __init__(
         self,
@@ -109,21 +109,21 @@ class House:
         **settings: Any,
     ) -> None:
         self.mount = mount or Mount()
-        self.controller = Still(self.mount)
+        self.controller = FakeController(self.mount)
         face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
         self.shared = Shared()
         self.acceptor = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
 
-    def visit(self, host: str = "192.168.4.2") -> Visit:
-        return Visit(self, host)
+    def connect(self, host: str = "192.168.4.2") -> FakeConnection:
+        return FakeConnection(self, host)
 
 
-class Visit:
+class FakeConnection:
     """One connection from a host."""
 
-    def __init__(self, house: House, host: str) -> None:
+    def __init__(self, gateway: FakeGateway, host: str) -> None:
         self._heard = b""
-        self._guest = house.acceptor.accept(f"{host}:1", host, self._hear)
+        self._guest = gateway.acceptor.accept(f"{host}:1", host, self._hear)
 
     def _hear(self, data: bytes) -> None:
         self._heard += data
