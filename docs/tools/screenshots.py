@@ -68,7 +68,7 @@ async def main() -> None:
             await gateway.open()
         console = Console([gateway])
         await console.open("127.0.0.1", 0)
-        await gateway.found(10.0)
+        await gateway.wait_identified(10.0)
         try:
             await _program(gateway)
             async with async_playwright() as playwright:

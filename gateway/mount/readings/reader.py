@@ -250,4 +250,5 @@ def missed(goal: op.Equatorial, here: op.Equatorial) -> str:
     in the same coordinates. The gateway does not repeat the goto: a person may have ended it at the hand control.
     """
     away = separation(goal.ra, goal.dec, here.ra, here.dec)
-    return "" if away <= AT_GOAL else f"the goto ended {away:.1f} degrees from its goal: it was ended at the mount"
+    why = "the mount or a person at its keys ended it"
+    return "" if away <= AT_GOAL else f"the goto ended {away:.1f} degrees from its goal: {why}"

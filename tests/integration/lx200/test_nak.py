@@ -85,6 +85,6 @@ def test_a_goto_that_is_taken_late_is_known_of(times: int) -> None:
             assert bridge.sim.slewing
             assert bridge.controller.slewing
             assert bridge.controller.reconciler.busy  # else neither the marker on disk nor the watchdog knows of it
-            assert not any("it was ended at the mount" in entry.note for entry in bridge.entries)
+            assert not any("a person at its keys ended it" in entry.note for entry in bridge.entries)
 
     run(program())

@@ -24,7 +24,11 @@ def gateway_of(bridge: Bridge, at: str) -> Any:
         return bool(bridge.controller.identified.is_set())
 
     return SimpleNamespace(
-        controller=bridge.controller, mount=parse_endpoint(at), title=at, found=found, config=SimpleNamespace(baud=9600)
+        controller=bridge.controller,
+        mount=parse_endpoint(at),
+        title=at,
+        wait_identified=found,
+        config=SimpleNamespace(baud=9600),
     )
 
 
