@@ -342,7 +342,7 @@ def test_what_a_client_costs_in_memory_is_bounded() -> None:
                 await make()
                 kept.append(tracemalloc.get_traced_memory()[0])
             tracemalloc.stop()
-            # What a client leaves behind adds up in every round; caches that grow, and what other threads load, only in some.
+            # What a client leaves behind adds up in every round; growing caches, and what threads load, only in some.
             assert min(after - before for before, after in itertools.pairwise(kept)) < 300 * MEMORY
 
     run(program())
