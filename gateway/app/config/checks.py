@@ -55,7 +55,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
 
 
 def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
-    """Check that ``park`` fits the mount: a mount with its own park position takes no other, the others need one."""
+    """Check that ``park`` fits: a mount that parks itself takes no AZ,ALT, and no other mount takes ``"mount"``."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
     except (UserError, KeyError):

@@ -19,7 +19,7 @@ from gateway.mount.safety.admission.contradictions import site_text
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController
 
-#: Events of the last so many seconds are site_text, and at most so many of them.
+#: Events of the last so many seconds are shown, and at most so many of them.
 LATELY, MOST = 60.0, 10
 
 

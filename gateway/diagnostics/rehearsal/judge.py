@@ -25,7 +25,7 @@ PRECISIONS = ("high", "low")
 #: The beginnings of notes that are about the mount or the site, not about a command.
 _ASIDE = (
     "WARNING",
-    "the mount tells no time",
+    "the mount does not report the time",
     "astronomy ",
     "not aligned: positions",
     "the hand control does not report its tracking mode",

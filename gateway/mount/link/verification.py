@@ -137,7 +137,7 @@ class ReplyVerifier:
                 return answer
 
     async def _ask(self, command: Send, priority: int) -> Reply:
-        """Return one reply; if it is garbled, ask again. Raises NoAnswer and Busy."""
+        """Return one reply; if it is garbled, ask again. Raises NoAnswer (or Garbled) and Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Mapping[str, Any] = {}
             fault: Fault | None = None

@@ -80,7 +80,7 @@ class AltitudeAxis:
         self.tilt, self.synced = None, self.synced or synced
 
     async def current_tilt(self, ask: Reader) -> float:
-        """Return the tilt in degrees. After a sync, read the mount first to measure it again. Raises Fault."""
+        """Return the tilt in degrees. After a sync, at rest, read the mount first to measure it again. Raises Fault."""
         if self.synced and not self._mount.movement.anything:
             await ask.read_now(op.GetStatus())
             await ask.read(op.Position())

@@ -40,9 +40,9 @@ UNWATCHED = "not aligned: positions mean nothing yet, so no limit can be watched
 class LimitWatch:
     """Watches the limits of one mount: call ``check_position`` with every position, ``began`` with every motion begun.
 
-    ``must_stop`` is emitted at once, within ``check_position`` or ``began``. ``carried_to_limit`` names the limit that
-    the mount reaches although no client moves it. Other signals are ``motion_began``, ``sky_changed`` (site or clock
-    were set), and ``position_checked`` (with the status of the mount, None if unknown).
+    ``must_stop`` is emitted in the call that finds the reason: a position, a missing one, or the deadline has passed.
+    ``carried_to_limit`` names the limit that the mount reaches although no client moves it. Other signals are
+    ``motion_began``, ``sky_changed`` (site or clock were set), and ``position_checked`` (status, None if unknown).
     """
 
     def __init__(self, mount: Context, reader: Reader, ends: EndWatch, being_set: Callable[[], bool]) -> None:

@@ -92,7 +92,8 @@ class SunAvoidance:
     """The Sun while it is up. ``limit`` is the smallest allowed distance, degrees; 0 turns Sun avoidance off.
 
     If the mount's date and this computer's differ by more than a day, it is unknown which is right, so the Sun of both
-    dates is avoided. Until the mount or a client reports a date, this computer's is used, and the log warns of it.
+    dates is avoided. Until the mount reports a date this computer's is used, and the log warns of it; if this computer
+    has lost its clock, a client's.
     """
 
     def __init__(

@@ -76,7 +76,7 @@ class SiteClock:
         return None if self.client_site is None and self.half is None else self.site()
 
     def clock(self) -> Moment | None:
-        """Return the clock in force, running; None if neither a client nor the mount has set one."""
+        """Return the clock in force, running; None if no client has set one and the mount has not reported its own."""
         return self.running(self.client_clock or self.mount_clock)
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:

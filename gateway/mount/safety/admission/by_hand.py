@@ -60,7 +60,7 @@ def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, fl
 
 
 def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
-    """Check all axes in both directions, degrees. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
+    """Check these degrees per axis in both directions. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
     for way in product(*({degrees, -degrees} for degrees in turns.values())):
         check_turns(mount, limits, start, dict(zip(turns, way, strict=True)))
 

@@ -79,7 +79,7 @@ class Admission:
         return operation
 
     async def still_allowed(self) -> None:
-        """Raises BelowHorizon, TooHigh or NearSun if the motion by hand under way must not continue."""
+        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if the motion by hand under way must not continue."""
         moving = next(iter(self._mount.wanted.by_hand.values()), None)
         if moving is not None:  # this checks the other axis, too
             await self._by_hand.check(moving)
@@ -161,7 +161,7 @@ class Admission:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
     async def _check_target(self, limits: Limits, goal: op.Equatorial, axis_known: bool) -> None:
-        """Raises BelowHorizon or TooHigh for a target. ``axis_known``: the altitude axis can be read."""
+        """Raises BelowHorizon, TooHigh or PastMeridian for a target. ``axis_known``: the altitude axis can be read."""
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:

@@ -136,7 +136,7 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
 
 
 def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
-    """Set the speed of :RS, also if this axis has a rate of its own."""
+    """Set the speed of :RS; on this axis it replaces a rate of its own (:RA :RE)."""
     yield from set_fastest(mount, degrees)
     if axis in mount.free_axes:
         fastest = float(mount.fastest or mount.facts["max_rate"])

@@ -117,7 +117,7 @@ def _slews(_: NexStar) -> Steps:
 def stop_current_motion(mount: NexStar) -> Steps:
     """End all motion, because a new goto replaces it, and resume tracking if it was suspended.
 
-    Rate 0 ends hand motion and guide pulses; ``M`` ends a goto, as soon as ``L`` returns 0.
+    Rate 0 ends hand motion and guide pulses. ``M`` ends a goto; then wait until ``L`` returns 0.
     """
     mount.steps.clear()
     for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.added_rates else ())}):

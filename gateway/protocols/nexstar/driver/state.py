@@ -152,7 +152,7 @@ class NexStar(HandControl):
     def variable(self, rate: op.Rate) -> float | None:
         """Return the degrees a second for a variable rate; None if one of the nine keys is to be used.
 
-        A configured limit of a named rate is also sent as a variable rate if no key has that speed.
+        A client's limit of the fastest rate is also sent so, if it is below that rate and no key has that speed.
         """
         if rate.name == "guide" and rate.degrees is None:
             asked = self.guide_rates[1] * SIDEREAL
