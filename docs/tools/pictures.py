@@ -1,4 +1,4 @@
-"""A picture of a program's window, small enough for a page."""
+"""Takes a picture of a program's window, small enough for a page."""
 
 from __future__ import annotations
 

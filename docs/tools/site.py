@@ -1,10 +1,10 @@
-"""The site of the documentation, from the pages as they lie in the project.
+"""Builds the site of the documentation from the pages of the project.
 
     python docs/tools/site.py FOLDER
 
-builds it with zensical, strictly: a link that leads nowhere ends it. It needs the extra ``docs``. The pages are laid
-out as in the project, so that their links hold; a source file that a page leads to becomes a page. What the site would
-fetch from elsewhere when it is read is taken from beside ``docs/site/zensical.toml``, or drawn.
+It uses zensical in strict mode: a broken link is an error. It needs the extra ``docs``. The pages are laid out as in
+the project, so that their links work; a source file to which a page links becomes a page. Files that the site would
+download when it is read are taken from beside ``docs/site/zensical.toml``, or drawn.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "docs" / "site"
 PAGES = ("*.md", "docs/**/*.md", "mappings/README.md", "tests/soak/README.md", "tests/benchmarks/README.md")
 OTHERS = ("docs/pictures/*.png", "docs/pictures/*.svg", "docs/site/look.css", "docs/site/iframe-worker.js")
-#: A link to a source file: its title, and the path behind ``](``.
+#: A link to a source file: its title, and the path after ``](``.
 SOURCE = re.compile(r"\]\(([\w./-]+\.(?:py|toml))\)")
 LANGUAGES = {".py": "python", ".toml": "toml"}
 GRAPH = re.compile(r"(?ms)^```mermaid\ngraph TD\n(.*?)^```$")
-#: What the theme has every page fetch, and what stands in for it.
+#: What the theme makes every page download, and its replacement.
 FETCHED, INSTEAD = "https://unpkg.com/iframe-worker/shim", "docs/site/iframe-worker.js"
 WIDE, HIGH = 150, 64
 
@@ -46,7 +46,7 @@ def main() -> int:
 
 
 def build(folder: Path) -> Path | None:
-    """The site in a folder of its own; None where a page is not right, which has been said."""
+    """Build the site in a folder of its own; return None if a page is wrong, after an error message."""
     lay_out(folder / "pages")
     shutil.copy(SITE / "zensical.toml", folder)
     zensical = Path(sys.executable).with_name("zensical")
@@ -65,7 +65,7 @@ def build(folder: Path) -> Path | None:
 
 
 def lay_out(pages: Path) -> None:
-    """Every page and picture where the project has it, and a page for every source file that one of them leads to."""
+    """Copy every page and picture to the place it has in the project, and make a page for every linked source file."""
     for path in sorted({path for pattern in (*PAGES, *OTHERS) for path in ROOT.glob(pattern)}):
         there = pages / path.relative_to(ROOT)
         there.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +80,7 @@ def lay_out(pages: Path) -> None:
 
 
 def show_source(path: Path, pages: Path) -> None:
-    """A source file as a page."""
+    """Return a source file as a page."""
     name = path.resolve().relative_to(ROOT)
     there = pages / f"{name}.md"
     there.parent.mkdir(parents=True, exist_ok=True)
@@ -89,7 +89,7 @@ def show_source(path: Path, pages: Path) -> None:
 
 
 def drawing(graph: str) -> str:
-    """Arrows ``a --> b``, all of them downward, as a picture: in the row of each stands what is as far from the top."""
+    """Draw arrows ``a --> b``, all of them downward; the row of each node is its distance from the top."""
     arrows = [(above, below) for above, below in re.findall(r"(\w+) --> (\w+)", graph)]
     names = list(dict.fromkeys(name for arrow in arrows for name in arrow))
     row = dict.fromkeys(names, 0)

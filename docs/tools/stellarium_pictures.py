@@ -1,9 +1,9 @@
-"""The pictures of Stellarium in docs/programs/stellarium.md, of the real program at a simulated mount.
+"""Makes the pictures of Stellarium in docs/programs/stellarium.md, from the real program at a simulated mount.
 
     python docs/tools/stellarium_pictures.py
 
-writes docs/pictures/stellarium*.png. It needs the extra ``test`` and Debian's ``stellarium``, ``xvfb`` and ``xdotool``;
-the program is started and driven as the tests drive it.
+It writes docs/pictures/stellarium*.png. It needs the extra ``test`` and Debian's ``stellarium``, ``xvfb`` and
+``xdotool``; the program is started and operated as in the tests.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tests.programs.processes import Workshop, wait_until  # noqa: E402
 from tests.programs.product import start_simulator, start_stellarium_gateway  # noqa: E402
 from tests.programs.sky import NORTH  # noqa: E402
 
-#: What the tests' script does not need: a dark sky that is not too full, with the star in its middle.
+#: Settings that the tests' script does not need: a dark sky with few labels, and the star in its middle.
 LOOKS = """\
 LandscapeMgr.setFlagAtmosphere(false);
 ConstellationMgr.setFlagLines(true);
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def form() -> None:
-    """The form in which a telescope is entered: Ctrl+0, *Configure telescopes*, *Add*."""
+    """Open the form for a telescope: Ctrl+0, *Configure telescopes*, *Add*."""
     act("key", "ctrl+0")
     act("mousemove", "400", "494", "click", "1")
     act("mousemove", "360", "393", "click", "1")
@@ -73,7 +73,7 @@ def form() -> None:
 
 
 def act(*what: str) -> None:
-    """As a person would, who waits for the next window to open."""
+    """Act like a person who waits for the next window to open."""
     subprocess.run(["xdotool", *what], check=True)
     time.sleep(2.5)
 

@@ -1,9 +1,9 @@
-"""The picture of a terminal in the README: a real run on a simulated mount, and a program that sends it somewhere.
+"""Makes the picture of a terminal in the README: a real run on a simulated mount, with a program that moves it.
 
     python docs/tools/terminal.py
 
-writes docs/pictures/terminal.svg. The gateway writes to a terminal of its own, whose colours are kept. Left out is what
-it asks the mount before it is ready; the number of the port is replaced by the usual one.
+It writes docs/pictures/terminal.svg. The gateway writes to a terminal of its own, whose colours are kept. What it asks
+the mount before it is ready is left out; the port number is replaced by the usual one.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def session() -> str:
-    """What the gateway writes from its start to its end by Ctrl-C."""
+    """Return what the gateway writes from its start to its end by Ctrl-C."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, COLUMNS, 0, 0))
     with tempfile.TemporaryDirectory() as state:
@@ -71,7 +71,7 @@ def session() -> str:
 
 
 def read(terminal: int, told: list[bytes]) -> None:
-    """Until the last process that writes to it has ended, which Linux calls an error."""
+    """Read until the last process that writes to it has ended, which Linux reports as an error."""
     try:
         while data := os.read(terminal, 65536):
             told.append(data)
@@ -90,7 +90,7 @@ def wait_for(pattern: bytes, told: list[bytes]) -> re.Match[bytes]:
 
 
 def drawn(lines: list[str]) -> str:
-    """Lines with the colours of a terminal, as SVG."""
+    """Return lines with the colours of a terminal as SVG."""
     texts = []
     for number, line in enumerate(lines):
         colour, across = INK, 0

@@ -106,10 +106,10 @@ def killed(folder: Path, seconds: float) -> None:
     for number in range(5):
         topic = f"mount-gateway/killed{number}/availability"
         one = Gateway(folder, f"killed{number}", 2, broker.url)
-        until("it is there", lambda: onlooker.newest(topic) == b"online")  # noqa: B023
+        until("the gateway is online", lambda: onlooker.newest(topic) == b"online")  # noqa: B023
         began = time.time()
         one.process.send_signal(signal.SIGKILL)
-        until("it is gone", lambda: onlooker.newest(topic) == b"offline")  # noqa: B023
+        until("the gateway is offline", lambda: onlooker.newest(topic) == b"offline")  # noqa: B023
         heard = [at for at, where, said in onlooker.heard if (where, said) == (topic, b"offline")]
         took.append(heard[-1] - began)
         one.process.wait(5.0)
@@ -161,8 +161,8 @@ def outage(folder: Path, seconds: float) -> None:
             elif phase != "there":
                 since = time.time()
                 broker.process.send_signal(signal.SIGCONT) if phase == "there at last" else broker.start()
-                until("the state is told again", lambda: _right(onlooker, since))  # noqa: B023
-                print(f"  the newest state was told {time.time() - since:.2f} s after its return", flush=True)
+                until("the state is published again", lambda: _right(onlooker, since))  # noqa: B023
+                print(f"  the newest state was published {time.time() - since:.2f} s after its return", flush=True)
             plays = [_Play(shown), _Play(alone)]
             until_then, order = time.monotonic() + seconds, [*plays]
             while time.monotonic() < until_then:
@@ -261,7 +261,7 @@ def thousand(folder: Path, seconds: float) -> None:
         took = time.monotonic() - before[2]
         shown = page.ask("fleet.json")["mounts"]
         assert isinstance(shown, list)
-        print(f"thousand: {len(counter.heard) / took:.0f} states/s told and heard, {len(shown)} mounts on the page, "
+        print(f"thousand: {len(counter.heard) / took:.0f} states/s sent and received, {len(shown)} mounts on the page, "
               f"asked in {1e3 * middle(looks):.0f} ms; publishing took {middle(late):.2f} s of a second")  # fmt: skip
         for name, process, then in (("broker", broker.process, before[0]), ("page", page.process, before[1])):
             share = 100.0 * (used(process.pid) - then) / took

@@ -166,7 +166,7 @@ def connect_early(port: int) -> socket.socket:
             return connect(port)
         except ConnectionRefusedError:
             time.sleep(0.001)
-    raise TimeoutError(f"nobody listens on port {port}")
+    raise TimeoutError(f"no program listens on port {port}")
 
 
 def ask(connection: socket.socket, question: bytes) -> bytes:

@@ -16,7 +16,7 @@ from gateway.mount.link.queue import READ
 from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.soak.fuzz_bytes import KINDS
-from tests.soak.fuzz_drivers import Findings, lie
+from tests.soak.fuzz_drivers import Findings, corrupt
 from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
 from tests.soak.fuzz_surfaces import Judge, cases, throw
 from tests.support.each import each
@@ -38,7 +38,7 @@ def test_bytes_into_a_surface(case: str, kind: str) -> None:
 @pytest.mark.parametrize(("mount", "seed"), [("lx200:lx200gps", 6), ("nexstar:cpc", 8)])
 def test_spoilt_replies_into_a_driver(mount: str, seed: int) -> None:
     findings = Findings()
-    assert run(lie(*mount.split(":"), Random(seed), 800, findings)) >= 800
+    assert run(corrupt(*mount.split(":"), Random(seed), 800, findings)) >= 800
     assert not findings.found
     assert findings.ended["value"]
 

@@ -66,7 +66,7 @@ def knows(tree: Path, option: str) -> bool:
     )
 
 
-def told(row: Row | None) -> str:
+def cell(row: Row | None) -> str:
     """Return the judged figure of a run, in bold if it is not permitted."""
     if row is None:
         return "-"
@@ -91,7 +91,7 @@ def table(runs: list[dict[tuple[str, str, str], Row]], heads: list[str]) -> str:
         if row["group"] != group:
             group = row["group"]
             lines.append(f"| **{group}** |||{'|' * (len(heads) + 1)}")
-        cells = " | ".join(told(run.get(key)) for run in runs)
+        cells = " | ".join(cell(run.get(key)) for run in runs)
         model, figure = row["mount"].partition(":")[2], SHOWN[row["judged"]]
         lines.append(f"| {row['attack']} | {model} | {figure} | {allowed(row)} | {cells} |")
     held = " | ".join(f"{sum(row['held'] for row in run.values())} of {len(run)} held" for run in runs)

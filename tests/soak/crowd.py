@@ -31,7 +31,7 @@ _LX200 = re.compile(rb"(\d\d):([0-5]\d):([0-5]\d)#([+-])(\d\d)[*\xdf]([0-5]\d)[:
 _NEXSTAR = re.compile(rb"([0-9A-F]{8}),([0-9A-F]{8})#")
 
 
-class Told(NamedTuple):
+class Reported(NamedTuple):
     """Right ascension and declination in degrees, and half a unit of the wire format for each."""
 
     ra: float
@@ -40,7 +40,7 @@ class Told(NamedTuple):
     dec_tick: float
 
 
-def lx200(reply: bytes) -> Told | None:
+def lx200(reply: bytes) -> Reported | None:
     """Parse the replies to ``:GR#`` and ``:GD#``; None for anything else."""
     found = _LX200.fullmatch(reply)
     if found is None:
@@ -48,17 +48,17 @@ def lx200(reply: bytes) -> Told | None:
     hours, minutes, seconds, sign, degrees, arcminutes, arcseconds = found.groups()
     ra = (int(hours) * 3600 + int(minutes) * 60 + int(seconds)) / 240.0
     dec = int(degrees) + int(arcminutes) / 60.0 + int(arcseconds) / 3600.0
-    return Told(ra, -dec if sign == b"-" else dec, 7.5 / 3600.0, 0.5 / 3600.0)
+    return Reported(ra, -dec if sign == b"-" else dec, 7.5 / 3600.0, 0.5 / 3600.0)
 
 
-def nexstar(reply: bytes) -> Told | None:
+def nexstar(reply: bytes) -> Reported | None:
     """Parse the reply to ``e``; None for anything else."""
     found = _NEXSTAR.fullmatch(reply)
     if found is None:
         return None
     ra, dec = (int(part, 16) / 2**32 * 360.0 for part in found.groups())
     tick = 180.0 / 2**24
-    return Told(ra, dec - 360.0 if dec > 180.0 else dec, tick, tick)
+    return Reported(ra, dec - 360.0 if dec > 180.0 else dec, tick, tick)
 
 
 @dataclass
@@ -78,13 +78,13 @@ class Outcome:
 
 
 #: A function of a received position and the loop time of its request, which says what is wrong (empty: nothing).
-Judge = Callable[[Told, float], str]
+Judge = Callable[[Reported, float], str]
 
 
 async def _client(
     port: int,
     question: bytes,
-    read: Callable[[bytes], Told | None],
+    read: Callable[[bytes], Reported | None],
     chance: random.Random,
     outcome: Outcome,
     judge: Judge,

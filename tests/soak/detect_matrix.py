@@ -68,8 +68,8 @@ async def main() -> int:
     """Run all cases and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--latency", type=float, default=0.1, help="seconds that a mount takes to answer")
-    parser.add_argument("--at-once", type=int, default=8, help="ports looked at at the same time")
-    parser.add_argument("word", nargs="*", help="mounts whose names hold one of these")
+    parser.add_argument("--at-once", type=int, default=8, help="ports to try at the same time")
+    parser.add_argument("word", nargs="*", help="mounts whose names contain one of these")
     arguments = parser.parse_args()
     chosen = [case for case in cases() if not arguments.word or any(word in str(case) for word in arguments.word)]
     places = asyncio.Semaphore(arguments.at_once)

@@ -23,7 +23,7 @@ def main() -> int:
         for name, (seen, said) in wrong(found, row).items():
             print(f"{protocol}:{model} {version or ''} {name}: {seen}, the table says {said}")
             differ += 1
-    print(f"{len(mounts)} mounts, {count} operations, {differ} not as the tables say")
+    print(f"{len(mounts)} mounts, {count} operations, {differ} differ from the tables")
     return int(differ > 0)
 
 

@@ -69,7 +69,7 @@ class FaultyWire:
         self._on_data: OnData | None = None
         self._on_lost: OnLost | None = None
         self._free = self._silent_until = self._gone_until = 0.0
-        self._whose: deque[int] = deque()
+        self._owners: deque[int] = deque()
         self.exchanges = 0
         self.faults: dict[Kind, int] = dict.fromkeys(kinds, 0)
         self._requests: list[bytes] = [b""]
@@ -78,7 +78,7 @@ class FaultyWire:
         self._since: tuple[float, Kind] | None = None
         self.sane_after: dict[Kind, list[float]] = {kind: [] for kind in kinds}
         self.last_fault = -1e9
-        self.of_another = False  # and not of the same command, sent before
+        self.of_other_command = False  # and not of the same command, sent before
         self.proving = False  # replies taken meanwhile are given to no client
 
     # --- as a transport -----------------------------------------------------------------------------------------------
@@ -184,7 +184,7 @@ class FaultyWire:
 
     def _deliver(self, data: bytes, number: int, opened: OnData | None) -> None:
         if opened is not None and opened is self._on_data and data:
-            self._whose.extend([number] * len(data))
+            self._owners.extend([number] * len(data))
             opened(data)
 
     def _vanish(self, seconds: float) -> None:
@@ -202,13 +202,13 @@ class FaultyWire:
         """Follow the wire log as a sink: every byte leaves the buffer here, taken for a reply or discarded."""
         if entry.side != "mount" or entry.arrow != "<":
             return
-        owners = {self._whose.popleft() for _ in entry.data}
+        owners = {self._owners.popleft() for _ in entry.data}
         if entry.note:
             return
         if owners - {self.exchanges}:
             self.strange = entry.data
             asked = self._requests[self.exchanges]
-            self.of_another = any(owner < 0 or self._requests[owner] != asked for owner in owners)
+            self.of_other_command = any(owner < 0 or self._requests[owner] != asked for owner in owners)
         elif self._since is not None and self.exchanges not in self._kind_of:
             self.sane_after[self._since[1]].append(self._now() - self._since[0])
             self._since = None

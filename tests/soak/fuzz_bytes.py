@@ -74,9 +74,9 @@ def mutated(rng: Random, protocol: str, size: int) -> bytes:
 
 def limits(rng: Random, protocol: str, size: int) -> bytes:
     """Return existing commands, with arguments at and beyond the limits of their fields."""
-    rowes, data = list(load(protocol).commands.values()), b""
+    command_rows, data = list(load(protocol).commands.values()), b""
     while len(data) < size:
-        data += _filled(rng, rng.choice(rng.choice(rowes).requests).source)
+        data += _filled(rng, rng.choice(rng.choice(command_rows).requests).source)
     return data
 
 

@@ -222,7 +222,7 @@ async def corrupt(driven: str, mount: str, rng: Random, size: int, findings: Fin
     """Send this many reply bytes to one gateway; return how many there were."""
     label = f"{driven}:{mount}"
     asyncio.get_running_loop().set_exception_handler(
-        lambda _, context: findings.say(f"{driven}: left over: {context.get('exception') or context['message']!r}",
+        lambda _, context: findings.say(f"{driven}: unhandled: {context.get('exception') or context['message']!r}",
                                         f"{label} {context!r}"))  # fmt: skip
     bridge = Bridge(mount, driven=driven, latency=0.0)
     bridge.wire_log.sinks[:] = [lambda entry: _hear(entry, driven, findings)]
@@ -241,7 +241,7 @@ async def corrupt(driven: str, mount: str, rng: Random, size: int, findings: Fin
     end = loop.time() + size  # a gateway that polls receives more than a byte a second
     while transport.told < size:
         if loop.time() > end:
-            findings.say(f"{driven}: not spoken to any more", f"{label}: line {bridge.controller.line.state}")
+            findings.say(f"{driven}: the gateway sends nothing more", f"{label}: line {bridge.controller.line.state}")
             break
         if rng.random() < 0.1:
             transport.manner = rng.choice([None, None, *MANNERS])
@@ -269,7 +269,7 @@ async def _recover(bridge: Bridge, findings: Findings, label: str) -> None:
                     await asyncio.sleep(1.0)
     except TimeoutError:
         line, known = bridge.controller.line, bridge.controller.identified.is_set()
-        findings.say(f"{label.partition(':')[0]}: not heard again",
+        findings.say(f"{label.partition(':')[0]}: does not recover",
                      f"{label}, line {line.state} {line.reason!r}, identified {known}")  # fmt: skip
 
 
@@ -306,10 +306,10 @@ def mounts() -> list[tuple[str, str]]:
 
 def main() -> int:
     """Run all of it, print the figures and return the exit code."""
-    parser = argparse.ArgumentParser(description="Answer both drivers with spoilt replies.")
+    parser = argparse.ArgumentParser(description="Send corrupted replies to both drivers.")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--bytes", type=int, default=2_000_000, help="in all")
-    parser.add_argument("--seconds", type=float, default=900.0, help="no new gateway is begun after so long")
+    parser.add_argument("--seconds", type=float, default=900.0, help="start no gateway after this time")
     parser.add_argument("--only", default="", help="lx200 or nexstar")
     arguments = parser.parse_args()
     rng, began, findings = Random(arguments.seed), time.perf_counter(), Findings()

@@ -63,15 +63,15 @@ def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
         if frame == b"t" and reply[1:] == _LONG_MODE:
             return ""
     if found is None:
-        return f"a reply to what is no command: {reply!r}"
+        return f"a reply to an unknown command: {reply!r}"
     command = found[0]
     if not any(_decodes(picture, reply) for _, picture in command.replies):
-        return f"{reply!r} has no form of the replies to {command.name}"
+        return f"{reply!r} is not a reply form of {command.name}"
     if protocol.name == "lx200":
         if not _LX200_BYTES.fullmatch(reply):
-            return f"{reply!r} holds bytes that no LX200 sends"
+            return f"{reply!r} contains bytes that no LX200 sends"
         if command.name in SHAPES and not fits(reply, SHAPES[command.name]):
-            return f"{reply!r} has not the manual's shape for {command.name}"
+            return f"{reply!r} does not have the manual's shape for {command.name}"
     return ""
 
 

@@ -112,7 +112,7 @@ class Judge:
         if frame is None:
             self.say(f"{self.case.presented}: a reply to nothing", repr(reply))
         elif verdict := of_reply(PROTOCOLS[self.case.presented], frame, reply):
-            self.say(f"{self.case.presented}: ill-formed reply to {frame[:3]!r}", f"{self.case}: {frame!r}: {verdict}")
+            self.say(f"{self.case.presented}: malformed reply to {frame[:3]!r}", f"{self.case}: {frame!r}: {verdict}")
 
     def weigh(self, bridge: Bridge, client: CommandProcessor) -> None:
         """Check that nothing has grown that may not grow."""
@@ -136,7 +136,7 @@ SKY = Sky()
 async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> tuple[int, float]:
     """Send this many bytes to one gateway; return (bytes sent, the longest seconds that a packet took)."""
     asyncio.get_running_loop().set_exception_handler(
-        lambda _, context: judge.say(f"{case.presented}: left over: {context.get('exception') or context['message']!r}",
+        lambda _, context: judge.say(f"{case.presented}: unhandled: {context.get('exception') or context['message']!r}",
                                      f"{case}: {context!r}"))  # fmt: skip
     bridge = Bridge(
         case.mount,
@@ -169,13 +169,13 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
             await asyncio.sleep(rng.choice([0.1, 0.5, 5.0]))
             judge.weigh(bridge, client)
             if len(visitor.heard) != judge.told[client.log.name]:
-                judge.say(f"{case.presented}: replies that the transcript does not know", case.model)
+                judge.say(f"{case.presented}: replies that are not in the wire log", case.model)
             visitor.close()
         await asyncio.sleep(5.0)
         began = bridge.controller.now()
         while any(client.busy for client in clients):
             if bridge.controller.now() - began > PATIENCE:
-                judge.say(f"{case.presented}: what was asked comes to no end", f"{case}, {kind}")
+                judge.say(f"{case.presented}: requests do not end", f"{case}, {kind}")
                 break
             await asyncio.sleep(10.0)
     return done, longest
@@ -219,8 +219,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Throw random bytes at every surface.")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--bytes", type=int, default=20_000_000, help="in all")
-    parser.add_argument("--seconds", type=float, default=1200.0, help="no new gateway is begun after so long")
-    parser.add_argument("--only", default="", help="surfaces whose name begins so, as in lx200:autostar")
+    parser.add_argument("--seconds", type=float, default=1200.0, help="start no gateway after this time")
+    parser.add_argument("--only", default="", help="surfaces with this beginning, such as lx200:autostar")
     arguments = parser.parse_args()
     SKY.load()
     rng, began = Random(arguments.seed), time.perf_counter()
@@ -269,7 +269,7 @@ def main() -> int:
     for what, per_byte in growth(arguments.seed).items():
         print(f"{what}: {per_byte:+.4f} bytes of memory stay of each byte")
         if per_byte > 0.5:
-            found[f"{what} keeps what it hears"] += 1
+            found[f"{what} keeps memory for every byte"] += 1
     for what, count in found.most_common():
         print(f"FOUND {count:>7} x {what}")
     print("nothing was found" if not found else f"{len(found)} kinds of findings")

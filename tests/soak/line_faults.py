@@ -72,12 +72,12 @@ class Trial:
         in_step, exchange = line.in_step, line.transaction.exchange
 
         async def exchanging(ask: Send, **more: Any) -> Any:
-            self.wire.strange, self.wire.of_another = None, False
+            self.wire.strange, self.wire.of_other_command = None, False
             outcome = await exchange(ask, **more)
             if self.wire.strange is not None and not self.wire.proving and not isinstance(outcome, Fault):
                 self.strange.append(ask)
             if not isinstance(outcome, Fault):
-                self.acknowledged.append((ask, self.wire.of_another))
+                self.acknowledged.append((ask, self.wire.of_other_command))
             return outcome
 
         line.transaction.exchange = exchanging  # type: ignore[method-assign]
@@ -89,7 +89,7 @@ class Trial:
             own = [another for other, another in self.acknowledged[done:] if other is ask]
             if own and all(own):
                 if self.ordered:
-                    self._is_wrong("order", f"{ask.command} was acknowledged by another's answer")
+                    self._is_wrong("order", f"{ask.command} was acknowledged by the reply to another command")
                 self.unsure += 1
             return answer
 
@@ -180,7 +180,7 @@ class Trial:
             ]
             while wire.exchanges < exchanges:
                 await asyncio.sleep(5.0)
-                assert self.line.served, "nobody works on the mount's line any more"
+                assert self.line.served, "the task of the mount's line has ended"
                 for task in tasks:
                     if task.done():
                         task.result()

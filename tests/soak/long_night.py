@@ -52,7 +52,7 @@ def main() -> int:
     parser.add_argument("--plans", type=int, nargs="+", default=range(len(PLANS)), help="which of the four programs")
     arguments = parser.parse_args()
     well = [_spend(PLANS[number], arguments.hours, arguments.gotos, arguments.seed) for number in arguments.plans]
-    print(f"seed {arguments.seed}: {arguments.hours:g} hours {'well spent' if all(well) else 'NOT well spent'}")
+    print(f"seed {arguments.seed}: {arguments.hours:g} hours {'all well' if all(well) else 'NOT all well'}")
     return 0 if all(well) else 1
 
 

@@ -28,7 +28,7 @@ from gateway.app.simulated import make_simulator
 from gateway.astro.spherical import horizon_to_hour_angle, wrap180, wrap360
 from tests.benchmarks import memory, processes
 from tests.benchmarks.figures import percentile
-from tests.soak.crowd import Outcome, Told, crowd
+from tests.soak.crowd import Outcome, Reported, crowd
 from tests.soak.paced import PacedMount
 from tests.support.process import Running
 
@@ -55,7 +55,7 @@ class Truth:
             simulator = self._mount.simulator  # its own time stands still since it replied
             self._places.append((asyncio.get_running_loop().time(), *simulator.mechanics.truth(simulator.now)))
 
-    def judge(self, told: Told, asked: float) -> str:
+    def judge(self, told: Reported, asked: float) -> str:
         """Return what is wrong with a position, or an empty text if the mount reported it lately."""
         oldest, nearest = asked - OLDEST, 360.0
         for at, ra, dec in reversed(self._places):

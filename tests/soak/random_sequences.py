@@ -20,11 +20,11 @@ def main() -> int:
     """Return 0 if no play has complaints, else 1."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--seed", type=int, default=0, help="the first one")
-    parser.add_argument("--plays", type=int, default=10**9, help="stop after so many")
+    parser.add_argument("--seed", type=int, default=0, help="the first seed")
+    parser.add_argument("--plays", type=int, default=10**9, help="stop after this many")
     parser.add_argument("--steps", type=int, default=80, help="in each play")
     parser.add_argument("--by-hand", action="store_true", help="arrows and motors near a limit, and nothing else")
-    parser.add_argument("--said", action="store_true", help="print what was said")
+    parser.add_argument("--said", action="store_true", help="print what was sent")
     arguments = parser.parse_args()
     logging.disable()
     ends = time.monotonic() + 60.0 * arguments.minutes

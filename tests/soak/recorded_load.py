@@ -143,7 +143,7 @@ def main() -> int:
     parser.add_argument("--clients", type=int, default=56)
     parser.add_argument("--new", type=float, default=20.0, help="connections a second that come and go")
     parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument("--part", type=int, default=1_000_000, help="bytes of one file of a recording")
+    parser.add_argument("--part", type=int, default=1_000_000, help="bytes per file of a recording")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="leave the recordings in this directory")
     arguments = parser.parse_args()

@@ -36,7 +36,7 @@ def watch(processor: int) -> None:
             print(f"{began + NAP:.6f} {ended:.6f}", flush=True)
 
 
-class Thefts:
+class StolenTime:
     """``spans`` are those so far, of all processors; ``seen`` whether they could be watched at all."""
 
     def __init__(self) -> None:
@@ -56,9 +56,9 @@ class Thefts:
 
 
 @contextlib.asynccontextmanager
-async def watched(processors: Sequence[int]) -> AsyncIterator[Thefts]:
+async def watched(processors: Sequence[int]) -> AsyncIterator[StolenTime]:
     """Watch these processors within the block."""
-    thefts = Thefts()
+    stolen = StolenTime()
     watchers = [
         await asyncio.create_subprocess_exec(
             sys.executable,
@@ -70,9 +70,9 @@ async def watched(processors: Sequence[int]) -> AsyncIterator[Thefts]:
         )
         for processor in processors
     ]
-    reading = [asyncio.create_task(thefts.read(watcher.stdout)) for watcher in watchers if watcher.stdout is not None]
+    reading = [asyncio.create_task(stolen.read(watcher.stdout)) for watcher in watchers if watcher.stdout is not None]
     try:
-        yield thefts
+        yield stolen
     finally:
         for watcher in watchers:
             with contextlib.suppress(ProcessLookupError):

@@ -34,7 +34,7 @@ from gateway.app.simulated import make_simulator
 from tests.benchmarks import processes
 from tests.benchmarks.figures import percentile
 from tests.soak.paced import Exchange, PacedMount
-from tests.soak.stolen import Thefts, watched
+from tests.soak.stolen import StolenTime, watched
 from tests.support.process import Running
 
 #: Seconds: a request that reaches the mount this soon after the client's byte was sent before the gateway had the byte.
@@ -65,7 +65,7 @@ class Ending(NamedTuple):
     stops: Callable[[bytes], bool]
 
 
-class Way(NamedTuple):
+class Setup(NamedTuple):
     """A surface, a mount, and what a flooding client sends."""
 
     name: str
@@ -88,8 +88,8 @@ def _nexstar_moves(request: bytes) -> bool:
     return request[:3] == b"P\2\x11" and request[3:4] in b"\x24\x25" and request[4] != 0
 
 
-WAYS = (
-    Way(
+SETUPS = (
+    Setup(
         "LX200 on NexStar",
         "nexstar",
         "cge",
@@ -123,7 +123,7 @@ WAYS = (
             b":Mge0100#",
         ),
     ),
-    Way(
+    Setup(
         "NexStar on LX200",
         "lx200",
         "lx200gps",
@@ -166,7 +166,7 @@ WAYS = (
 class Bench(NamedTuple):
     """One gateway with its mount, and the port its clients use; ``both`` are its LX200 and its NexStar port."""
 
-    way: Way
+    setup: Setup
     mount: PacedMount
     gateway: Running
     port: int
@@ -186,10 +186,10 @@ def _beside() -> Iterator[None]:
     os.sched_setaffinity(0, OTHERS)
 
 
-async def _bench(way: Way, chance: random.Random, state: str, running: list[Running]) -> Bench:
+async def _bench(setup: Setup, chance: random.Random, state: str, running: list[Running]) -> Bench:
     """Start a gateway and wait until it is ready."""
-    mount = PacedMount(make_simulator(Endpoint(way.mount, "sim", way.model), clock=time.time), chance)
-    where = f"{way.mount}@socket://127.0.0.1:{await mount.listen()}"
+    mount = PacedMount(make_simulator(Endpoint(setup.mount, "sim", setup.model), clock=time.time), chance)
+    where = f"{setup.mount}@socket://127.0.0.1:{await mount.listen()}"
     with _beside():
         gateway = Running(
             "run",
@@ -208,7 +208,7 @@ async def _bench(way: Way, chance: random.Random, state: str, running: list[Runn
         )
     running.append(gateway)
     ports = [int((await asyncio.to_thread(gateway.ready)).rpartition(":")[2]) for _ in range(2)]
-    return Bench(way, mount, gateway, ports[way.surface == "nexstar"], (ports[0], ports[1]))
+    return Bench(setup, mount, gateway, ports[setup.surface == "nexstar"], (ports[0], ports[1]))
 
 
 async def _drain(reader: asyncio.StreamReader) -> None:
@@ -224,7 +224,7 @@ async def _measure(bench: Bench, until: float, chance: random.Random, found: lis
     for number in itertools.count():
         if loop.time() > until:
             break
-        ending = bench.way.endings[number // 2 % len(bench.way.endings)]
+        ending = bench.setup.endings[number // 2 % len(bench.setup.endings)]
         first = len(bench.mount.exchanges)
         writer.write(ending.begin[number % 2])
         await asyncio.sleep(chance.uniform(0.0, LONGEST))
@@ -247,8 +247,8 @@ async def _added(exchanges: list[Exchange], before: int, sent: float, ending: En
         stop = next((one for one in exchanges[before:] if ending.stops(one.request)), None)
         if stop is not None:
             place = exchanges.index(stop, before)
-            flying = [one for one in exchanges[max(0, before - 1) : place] if one.came <= sent + RACE]
-            due = max([sent, *(one.ended for one in flying if one.ended is not None)])
+            in_flight = [one for one in exchanges[max(0, before - 1) : place] if one.came <= sent + RACE]
+            due = max([sent, *(one.ended for one in in_flight if one.ended is not None)])
             return max(0.0, stop.came - due)
     return LOST
 
@@ -259,7 +259,7 @@ async def _flood(bench: Bench, chance: random.Random) -> None:
     drain = asyncio.get_running_loop().create_task(_drain(reader))
     try:
         while True:
-            writer.write(chance.choice(bench.way.flood))
+            writer.write(chance.choice(bench.setup.flood))
             await asyncio.sleep(FLOOD_EVERY)
     finally:
         drain.cancel()
@@ -280,7 +280,7 @@ async def _echo(port: int, found: list[float]) -> None:
 
 async def _situation(
     name: str,
-    ways: Sequence[Way],
+    setups: Sequence[Setup],
     arguments: argparse.Namespace,
     chance: random.Random,
     state: str,
@@ -289,7 +289,7 @@ async def _situation(
     """Measure one situation and print its rows; return whether the goal was met."""
     loop = asyncio.get_running_loop()
     copies = arguments.copies if name == "idle" else 1
-    benches = [await _bench(way, chance, state, running) for way in ways for _ in range(copies)]
+    benches = [await _bench(setup, chance, state, running) for setup in setups for _ in range(copies)]
     crowds = []
     found: dict[str, list[Stop]] = {}
     bare: list[float] = []
@@ -313,9 +313,9 @@ async def _situation(
         await asyncio.sleep(2.0)
         gc.freeze()  # this process must not be the cause of delays
         until = loop.time() + arguments.seconds * arguments.copies / copies
-        async with watched(PROCESSORS) as thefts:
+        async with watched(PROCESSORS) as stolen:
             await asyncio.gather(
-                *(_measure(bench, until, chance, found.setdefault(bench.way.name, [])) for bench in benches)
+                *(_measure(bench, until, chance, found.setdefault(bench.setup.name, [])) for bench in benches)
             )
         for task in background:
             task.cancel()
@@ -326,36 +326,36 @@ async def _situation(
     for bench in benches:
         await asyncio.to_thread(bench.gateway.end)
         if bench.gateway.said:
-            print(f"  {bench.way.name} said: {bench.gateway.said[-1000:]}")
+            print(f"  {bench.setup.name} said: {bench.gateway.said[-1000:]}")
     print(f"{name}: a bare echo took {percentile(bare, 50) * 1e3:.2f} ms, p99 {percentile(bare, 99) * 1e3:.2f} ms")
-    met = [_told(way, stops, thefts) for way, stops in found.items()]
+    met = [_report(setup, stops, stolen) for setup, stops in found.items()]
     return all(met) and all(answered)
 
 
-def _told(way: str, stops: list[Stop], thefts: Thefts) -> bool:
+def _report(setup: str, stops: list[Stop], stolen: StolenTime) -> bool:
     """Print the rows of one surface and mount; return whether the goal was met."""
-    alone = [stop for stop in stops if not thefts.between(stop.sent - BEFORE, stop.sent + AFTER)]
+    alone = [stop for stop in stops if not stolen.between(stop.sent - BEFORE, stop.sent + AFTER)]
     endings = sorted({stop.ending for stop in stops})
     rows = [(name, [stop.added for stop in stops if stop.ending == name]) for name in endings]
     rows += [("every one", [stop.added for stop in stops]), ("undisturbed", [stop.added for stop in alone])]
     for name, added in rows:
         if added:
             print(
-                f"  {way:<17} {name:<11} {len(added):4} times: median {percentile(added, 50) * 1e3:7.2f} ms, "
+                f"  {setup:<17} {name:<11} {len(added):4} times: median {percentile(added, 50) * 1e3:7.2f} ms, "
                 f"p99 {percentile(added, 99) * 1e3:7.2f} ms, longest {max(added) * 1e3:7.2f} ms",
                 flush=True,
             )
-    if not thefts.seen:
-        print("  whether a processor was away could not be watched (no real-time priority)")
+    if not stolen.seen:
+        print("  lost processor time could not be watched (no real-time priority)")
     return bool(alone) and percentile([stop.added for stop in alone], 99) <= GOAL
 
 
 async def _all(arguments: argparse.Namespace, running: list[Running]) -> bool:
     met = True
     for name in arguments.situations:  # with a load one gateway at a time, so that the load is its own
-        for ways in [WAYS] if name == "idle" else [(way,) for way in WAYS]:
+        for setups in [SETUPS] if name == "idle" else [(setup,) for setup in SETUPS]:
             with tempfile.TemporaryDirectory() as state:
-                met &= await _situation(name, ways, arguments, random.Random(arguments.seed), state, running)
+                met &= await _situation(name, setups, arguments, random.Random(arguments.seed), state, running)
     return met
 
 

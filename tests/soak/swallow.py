@@ -147,10 +147,10 @@ def plain(mounts: list[str], afters: tuple[str, ...] = ("stop", "order")) -> Ite
                     yield Case(mount, program, motion, end, after)
 
 
-def faulty(calm: Outcome, every: int) -> Iterator[Case]:
+def faulty(fault_free: Outcome, every: int) -> Iterator[Case]:
     """Yield cases that lose each command and reply of a fault-free run in turn, and one byte out of ``every``."""
-    case = calm.case
-    for lost, count, step in zip(("command", "reply", "byte"), calm.size, (1, 1, every), strict=True):
+    case = fault_free.case
+    for lost, count, step in zip(("command", "reply", "byte"), fault_free.size, (1, 1, every), strict=True):
         for number in range(1, count + 1, step):
             yield Case(case.mount, case.program, case.motion, case.end, case.after, lost, number)
 
@@ -158,16 +158,16 @@ def faulty(calm: Outcome, every: int) -> Iterator[Case]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=list(MOUNTS), nargs="*", default=list(MOUNTS))
-    parser.add_argument("--bytes", type=int, default=5, help="every so many bytes one is lost")
+    parser.add_argument("--bytes", type=int, default=5, help="lose one byte out of this many")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--stop-only", action="store_true", help="leave the traffic of the order alone")
+    parser.add_argument("--stop-only", action="store_true", help="lose nothing of the motion command")
     arguments = parser.parse_args()
     began, bad = time.monotonic(), 0
     cases = list(plain(arguments.only, ("stop",) if arguments.stop_only else ("stop", "order")))
     with ProcessPoolExecutor(arguments.processes) as pool:
-        calm = list(pool.map(play, cases, chunksize=4))
-        faults = [case for outcome in calm for case in faulty(outcome, arguments.bytes)]
-        outcomes = calm + list(pool.map(play, faults, chunksize=16))
+        fault_free = list(pool.map(play, cases, chunksize=4))
+        faults = [case for outcome in fault_free for case in faulty(outcome, arguments.bytes)]
+        outcomes = fault_free + list(pool.map(play, faults, chunksize=16))
     for outcome in outcomes:
         if outcome.moves:
             bad += 1

@@ -37,6 +37,6 @@ class AnyBridge(Bridge):
         self._number += 1
         return Caller(self.any, host=host, number=self._number)
 
-    def spoken(self) -> list[str]:
+    def recognised(self) -> list[str]:
         """Return the notes on which protocol each connection was recognised to speak."""
         return [entry.note for entry in self.entries if entry.arrow == "~"]

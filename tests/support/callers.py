@@ -29,7 +29,7 @@ class Caller:
             self._guest.network(self._hang_up)
 
     def _hear(self, data: bytes) -> None:
-        assert not self.gone, "it is told something after the last"
+        assert not self.gone, "the gateway sends something after closing the connection"
         self.heard += data
         self._told.set()
 

@@ -53,7 +53,7 @@ class FakeBroker:
         for one in what:
             client.loop.call_soon_threadsafe(client.queue.put_nowait, one)
 
-    def told(self, topic: str) -> list[bytes]:
+    def payloads(self, topic: str) -> list[bytes]:
         """Return the payloads that were published on this topic, in order."""
         return [message.payload for message in list(self.published) if message.topic == topic]
 

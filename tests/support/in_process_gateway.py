@@ -60,7 +60,7 @@ class Bridge(Stage):
         if self.store is not None:
             await self.store.close()
         if failed is None and not self._hands_on:  # these commands are the program's own
-            assert not (wrong := malformed(self._driven, self.sent())), f"no paper writes it so: {wrong}"
+            assert not (wrong := malformed(self._driven, self.sent())), f"not a form of the manual: {wrong}"
 
     async def kill(self) -> None:
         """End like a killed process: send and write nothing more, and only release the lock."""

@@ -215,7 +215,7 @@ async def night(
             units = truth.off(*told) if moving or bridge.controller.moving else truth.units(*told)
             record.polls, record.worst = record.polls + 1, max(record.worst, units)
             if units > 1.01:
-                record.wrong.append(f"at {bridge.clock() - began:.0f} s: told {told}, {units:.1f} units off")
+                record.wrong.append(f"at {bridge.clock() - began:.0f} s: received {told}, {units:.1f} units off")
             now = bridge.clock()
             if slewing:
                 slewing = await program.slewing()
@@ -239,9 +239,9 @@ async def night(
         program.park()
         await asyncio.sleep(120.0)
         if await program.slewing() or bridge.sim.slewing:
-            record.wrong.append("still on the way to where it is parked")
+            record.wrong.append("still slewing to the park position")
         if plan.presented == "lx200" and bridge.sim.tracking:
-            record.wrong.append("parked, and tracking")
+            record.wrong.append("parked, but tracking")
     return record
 
 

@@ -106,7 +106,7 @@ class Owner:
         """Return the commands of ``since`` that stop a motion."""
         return [sent for sent in self.since if ends(self._driven, sent)]
 
-    def told(self) -> list[bytes]:
+    def settings(self) -> list[bytes]:
         """Return the commands of ``since`` that change the site, the clock or the alignment."""
         begins = (b"W", b"H", b"I", b"s", b"S") if self._driven == "nexstar" else (b":S", b":CM")
         return [sent for sent in self.since if sent.startswith(begins)]

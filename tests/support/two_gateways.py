@@ -80,7 +80,7 @@ class TwoGateways:
         await self.controller.close()
         await self.inner.__aexit__(failed)
         if failed is None:
-            assert not (wrong := malformed(self._link, self.sent())), f"no paper writes it so: {wrong}"
+            assert not (wrong := malformed(self._link, self.sent())), f"not a form of the manual: {wrong}"
 
     def client(self) -> Visitor:
         return Visitor(self, "127.0.0.1")

@@ -97,7 +97,7 @@ class Watched:
         began = time.monotonic()
         self.gateway.process.send_signal(FAILURES[failure])
         while self.speed() > 0.05:
-            assert time.monotonic() - began < PATIENCE, "the mount goes on moving"
+            assert time.monotonic() - began < PATIENCE, "the mount still moves"
         return time.monotonic() - began
 
     def watchdog(self) -> int | None:

@@ -150,7 +150,7 @@ def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str) -> No
             await asyncio.sleep(2.0)
             client.tell(b":Q#")
             await asyncio.sleep(10.0)
-            assert not owner.told()
+            assert not owner.settings()
             assert await stands(owner, 1.0)
 
     run(program())
@@ -178,7 +178,7 @@ def test_an_alignment_during_a_session_is_not_interfered_with(mount: str, motion
             owner.align(done=True)
             assert await stands(owner, 10.0)
             assert not owner.begun()
-            assert not owner.told()
+            assert not owner.settings()
 
     run(program())
 

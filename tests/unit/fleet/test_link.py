@@ -60,7 +60,7 @@ def test_it_says_that_it_is_there_and_that_it_goes() -> None:
         async with linked() as there:
             assert there.broker.wills == [GONE] and there.told == [(True, "")]
             assert there.broker.subscribed == ["a/command"]
-        assert there.broker.told("a/availability") == [b"online", b"offline"]
+        assert there.broker.payloads("a/availability") == [b"online", b"offline"]
 
     play(work())
 
@@ -79,7 +79,7 @@ def test_after_a_loss_the_newest_state_is_told_again() -> None:
     async def work() -> None:
         async with linked() as there:
             there.link.publish(state(b"1"))
-            await until(lambda: there.broker.told("a/state") == [b"1"])
+            await until(lambda: there.broker.payloads("a/state") == [b"1"])
             there.broker.down = OSError(111, "Connection refused")
             there.broker.lose()
             await until(lambda: len(there.told) > 2)
@@ -88,8 +88,8 @@ def test_after_a_loss_the_newest_state_is_told_again() -> None:
             there.link.publish(state(b"3"))
             there.broker.down = None
             await until(lambda: there.told[-1][0])
-            await until(lambda: there.broker.told("a/state") == [b"1", b"3"])
-            assert there.broker.told("a/availability") == [b"online", b"online"]
+            await until(lambda: there.broker.payloads("a/state") == [b"1", b"3"])
+            assert there.broker.payloads("a/availability") == [b"online", b"online"]
 
     play(work())
 
@@ -98,9 +98,9 @@ def test_a_broker_that_has_forgotten_a_state_is_told_it_again() -> None:
     async def work() -> None:
         async with linked() as there:
             there.link.publish(state(b"1"))
-            await until(lambda: there.broker.told("a/state") == [b"1"])
+            await until(lambda: there.broker.payloads("a/state") == [b"1"])
             there.broker.lose()
-            await until(lambda: there.broker.told("a/state") == [b"1", b"1"])
+            await until(lambda: there.broker.payloads("a/state") == [b"1", b"1"])
 
     play(work())
 
@@ -114,9 +114,9 @@ def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> Non
                 there.link.publish(Message("a/event", b"%d" % number))
             await asyncio.sleep(0)
             there.broker.mute = False
-            await until(lambda: there.broker.told("a/event")[-1:] == [b"999"])
-            assert there.broker.told("a/state")[-1] == b"999" and len(there.broker.told("a/state")) < 20
-            assert len(there.broker.told("a/event")) <= EVENTS + links.AT_A_TIME
+            await until(lambda: there.broker.payloads("a/event")[-1:] == [b"999"])
+            assert there.broker.payloads("a/state")[-1] == b"999" and len(there.broker.payloads("a/state")) < 20
+            assert len(there.broker.payloads("a/event")) <= EVENTS + links.AT_A_TIME
 
     play(work())
 

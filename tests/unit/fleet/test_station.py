@@ -31,12 +31,12 @@ class There:
     @property
     def state(self) -> dict[str, Any]:
         """As it was told last."""
-        told = self.broker.told(STATE)
+        told = self.broker.payloads(STATE)
         return dict(json.loads(told[-1])) if told else {}
 
     def happened(self, kind: str) -> list[str]:
         """The words of such events."""
-        events = [json.loads(event) for event in self.broker.told(EVENT)]
+        events = [json.loads(event) for event in self.broker.payloads(EVENT)]
         return [event["words"] for event in events if event["kind"] == kind]
 
 
@@ -89,9 +89,9 @@ def test_a_mount_that_does_not_change_is_not_told_again(tmp_path: Path, monkeypa
 
             monkeypatch.setattr(stations, "state", same)
             await until(lambda: looks > 1)
-            told = len(there.broker.told(STATE))
+            told = len(there.broker.payloads(STATE))
             await until(lambda: looks > 6)
-            assert len(there.broker.told(STATE)) == told
+            assert len(there.broker.payloads(STATE)) == told
 
     play(work())
 
@@ -99,7 +99,7 @@ def test_a_mount_that_does_not_change_is_not_told_again(tmp_path: Path, monkeypa
 def test_a_named_mount_has_its_own_topics(tmp_path: Path) -> None:
     async def work() -> None:
         async with shown(tmp_path, name="east", prefix="club/domes", id="two") as there:
-            await until(lambda: there.broker.told("club/domes/two/east/state"))
+            await until(lambda: there.broker.payloads("club/domes/two/east/state"))
             assert there.broker.wills[0] is not None and there.broker.wills[0].topic == "club/domes/two/availability"
             assert "club/domes/all/command" in there.broker.subscribed
 
@@ -178,24 +178,24 @@ def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(tmp_pa
     async def work() -> None:
         async with shown(tmp_path) as there:
             topic, broker = "mount-gateway/pier/gateway", there.broker
-            [own] = broker.told(topic)
+            [own] = broker.payloads(topic)
             other = json.dumps({"instance": "other", "host": "dome", "process": 7}).encode()
             broker.say(topic, own)
             broker.say(topic, other.replace(b"other", b"earlier"), retain=True)  # of an earlier run, as far as is known
             broker.say(topic, b"[] no JSON")
             broker.say(topic, other)
             broker.say(topic, other)
-            await until(lambda: len(broker.told(topic)) == 2)
+            await until(lambda: len(broker.payloads(topic)) == 2)
             broker.say(COMMAND, b"park")
             await until(lambda: there.happened("refused"))
             assert "park: another gateway (dome, process 7) has the ID 'pier'" in there.happened("refused")[0]
             broker.say(COMMAND, b"stop")
             await until(lambda: "stop: stopped" in there.happened("done"))
-            assert broker.told(topic) == [own, own], "the other one is answered once"
+            assert broker.payloads(topic) == [own, own], "the other one is answered once"
             assert [words for words in there.said if "another gateway" in words] == [there.station.presence.conflict]
 
             broker.say("mount-gateway/pier/availability", b"offline")  # it has gone, and said so for both
-            await until(lambda: broker.told("mount-gateway/pier/availability") == [b"online"] * 2)
+            await until(lambda: broker.payloads("mount-gateway/pier/availability") == [b"online"] * 2)
             broker.say(COMMAND, b"park")
             await until(lambda: "park: it goes to its park position" in there.happened("done"))
 
@@ -220,8 +220,8 @@ def test_home_assistant_is_told_what_a_mount_has(tmp_path: Path) -> None:
     async def work() -> None:
         async with shown(tmp_path) as there:
             topic = "homeassistant/device/mount-gateway_pier_mount/config"
-            await until(lambda: b"6-8se" in b"".join(there.broker.told(topic)))
-            told = json.loads(there.broker.told(topic)[-1])
+            await until(lambda: b"6-8se" in b"".join(there.broker.payloads(topic)))
+            told = json.loads(there.broker.payloads(topic)[-1])
             assert told["state_topic"] == STATE and told["device"]["model"] == "6-8se"
             parts = told["components"]
             assert {"ra_hours", "online", "stop", "park", "wake"} <= set(parts) and "home" not in parts

@@ -69,7 +69,7 @@ def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol
         more.tell(sent + sent.lstrip(b"#?"))
         await asyncio.sleep(1.0)
         assert len(more.heard) == 2 * length
-        assert bridge.spoken() == [protocol] * 3
+        assert bridge.recognised() == [protocol] * 3
 
     play(program)
 
@@ -92,10 +92,10 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         await asyncio.sleep(10.0)
         one.tell(idle * 1000)
         assert len(one._guest.sent) <= 64, "however many come, few are kept"
-        assert one.heard == b"" and bridge.spoken() == [] and len(bridge.any.present_hosts()) == 0
+        assert one.heard == b"" and bridge.recognised() == [] and len(bridge.any.present_hosts()) == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
-        assert bridge.spoken() == ["lx200", "nexstar"]
+        assert bridge.recognised() == ["lx200", "nexstar"]
 
     play(program)
 
@@ -107,12 +107,12 @@ def test_silence_is_spoken_to_until_the_first_byte() -> None:
         assert caller.heard == b""
         await asyncio.sleep(2.0)
         assert len(caller.heard) in (72, 96) and caller.heard.startswith(b"\x18\0\0\0")
-        assert bridge.spoken() == ["stellarium, because the program has sent nothing for 3 s"]
+        assert bridge.recognised() == ["stellarium, because the program has sent nothing for 3 s"]
         told = len(caller.heard)
         assert len(await caller.ask(b":GR#")) == 9
         await asyncio.sleep(5.0)
         assert len(caller.heard) == told + 9, "no position is told any more"
-        assert bridge.spoken()[1:] == ["lx200"]
+        assert bridge.recognised()[1:] == ["lx200"]
 
     play(program)
 
@@ -145,7 +145,7 @@ def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
             silent.tell(bytes((byte,)))
         told = len(silent.heard)
         await asyncio.sleep(2.1)
-        assert len(silent.heard) >= told + 96 and bridge.spoken()[1:] == [
+        assert len(silent.heard) >= told + 96 and bridge.recognised()[1:] == [
             "stellarium, because the program has sent nothing for 3 s"
         ]
 
@@ -163,7 +163,7 @@ def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
         at_once.tell(b"Ka:GR#")
         await asyncio.sleep(1.0)
         assert at_once.heard.startswith(b"a#") and len(at_once.heard) == 11
-        assert bridge.spoken() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
+        assert bridge.recognised() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
         assert sorted(bridge.any.present_hosts()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
 
     play(program)
@@ -205,7 +205,7 @@ def test_what_fits_nobody_is_noted() -> None:
         caller = bridge.call()
         caller.tell(b"XYZ")
         await asyncio.sleep(1.0)
-        assert bridge.spoken() == ["lx200, because no protocol has a command that begins like this"]
+        assert bridge.recognised() == ["lx200, because no protocol has a command that begins like this"]
         assert bridge.warned == []
 
     play(program)
