@@ -128,7 +128,7 @@ class MoonPlace(Read[Equatorial], frozen=True):
 
 
 class HomeState(Read[int], frozen=True):
-    """-> int: 0 failed or never searched, 1 at home (or parked), 2 searching."""
+    """-> int: 0 failed or never searched, 1 at home (or parked), 2 searching or on the way."""
 
 
 class Own(Read[bytes], frozen=True):

@@ -40,7 +40,7 @@ class Told:
         acceptor = gateway.acceptors[number - 1]
         self.guest = acceptor.create(name or self.name, host, self.now.extend)  # it was accepted when it was recorded
         if networked(gateway.endpoints[number - 1].where):
-            self.guest.network(lambda last: None)  # bytes of refused connections are not recorded
+            self.guest.network(lambda last: None)  # a stranger's bytes (a browser's) are not recorded
 
     def play(self, event: Event) -> None:
         """Replay what the client did; any other event is its end."""

@@ -51,7 +51,7 @@ def set_half(session: LxSession, command: Command, values: Values) -> Handling:
 
 
 def _enter(session: LxSession, index: int) -> Handling:
-    """Put this site in force for all clients that select none; store the mount's own site as site 1 before."""
+    """Select this site for all clients that select none; the first time, store the mount's own as site 1 before."""
     if not session.shared.site and index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()

@@ -57,7 +57,7 @@ def cancel(session: NexStarSession, command: Command, values: op.Values) -> Hand
 
 
 def pier_side(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """p - always E on a fork, and on a mount that does not report it: a Meade never changes sides."""
+    """p - always E on a fork, and on a mount that has no side of the pier, such as a Meade fork."""
     with suppress(Unsupported):
         if _german(session):
             return {"side": (yield op.PierSide())}
