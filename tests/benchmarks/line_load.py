@@ -37,7 +37,7 @@ def cases(way: processes.Direction) -> tuple[Case, ...]:
         Case("twenty", [plain] * 20),
         Case("one-busy", [busy]),
         Case("twenty-mixed", [plain] * 10 + [busy] * 10),
-        Case("nobody", []),
+        Case("no client", []),
     )
 
 

@@ -19,9 +19,9 @@ from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.operations import Horizontal
 from gateway.diagnostics.replay.replaying import replay
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 FILES = Path(__file__).parent / "earlier"
 TOML = FILES / "gateway.toml"

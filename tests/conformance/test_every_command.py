@@ -11,9 +11,9 @@ import re
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.manual_files import fits, raw, rows
-from tests.support.virtual import run
 
 MEADE = ("autostar", "lx200", "lx200-16", "lx200gps")
 #: Mounts behind the Meade face whose hand controls have the least, and a newer one.

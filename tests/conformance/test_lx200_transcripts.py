@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import NamedSite, Shared
 from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.each import each
 from tests.support.fake_gateway import FakeConnection, FakeGateway
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import Conversation, files, read
-from tests.support.virtual import run
 
 FILES = files("lx200-*.txt")
 WAYS: dict[str, Callable[[bytes], list[bytes]]] = {

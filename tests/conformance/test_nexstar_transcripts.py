@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.each import each
 from tests.support.fake_gateway import FakeConnection, FakeGateway
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import files, read
-from tests.support.virtual import run
 
 FILES = files("nexstar-*.txt")
 WAYS: dict[str, Callable[[bytes], list[bytes]]] = {

@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation, sidereal_time, wrap180, wrap360
+from gateway.diagnostics.virtual_time import run
 from tests.integration.test_scenarios import dms, hms, parse_dec, parse_ra
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import TwoGateways, equatorial
-from tests.support.virtual import run
 
 #: What the inner gateway presents, and what it drives; the model that a nexstar surface has over it of itself.
 SURFACES = [("lx200", "lx200gps"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", None)]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.night import PLANS, Plan, night
-from tests.support.virtual import run
 
 
 @pytest.mark.parametrize("plan", PLANS, ids=[f"{plan.presented} on {plan.mount}" for plan in PLANS])

@@ -6,10 +6,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.soak.poor_lines import LINES, MOUNTS, first_answer, polled
 from tests.support.in_process_gateway import Bridge
 from tests.support.poor_line import LineFaults, insert_poor_line, poll
-from tests.support.virtual import run
 
 
 @pytest.mark.parametrize("moving", [False, True])

@@ -12,8 +12,8 @@ import pytest
 
 from gateway.astro.spherical import separation
 from gateway.core.operations import Equatorial
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 OLD_SITE = {"site": (45.0, 10.0), "mode": "alt-az"}
 #: model, version, what the user must say because the hand control cannot

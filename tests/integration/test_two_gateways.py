@@ -16,10 +16,10 @@ from functools import cache
 import pytest
 
 from gateway.astro.spherical import separation
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import TwoGateways, equatorial
-from tests.support.virtual import run
 
 ARCSECOND = 1.0 / 3600.0
 #: Half a tick of HH:MM:SS and of sDD*MM:SS, and of 24 bits on the way.

@@ -85,7 +85,7 @@ def test_a_message_that_is_too_long_is_not_taken(workshop: Workshop) -> None:
     onlooker.say("mount-gateway/all/command", b"x" * 20_000_000)
     wait_until("it is told", lambda: "it sent a message of 2000" in process.output())
     assert ask(where, b":GR#")
-    wait_until("the broker is tried again", lambda: "there again" in process.output(), 15.0)
+    wait_until("the broker is tried again", lambda: "is connected again" in process.output(), 15.0)
 
 
 def test_two_gateways_with_one_id_are_both_told(workshop: Workshop) -> None:

@@ -12,10 +12,10 @@ import pytest
 
 import gateway
 from gateway.core.signals import Signal
+from gateway.diagnostics.virtual_time import run
 from tests.support import structure
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 from tests.support.walk import walk_of
 
 ROOT = Path(gateway.__file__).parent

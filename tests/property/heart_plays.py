@@ -14,13 +14,13 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.property.judge import Judge
 from tests.property.line_of_faults import FaultyLine
 from tests.property.orders import Event, Keypad, lx200, nexstar, set_up
 from tests.property.scripts import DAY, MOUNTS, NIGHT, Script, draw, shrink
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 #: How often the truth is looked at, seconds: while anything moves, and while the mount has been at rest.
 GLANCE, GLANCE_AT_REST = 0.2, 0.5

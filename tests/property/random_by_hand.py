@@ -13,11 +13,11 @@ from random import Random
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
+from gateway.diagnostics.virtual_time import run
 from tests.property import random_commands
 from tests.property.random_judge import MOTION, Judge, sun
 from tests.property.random_play import CIRCLE, MOUNTS, Play, scene
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 #: Scenes of a play, and how closely it is looked at, seconds.
 SCENES, GLANCE = 3, 0.05

@@ -12,12 +12,12 @@ from typing import Any
 
 from msgspec import Struct
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
 from tests.property import random_commands
 from tests.property.random_judge import MOTION, Judge
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.manual_files import fits
-from tests.support.virtual import run
 
 #: Mounts that are driven: protocol, model, version, all that there are; and what is presented over them.
 STARSENSE = ("cgx", "evolution", "6-8se")

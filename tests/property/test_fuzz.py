@@ -12,6 +12,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.queue import READ
 from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
@@ -21,7 +22,6 @@ from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
 from tests.soak.fuzz_surfaces import Judge, cases, throw
 from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
-from tests.support.virtual import run
 
 CASES = {str(case): case for case in cases()}
 

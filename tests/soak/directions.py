@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 from gateway.astro.axes import Build
 from gateway.astro.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import Truth, truth_of
 from gateway.protocols.nexstar.counting import key_speed, rate_tables
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 Pair = tuple[float, float]
 

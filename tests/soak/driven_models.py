@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import sys
 
+from gateway.diagnostics.virtual_time import run
 from tests.integration.test_driven_models import MEADE, NEXSTAR, wrong
 from tests.support.operations_matrix import outcomes
-from tests.support.virtual import run
 
 
 def main() -> int:

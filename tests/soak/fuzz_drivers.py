@@ -25,12 +25,12 @@ import msgspec
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.wire_log import Entry
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
 from gateway.transport.wires import OnData, OnLost
 from tests.soak.fuzz_bytes import flawed
 from tests.soak.fuzz_forms import PROTOCOLS, of_request
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: Virtual seconds: the limit for an operation to end, and for the gateway to recover once the replies are right again.
 LONGEST, RECOVERED = 900.0, 90.0

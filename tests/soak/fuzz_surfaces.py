@@ -27,13 +27,13 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.turn import INBOX, MAX_REPLIES
 from gateway.core.wire_log import MOST, Entry
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
 from tests.soak.fuzz_bytes import KINDS, packets, thrown
 from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: The fraction of a surface's bytes for each kind, and the number of bytes in one connection.
 SHARES = {"noise": 0.8, "mutated": 0.1, "limits": 0.1}

@@ -23,12 +23,12 @@ from typing import Any
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.base.driver import Send
 from tests.soak.faulty import BREAKING, FaultyWire, Kind
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 #: Degrees: the coarsest resolution of a reply, and the error of a garbled one beyond what a slew explains.
 RESOLUTION, MARGIN = 0.01, 0.06

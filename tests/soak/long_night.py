@@ -15,9 +15,9 @@ import os
 import sys
 import time
 
+from gateway.diagnostics.virtual_time import run
 from tests.benchmarks.memory import resident
 from tests.support.night import PLANS, Plan, night
-from tests.support.virtual import run
 
 #: Permitted growth from the first to the last hour: objects (a deque that fills, a cache), and MiB.
 OBJECTS, MEMORY = 200, 1.0

@@ -11,9 +11,9 @@ from __future__ import annotations
 import argparse
 import asyncio
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.poor_line import LineFaults, Polls, insert_poor_line, poll
-from tests.support.virtual import run
 
 LINES = {
     "as it should be": LineFaults(),

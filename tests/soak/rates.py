@@ -15,12 +15,12 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS, SIDEREAL_RATE, wrap180
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.driver.speeds import Abilities, instead_of_tracking, nearest
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.counting import key_speed, rate_tables
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MEADES = ("lx200gps", "autostar", "lx200", "lx200-16")
 #: Model, version, and the command that puts a fork on its wedge.

@@ -20,9 +20,9 @@ from typing import Any
 
 from msgspec import Struct
 
+from gateway.diagnostics.virtual_time import run
 from tests.support import truth
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: Protocol, model and version.
 MOUNTS: dict[str, tuple[str, str, str | None]] = {

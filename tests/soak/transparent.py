@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import sys
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.transparent import ALLOWED, MOUNTS, asked_of, differences
-from tests.support.virtual import run
 
 
 def main() -> int:

@@ -1,7 +1,7 @@
 """Connections to a `Mount` through the product's ConnectionAcceptor, which keeps settings from one to the next.
 
 The mount controller behind it is a minimal stand-in: reads are always cached, everything else is performed at once.
-It needs a running event loop; ``tests.support.virtual.run`` provides one on virtual time.
+It needs a running event loop; ``gateway.diagnostics.virtual_time.run`` provides one on virtual time.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from gateway.astro.spherical import separation, sidereal_time, wrap360
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 ARCSECOND = 1 / 3600
 NORTH = bytes((80, 2, 17, 36, 9, 0, 0, 0))

@@ -25,8 +25,8 @@ from typing import Any
 
 import gateway
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 ROOT = str(Path(gateway.__file__).parent)
 #: From the lowest layer to the highest.

@@ -10,8 +10,8 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NO = b"\0#"
 SET_TIME = b"H\x15\x1e\x28\x03\x0e\x1b\x0a\x00"

@@ -9,8 +9,8 @@ import pytest
 from gateway.astro.spherical import sidereal_time, wrap360
 from gateway.core.errors import Busy
 from gateway.core.operations import Position, SetClock, SetSite
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
 

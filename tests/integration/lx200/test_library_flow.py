@@ -14,10 +14,10 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support import in_process_gateway as bridges
 from tests.support.fake_mount import Mount, Talk, unix
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 ARCMINUTE = 1.0 / 60.0
 M42 = (83.8221, -5.3911)  # J2000

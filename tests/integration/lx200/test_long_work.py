@@ -9,8 +9,8 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Refused, Unsupported
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def meade(model: str = "lx200gps", **settings: Any) -> Bridge:

@@ -7,8 +7,8 @@ import asyncio
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NAK = b"\x15"
 

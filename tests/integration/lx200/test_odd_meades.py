@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NAK = b"\x15"
 STATES = [b"LN1#", b"PT4#", b"18:00:00#", NAK, b"", b"#", b"AT", b"XT1#", b"GT2", b"0", b"1#", b"AN0#", b"PTH#"]

@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def _said(bridge: Bridge, *letters: bytes) -> list[bytes]:

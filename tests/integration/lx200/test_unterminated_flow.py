@@ -6,10 +6,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.fake_mount import Mount, Talk
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import MODELS, meade, overhead
-from tests.support.virtual import run
 from tests.unit.protocols.lx200.surface.test_unterminated import BYTE, QUIET, WAYS, done
 
 # --- what was refused leaves nothing chosen -----------------------------------------------------------------------

@@ -10,9 +10,9 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 GOTO = b":Sr05:00:00#:Sd+30*00:00#:MS#"
 

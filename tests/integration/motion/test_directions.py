@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_angle_to_horizon, wrap180
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.driver.altaz import SLOW
 from tests.soak.directions import NORTH, SOUTH, Scenario, on_the_axes, play
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: A fork on the meridian at 45 degrees of altitude and of latitude: its azimuth follows the stars at 21.27"/s, 85 as a
 #: variable rate (quarters of an arcsecond), its altitude stands still. Half of sidereal is 7.52"/s.

@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: Model, version, and the most that its motors do, degrees a second.
 MOUNTS = [

@@ -9,9 +9,9 @@ import pytest
 
 from gateway.astro.axes import Sky
 from gateway.astro.spherical import horizon_to_hour_angle, wrap360
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: A place at 3 degrees altitude in the west, and 22:00 UTC told as 19:00, when that place stood at 34 degrees.
 LOW = (285.0, 3.0)

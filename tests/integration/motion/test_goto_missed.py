@@ -7,10 +7,10 @@ import asyncio
 import pytest
 
 from gateway.core.operations import Equatorial
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.readings.reader import missed
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
-from tests.support.virtual import run
 
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
 GOAL = (120.0, 30.0)

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: Keys 1 and 2 are half and once sidereal on a CGE, twice and four times on a NexStar GPS and on an AVX.
 MOUNTS = [

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 SIDEREAL = 15.041067
 #: Arcseconds a second asked for, and what each family turns its motor in right ascension at while it tracks.

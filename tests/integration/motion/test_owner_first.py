@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.owner import Owner
-from tests.support.virtual import run
 
 MOUNTS = {"cpc": "nexstar", "cge": "nexstar", "lx200gps": "lx200", "lx200": "lx200"}
 MOTIONS = {"arrow": b":RM#:Me#", "goto": b":Sr08:00:00#:Sd+30*00:00#:MS#", "pulse": b":Mge9000#", "park": b":hP#",

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 DATE = b":SG+00#:SL22:10:00#:SC01/15/26#"
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"

@@ -9,8 +9,8 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 NO = b"\0#"
 PULSE_AZM, ACTIVE_AZM = b"P\x03\x10\x26\x32\x32\0\0", b"P\x01\x10\x27\0\0\0\x01"

@@ -8,10 +8,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NEXSTAR = load("nexstar")
 MOUNTS = [(model, version) for model, row in NEXSTAR.models.items() for version in row.get("versions", [])]

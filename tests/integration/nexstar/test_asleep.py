@@ -7,9 +7,9 @@ import asyncio
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.integration.stops.test_lost_answers import swallow
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 #: What ``t`` answers.
 ALTAZ = 1

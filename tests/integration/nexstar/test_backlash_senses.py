@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def test_one_sense_is_set_alone() -> None:

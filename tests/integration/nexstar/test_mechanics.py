@@ -8,9 +8,9 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 INDEX = 90.0
 

@@ -11,10 +11,10 @@ import asyncio
 import pytest
 
 from gateway.core.operations import Direction, Move, Rate
+from gateway.diagnostics.virtual_time import run
 from tests.integration.settings.test_settings_kept import notes
 from tests.support.cable import Cable
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
 NO = b"\0#"

@@ -14,9 +14,9 @@ import pytest
 from gateway.app.config import parse_endpoint
 from gateway.core.errors import UserError
 from gateway.core.operations import ClockFromGps, GetSite, GetStatus, SetClock, SetSite
+from gateway.diagnostics.virtual_time import run
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 from tests.unit.protocols.nexstar.simulator.test_simulator import Bench
 
 WEST_OF_PARIS = b"W\x30\x32\x29\x00\x02\x14\x11\x00"

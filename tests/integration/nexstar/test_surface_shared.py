@@ -6,10 +6,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import ARCSECOND, off, on_a_bridge, place, polled, precise, settled, up
 from tests.support.two_gateways import TwoGateways
-from tests.support.virtual import run
 
 
 def near(told: bytes, direct: bytes, ticks: bool) -> bool:

@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 @pytest.mark.parametrize(("site", "mode"), [((45.0, 10.0), b"T\x02"), ((-35.0, 150.0), b"T\x03")])

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.nmea import fix
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def alter(bridge: Any, question: bytes, to: bytes) -> list[bytes]:

@@ -9,6 +9,7 @@ import pytest
 
 from gateway.astro.spherical import horizon_to_hour_angle, separation, sidereal_time, wrap180
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -23,7 +24,6 @@ from tests.support.reported_positions import (
     start_moving,
     tracked,
 )
-from tests.support.virtual import run
 
 SURFACES = ("lx200", "nexstar")
 every = pytest.mark.parametrize(("mount", "presented"), [(mount, face) for mount in MOUNTS for face in SURFACES])

@@ -12,9 +12,9 @@ import pytest
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import place, precise, settled
-from tests.support.virtual import run
 
 NORTH, SOUTH = (45.0, 10.0), (-34.0, 18.5)
 MOUNTS = [("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", "cpc")]

@@ -9,9 +9,9 @@ import pytest
 from gateway.astro.axes import Build
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.surface.presented import fitting
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NORTH, SOUTH = (45.0, 10.0), (-34.0, 18.5)
 ABSENT = b"\0\0\0#"

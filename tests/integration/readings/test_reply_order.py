@@ -13,10 +13,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from gateway.diagnostics.virtual_time import run
 from tests.soak.fuzz_forms import PROTOCOLS, of_reply
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 #: Seconds: an answer that is not given within this is never given (NexStar protocol, Communication Protocol).
 WITHIN = 3.5

@@ -16,9 +16,9 @@ import pytest
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.reported_positions import degrees
-from tests.support.virtual import run
 
 STEP = 0.08
 LONG_AGO = EVENING - 28 * 365.25 * 86400.0

@@ -11,9 +11,9 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, TooHigh
+from gateway.diagnostics.virtual_time import run
 from tests.support import truth
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 ARCSECOND = 1.0 / 3600.0
 LIMITS = {"lowest": 20.0, "highest": 80.0}

@@ -9,11 +9,11 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.altitude_axis import altitude_of, corrected
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import sampled
-from tests.support.virtual import run
 
 
 async def synced(bridge: Any, times: int, degrees: float) -> None:

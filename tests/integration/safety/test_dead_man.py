@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 HOST = "10.0.0.1"
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 EAST = b":Sr06:24:00#:Sd+10*00:00#:MS#"  # three minutes before the meridian
 FAR_EAST = b":Sr12:00:00#:Sd+60*00:00#:MS#"  # 5h 39m before it

@@ -8,12 +8,12 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission import slew_paths
 from tests.integration.safety.test_altitude import altitude, at_rest, notes
 from tests.integration.safety.test_by_hand import polled, ready
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: East of the pole and near it; from there over the pole it looks west.
 BESIDE_THE_POLE = -90.0, 80.0

@@ -6,10 +6,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.stop_timing import ahead
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import sampled
-from tests.support.virtual import run
 
 #: What a place is known to, and a mount at rest may differ by while it tracks, degrees.
 JITTER = 0.02

@@ -16,8 +16,8 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import NearSun
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import EVENING, Bridge
-from tests.support.virtual import run
 
 #: 2026-06-21 10:00 UTC at 45 N, 10 E: the Sun at azimuth 136, altitude 63.
 JUNE = 1782036000.0

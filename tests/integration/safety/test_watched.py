@@ -9,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.seen import Seen
 from gateway.mount.policy import Limits
 from gateway.mount.readings.poller import OWN_AGE
@@ -16,7 +17,6 @@ from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.integration.safety.test_by_hand import UP, polled, ready
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 
 def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 #: ``W``: degrees, minutes, seconds, 0 north and east, 1 south and west.
 OWN, FORTY = b"W" + bytes((45, 0, 0, 0, 10, 0, 0, 0)), b"W" + bytes((40, 0, 0, 0, 20, 0, 0, 1))

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from gateway.astro.axes import Sky
+from gateway.diagnostics.virtual_time import run
 from tests.support.cable import Cable, lose_commands, lose_replies
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 CLASSICS = ["lx200", "lx200-16"]
 MEADES = [*CLASSICS, "autostar", "lx200gps"]

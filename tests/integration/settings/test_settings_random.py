@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from gateway.core.operations import Backlash, Moment, Place, SetClock, SetSite
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.pending_settings import (
     TRIES,
     Pending,
@@ -28,7 +29,6 @@ from gateway.mount.site.pending_settings import (
 from tests.support.cable import Cable, lose_commands, lose_replies
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 SITES = [
     (b"+40*45", b"074*30", (40.75, -74.5)),

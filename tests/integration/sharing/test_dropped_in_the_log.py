@@ -6,11 +6,11 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200 import framing as lx200
 from gateway.protocols.nexstar.framing import Framer as NexStarFramer
 from tests.support.callers import Caller
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def _dropped(bridge: Bridge) -> list[tuple[bytes, str]]:

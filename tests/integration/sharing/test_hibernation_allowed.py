@@ -16,9 +16,9 @@ from gateway.app.gateway import Gateway
 from gateway.clients.access import Access, Rights
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry
+from gateway.diagnostics.virtual_time import run
 from tests.support.callers import Caller
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 from tests.unit.transport.test_ports import address, ask
 
 MOUNTS = {"nexstar": "cpc", "lx200": "lx200gps"}

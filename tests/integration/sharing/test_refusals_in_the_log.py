@@ -7,8 +7,8 @@ import asyncio
 import pytest
 
 from gateway.core.wire_log import show
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 @pytest.mark.parametrize(

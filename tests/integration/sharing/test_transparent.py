@@ -16,11 +16,11 @@ from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
 from gateway.clients.access import Access
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
 from tests.support.in_process_gateway import Bridge
 from tests.support.transparent import ALLOWED, MOUNTS, asked_of, differences
-from tests.support.virtual import run
 
 APPROACH = b"P\1\x10\xfc\0\0\0\1"
 MOTORS = b"P\1\x10\xfe\0\0\0\2"

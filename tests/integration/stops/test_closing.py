@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 LX200 = [b":AP#", b":hN#", b":RS#:Mn#", b":GR#:GA#", b":hW#", b":gT#", b":Mgn0500#", b":SG+01#", b":Qn#", b":$BA10#"]
 NEXSTAR = [b"T\x01", b"x", b"P\x02\x11\x24\x09\0\0\0", b"ezLt", b"y", b"W" + bytes(8), b"M", b"r3456000034560000"]

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from tests.integration.stops.test_lost_answers import swallow
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 HALT = b"P\x02\x12\x24\x00\x00\x00\x00"
 MOUNTS = [("cpc", "nexstar"), ("lx200gps", "lx200")]

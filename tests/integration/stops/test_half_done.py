@@ -12,11 +12,11 @@ import pytest
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.integration.stops.test_lost_answers import swallow
 from tests.support import truth
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
 OPEN = {"lowest": -90.0, "sun": 0.0}

@@ -10,10 +10,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.astro.spherical import wrap180
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.operations_matrix import _axes
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 LATENCY = 0.1
 NORTH_STOPS, EAST_STOPS = b"P\x02\x11\x24\0\0\0\0", b"P\x02\x10\x24\0\0\0\0"

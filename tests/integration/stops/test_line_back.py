@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
 MOUNTS = [*MEADES, "cge", "cpc", "6-8se"]

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 ARROW = bytes((80, 2, 16, 37, 9, 0, 0, 0))  # east, the fastest
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation
+from gateway.diagnostics.virtual_time import run
 from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"

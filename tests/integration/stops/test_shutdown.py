@@ -19,12 +19,12 @@ from gateway.astro.spherical import separation
 from gateway.cli import main
 from gateway.cli.serve import serving
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.transport.wires import SimulatedTransport
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running, ask
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
 

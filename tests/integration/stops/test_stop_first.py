@@ -6,10 +6,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.queue import STOP
 from gateway.protocols.base.driver import Send
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NORTH_STOPS, EAST_STOPS = b"P\x02\x11\x24\0\0\0\0", b"P\x02\x10\x24\0\0\0\0"
 EAST_MOVES = b"P\x02\x10\x25"

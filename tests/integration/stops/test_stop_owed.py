@@ -6,10 +6,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 ENDS = (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0")
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: 58.0 Hz of 60.164 is 14.5 arcseconds a second; the Moon goes at 14.685.
 RATES = {b":ST58.0#": 15.041 * (1 - 58.0 / 60.164), b":TL#": 15.041 - 14.685, b":TQ#": 0.0}

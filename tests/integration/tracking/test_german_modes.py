@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 @pytest.mark.parametrize(("model", "version"), [("avx", "5.31"), ("cge", "4.21")])

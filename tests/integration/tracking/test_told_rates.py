@@ -7,8 +7,8 @@ import asyncio
 import pytest
 
 from gateway.core.operations import TrackRate
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: In alt-az, and on hand controls that have no way to the motors.
 SIDEREAL_ALONE = [

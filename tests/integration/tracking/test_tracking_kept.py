@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import wrap180
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.cable import Cable
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 OPEN = {"lowest": -90.0, "sun": 0.0}
 LETTERS = ["lx200gps", "autostar"]

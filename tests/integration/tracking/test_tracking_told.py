@@ -12,8 +12,8 @@ from contextlib import asynccontextmanager
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MOUNTS = [("autostar", False), ("lx200gps", False), ("autostar", True), ("lx200gps", True)]
 

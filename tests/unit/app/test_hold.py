@@ -16,9 +16,9 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
 from gateway.core.motion_kinds import MOTIONS
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 WORDS = b"The mount is held: mount-gateway stop --release"
 RATE = op.Rate(name="max")

@@ -13,9 +13,9 @@ from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 CRAB = Equatorial((5 + 34 / 60 + 32 / 3600) * 15, 22 + 0 / 60 + 52 / 3600)
 ALIGNED = Status(Tracking.ALTAZ, aligned=True, equatorial=False)

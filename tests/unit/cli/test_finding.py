@@ -12,8 +12,8 @@ from gateway.app.config import parse_endpoint
 from gateway.cli.serve import finding
 from gateway.cli.serve.finding import not_found_message, waiting_message
 from gateway.core.errors import UserError
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def gateway_of(bridge: Bridge, at: str) -> Any:

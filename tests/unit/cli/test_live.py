@@ -21,10 +21,10 @@ from types import SimpleNamespace
 import pytest
 
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
+from gateway.diagnostics.virtual_time import run
 from gateway.system.systemd import notify, watchdog
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import GATEWAY, PATIENCE
-from tests.support.virtual import run
 
 IN_PLACE = re.compile(rb"\r(6-8se  \d\d:\d\d:\d\d [+-]\d\d\xc2\xb0\d\d'\d\d\"  tracking  no programs  \d+\.\d/s)")
 

@@ -15,12 +15,12 @@ from gateway.app.gateway import Gateway
 from gateway.clients.access import Access, harmless, networks
 from gateway.core import operations as op
 from gateway.core.errors import UserError
+from gateway.diagnostics.virtual_time import run
 from gateway.transport.handler import ConnectionRefused
 from gateway.transport.tcp import exposed
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.nexstar_flows import precise, up
-from tests.support.virtual import run
 from tests.unit.transport.test_ports import address, ask
 
 LOOKS = Access(read_only=True)

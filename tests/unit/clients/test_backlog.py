@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.transport.intake import SHARE
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 ARROWS = b":RM#:Me#" * (4 * SHARE // 8)
 

@@ -14,11 +14,11 @@ import pytest
 
 from gateway.app.gateway import Gateway
 from gateway.core.errors import MappingError
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar import counting
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.system import file_limits
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 from tests.unit.transport.test_ports import address, ask, serve
 
 

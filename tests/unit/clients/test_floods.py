@@ -15,6 +15,7 @@ import pytest
 
 from gateway.app.gateway import Gateway
 from gateway.clients.commands.turn_runner import MAX_BACKGROUND
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
 from gateway.transport.intake import PAUSE, SHARE
@@ -22,7 +23,6 @@ from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import precise, up
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import equatorial
-from tests.support.virtual import run
 from tests.unit.transport.test_ports import address, ask, serve
 
 SLOW = 0.12

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.transport import open_port
 from gateway.transport.intake import PAUSE, SHARE
 from gateway.transport.listening import split_address
 from gateway.transport.tcp import TcpPort
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running
-from tests.support.virtual import run
 from tests.unit.clients.test_backlog import shares
 
 ARROWS = b":RM#:Me#" * 60_000

@@ -19,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.clients.strangers import IDLE, Greeting, Piece, Recogniser, StrangerFilter, greetings
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
 from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
 from tests.support.callers import Caller
@@ -27,7 +28,6 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.manual_files import raw, rows
 from tests.support.sampling import as_a_rule
 from tests.support.transcript_files import files, read
-from tests.support.virtual import run
 
 ROOT = Path(__file__).parents[3]
 Bytes = frozenset[int]

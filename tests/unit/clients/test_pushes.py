@@ -9,8 +9,8 @@ from typing import Any
 from gateway.clients.commands.pushes import Pushes
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Operation, Position, Slewing
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.wants import Subscription
-from tests.support.virtual import run
 
 
 class Client:

@@ -18,12 +18,12 @@ from gateway.app.recording.recorder import Recorder
 from gateway.app.simulated import make_simulator
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.replay.replaying import replay
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
 from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
 from tests.support.in_process_gateway import EVENING, Bridge
-from tests.support.virtual import run
 
 MOUNTS = {"nexstar": "cpc", "lx200": "lx200gps"}
 QUESTION = {"nexstar": b"e", "lx200": b":GR#"}

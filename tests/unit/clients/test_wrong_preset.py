@@ -9,10 +9,10 @@ import socket
 import pytest
 
 from gateway.clients.wrong_preset import advice
+from gateway.diagnostics.virtual_time import run
 from tests.support.callers import Caller
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running
-from tests.support.virtual import run
 
 NEXSTAR_ON_LX200 = (
     "127.0.0.1:50000 sends `{}`: this looks like a NexStar program on an LX200 surface. Choose "

@@ -9,8 +9,8 @@ import pytest
 
 from gateway.core.errors import NoAnswer
 from gateway.core.waiting import HELD_AT_MOST, PER_ITERATION, FairScheduler
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 
 async def _turns(stopping: Callable[[], bool], many: int) -> list[int]:

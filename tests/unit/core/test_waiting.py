@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.core.waiting import TimedEvent, result_of
-from tests.support.virtual import run
+from gateway.diagnostics.virtual_time import run
 
 
 def test_who_waits_goes_on_when_it_is_set_and_at_once_while_it_is() -> None:

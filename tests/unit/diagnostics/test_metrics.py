@@ -8,8 +8,8 @@ import pytest
 
 from gateway.core.errors import Fault
 from gateway.diagnostics.metrics import Counts, Histogram
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def test_a_histogram_counts_what_is_no_more_than_each_bound() -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, GetStatus, Goto, Position, Slewing
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 async def _load(bridge: Bridge, clients: int, seconds: float) -> int:

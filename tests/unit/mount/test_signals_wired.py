@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.controller import MountController
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 CHANGES: dict[str, Callable[[MountController], object]] = {
     "a reading came": lambda mount: mount.cache.put(op.Slewing, False, mount.now()),

@@ -10,10 +10,10 @@ import tty
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.transport import baud
 from gateway.transport.serial_port import SerialPort
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 SPEEDS = {termios.B9600: 9600, termios.B19200: 19200, termios.B38400: 38400, termios.B57600: 57600}
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from gateway.app.simulated import _SimulatedConnection, serve_simulator
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from gateway.transport.baud import MAX_BYTES, SerialPace
 from tests.support.simulated_meade import Clock
-from tests.support.virtual import run
 
 #: Seconds that a byte takes at 9600 baud.
 BYTE = 10.0 / 9600.0

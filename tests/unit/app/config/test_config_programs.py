@@ -13,11 +13,11 @@ from gateway.app.config.describing import find_key
 from gateway.app.config.programs import first_bytes, open_needs, programs, with_needs
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core.wire_log import Entry
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.fake_gateway import FakeGateway
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import files, read
-from tests.support.virtual import run
 
 TCP = "lx200@tcp://127.0.0.1:0"
 GENUINE = b" M31 EX GAL MAG 3.5 SZ178.0'#"

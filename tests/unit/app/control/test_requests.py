@@ -13,9 +13,9 @@ from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
 from gateway.core.operations import Direction
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NORTH = request_types.Move("m", Direction.NORTH, 7, 3.0)
 CRAB = request_types.Spot(83.633, 22.014)

@@ -11,9 +11,9 @@ import pytest
 
 from gateway.app.control.user_messages import first_messages, last_message
 from gateway.core.operations import AbortMotion
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running, ask
-from tests.support.virtual import run
 
 
 def said(bridge: Any, model: str | None = None, version: str | None = None) -> tuple[list[str], list[str]]:

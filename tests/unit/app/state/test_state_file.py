@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 from gateway.app.state import file as state
 from gateway.app.state import store
 from gateway.app.state.file import FORMAT, SavedState, from_shared, read_state, to_shared
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
 from gateway.system.files import replace_file
 from tests.support.forked import POSSIBLE
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running
-from tests.support.virtual import run
 
 PRINTABLE = "".join(chr(code) for code in range(32, 127) if chr(code) != "#")
 FULL = SavedState(

@@ -12,8 +12,8 @@ import pytest
 from gateway.app.state.file import read_marker
 from gateway.astro.spherical import separation
 from gateway.core.operations import Tracking
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NEXSTAR_STOP = {b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"}
 GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"

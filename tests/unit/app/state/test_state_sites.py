@@ -9,10 +9,10 @@ import pytest
 
 from gateway.app.state.store import selected_site
 from gateway.core.operations import Place
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import NamedSite
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge, Visitor
-from tests.support.virtual import run
 
 MODELS = sorted(load("lx200").models)
 #: For every model: what ``:W`` calls the four sites, and the longest name it takes, by Meade's manual.

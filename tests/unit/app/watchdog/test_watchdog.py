@@ -21,12 +21,12 @@ from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
 from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, available
 from gateway.app.watchdog.process import SILENCE, Mount, Watch
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.shutdown import stop_commands
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.transport.wires import on_the_wire
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running
-from tests.support.virtual import run
 from tests.support.watchdog import Watched
 
 pytestmark = pytest.mark.skipif(not available(), reason="this system cannot hand a line to another process")

@@ -15,9 +15,9 @@ from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
 from gateway.diagnostics.detect.probe import sentence
 from gateway.diagnostics.detect.report import block, command
 from gateway.diagnostics.detect.scan_port import OTHERS
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.uart import Device, UartWire
-from tests.support.virtual import run
 
 EVENING = 1768514400.0
 AT_9600, ELSEWHERE = 6.5, 20.0

@@ -10,8 +10,8 @@ import pytest
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 class Log:

@@ -11,6 +11,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import Garbled, NoAnswer
 from gateway.core.wire_log import WireLog
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import HALF_COMMAND, MountLink
 from gateway.mount.link.queue import READ, STOP
 from gateway.protocols.base.driver import Send
@@ -21,7 +22,6 @@ from tests.soak.faulty import Kind
 from tests.soak.line_faults import trial
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 from tests.unit.mount.link.test_queue import Wire, hand_control, opened
 
 EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))

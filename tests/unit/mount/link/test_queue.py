@@ -11,6 +11,7 @@ import pytest
 
 from gateway.core.errors import NoAnswer, NoDevice, Silence
 from gateway.core.wire_log import WireLog
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import MOTION, POSITION, READ, SETTING, STOP
 from gateway.protocols.base.driver import Send
@@ -18,7 +19,6 @@ from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.transport.wires import OnData, OnLost
 from tests.support.each import each
-from tests.support.virtual import run
 
 
 class Wire:

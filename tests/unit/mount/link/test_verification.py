@@ -8,10 +8,10 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NoDevice
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.reply_times import LateReplies
 from gateway.mount.link.verification import REMEMBERED
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 #: What each surface asks where the mount points, and a reply's length.
 PLACES = {"lx200": (b":GR#", 9), "nexstar": (b"e", 18)}

@@ -11,8 +11,8 @@ from gateway.app.control.orders import stopped
 from gateway.astro.axes import Build
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 NORTH = b"P\2\x11\x24\x09\0\0\0"
 #: (driven protocol, mount, firmware, what it needs to be told)

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from tests.integration.safety.test_by_hand import ready
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.ends import Sample
 from gateway.mount.safety.positions import StallWatch
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 def freeze(bridge: Any) -> None:

@@ -7,12 +7,12 @@ import asyncio
 import pytest
 
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.stop_timing import StopDeadline
 from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.integration.safety.test_by_hand import DOWN, UP, ready
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
-from tests.support.virtual import run
 
 
 @pytest.mark.parametrize("every", [0.3, 0.35, 0.5, 0.7])

@@ -10,9 +10,9 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import SyncTooFar
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.sync_sum import SyncSum, check_sum
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 
 async def sync_north(bridge: Any, degrees: float) -> Exception | None:

@@ -12,12 +12,12 @@ import pytest
 
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation
 from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, SiteClock
 from tests.integration.safety.test_sun import JUNE, SKY
 from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
-from tests.support.virtual import run
 
 LIMIT = 10.0
 

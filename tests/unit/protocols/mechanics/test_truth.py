@@ -15,6 +15,7 @@ import ephem
 import pytest
 
 from gateway.cli import main
+from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.mechanics.truth import Truth, sample, truth_of
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
@@ -23,7 +24,6 @@ from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.process import Running, ask
 from tests.support.simulated_meade import Clock
 from tests.support.truth import sampled
-from tests.support.virtual import run
 
 #: Day and night, north and south.
 MOMENTS = [1768514400.0, 1782036000.0, 1799000000.0]

@@ -18,6 +18,7 @@ import gateway
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_outcomes, command_tables
 from gateway.diagnostics.rehearsal.explain import explain
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, ProtocolSpec, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS as SPECS
@@ -28,7 +29,6 @@ from gateway.protocols.wireformat.fields import Codec
 from gateway.protocols.wireformat.rows import handlers_of
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 PROTOCOLS = [load("lx200"), load("nexstar")]
 SAMPLES = {"ra": 83.6, "dec": -22.5, "latitude": -33.5, "longitude": 118.25, "date": date(2026, 3, 20)}

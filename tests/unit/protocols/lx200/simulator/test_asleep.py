@@ -6,10 +6,10 @@ import asyncio
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import meade, overhead
-from tests.support.virtual import run
 
 #: What would turn a motor, and what an LX200GPS answers to it while its motors have no power.
 TURNS = [

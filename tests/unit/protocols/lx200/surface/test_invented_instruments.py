@@ -6,10 +6,10 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoDevice
+from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from gateway.clients.access import Access
+from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge
-from tests.support.virtual import run
 
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
 WITH_HORIZON = ["autostar", "lx200-16", "lx200gps"]

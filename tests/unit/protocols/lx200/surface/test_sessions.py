@@ -9,9 +9,9 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
+from gateway.diagnostics.virtual_time import run
 from tests.support.fake_gateway import FakeGateway
 from tests.support.fake_mount import unix
-from tests.support.virtual import run
 
 SETTINGS = b":Sr05:34:32#:Sd+22*00:52#:RS#:U#:So20#:H#"
 TOLD = b":GR#:Gr#:Gd#:Go#:Gc#"
