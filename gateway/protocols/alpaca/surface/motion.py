@@ -90,7 +90,7 @@ def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling
 
 
 def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Move an axis at a rate of ``AxisRates``, positive or negative; 0 ends the motion. Raises Invalid."""
+    """Move an axis at a rate of ``AxisRates``, positive or negative; 0 ends it. Raises Invalid, Unsupported."""
     number, rate = axis(values), given(values)["rate"]
     if number == 2:
         raise Unsupported("This mount has no third axis.")

@@ -27,7 +27,7 @@ def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
 
 
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
-    """:St :Sg - some telescopes answer 0 to a valid latitude, so the site is read back. Raises Refused if another."""
+    """:St :Sg - the site is read back, as some reply 0 to a valid one. Raises Refused if it differs, or Unsupported."""
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     with suppress(Invalid):

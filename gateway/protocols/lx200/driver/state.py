@@ -165,9 +165,9 @@ class Lx200Driver(Driver):
         return "autostar" if self.product and not self.product.startswith("LX200") else None
 
     def own(self, operation: Own) -> Steps:
-        """Send a client's command unchanged. Firmware may lack it, so the wait is short and no reply is an answer.
+        """Send a client's command unchanged. Firmware may lack it, so the wait is short, and silence counts as a reply.
 
-        Raises Busy while it seeks its home.
+        Raises Busy while the telescope seeks its home, and Unsupported if the model lacks the command.
         """
         if self.seeking and not self.protocol.commands[operation.command].while_seeking:
             raise Busy("The mount seeks its home.")

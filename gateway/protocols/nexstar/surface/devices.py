@@ -105,7 +105,7 @@ def _calendar(unix: float) -> dict[str, int]:
 
 
 def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Set date, year or time of the real-time clock, each its own part of UT. Raises Invalid for an impossible one."""
+    """Set date, year or time of the real-time clock, each its own part of UT. Raises Invalid and NoDevice."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):
         raise NoDevice
