@@ -192,3 +192,26 @@ def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
             await outer.controller.close()
 
     run(program())
+
+
+def test_a_telescope_keeps_its_name_when_its_answers_are_lost() -> None:
+    """Two lost answers in a row do not make an Autostar, which has told its name before, an LX200 16 inch."""
+
+    async def program() -> None:
+        async with Bridge("autostar", driven="lx200", presented="nexstar", surface=None) as bridge:
+            wire: Any = bridge.controller.line.wire
+            feed, lost = wire._feed, [b":GVP#", b":GVP#"]
+
+            def lossy(data: bytes) -> bytes:
+                answer = bytes(feed(data))
+                if data in lost:
+                    lost.remove(data)
+                    return b""
+                return answer
+
+            wire._feed = lossy
+            await bridge.controller.identification.learn(op.GetIdentity())
+            identity = bridge.controller.cache.value(op.GetIdentity)
+            assert (identity.product, identity.model, lost) == ("Autostar", "autostar", [])
+
+    run(program())

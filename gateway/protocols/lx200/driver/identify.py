@@ -60,11 +60,12 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
 
 
 def _name(mount: Lx200Driver) -> Steps:
-    """:GVP, repeated if the model depends on it, because the first question may have been lost."""
+    """:GVP, repeated if the model depends on it, because replies may be lost; more often if it had a name before."""
     product = yield from _probe(mount, "GVP")
-    if product is None and mount.named_model is None:
-        mount.mute -= {"GVP"}
-        product = yield from _probe(mount, "GVP")
+    for _ in range(0 if mount.named_model is not None else 2 if mount.product else 1):
+        if product is None:
+            mount.mute -= {"GVP"}
+            product = yield from _probe(mount, "GVP")
     return product
 
 
