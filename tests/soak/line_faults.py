@@ -1,8 +1,9 @@
 """A gateway between clients and a simulated mount over a faulty line, on virtual time: does it ever report nonsense?
 
 The simulator's own state is the truth: everything that the controller delivers is compared with what the mount could
-have reported within the permitted age. The mount slews, is moved by direction keys and stopped all the time, so that an
-old reply is a wrong one. ``trial`` is one run; the same seed gives the same run.
+have reported within the permitted age; while it moves, positions are extrapolated and may be off by as much as it moves
+in half a second. It slews, is moved by direction keys and stopped all the time, so that an old reply is a wrong one.
+``trial`` is one run; the same seed gives the same run.
 
     python -m tests.soak.line_faults [--exchanges 100000] [--seed 1]
 """

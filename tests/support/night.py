@@ -9,6 +9,7 @@ motion the received position must be near the mount's own position now.
 from __future__ import annotations
 
 import asyncio
+import math
 import random
 from collections import deque
 from collections.abc import Callable
@@ -30,9 +31,9 @@ LATENCY = 0.05
 #: Seconds that a position may be old: it counts as fresh for half a second and was on its way before.
 OLDEST = 1.2
 ARCSECOND = 1.0 / 3600.0
-#: In motion the gateway extrapolates, which may be wrong by this many degrees if the motion has just begun or turns:
-#: a quarter of a second at the 8 degrees a second of a Meade.
-RECKONED = 2.0
+#: In motion the gateway extrapolates, which may be wrong by this many degrees if the motion has just begun, turns or
+#: passes a pole: half a second at the 8 degrees a second of a Meade, on both axes.
+EXTRAPOLATION_ERROR = 0.5 * 8.0 * math.sqrt(2.0)
 #: Half a unit, degrees: of HH:MM:SS, of sDD*MM:SS, of 24 bits of a turn.
 SECOND, ARC, BINARY = 7.5 * ARCSECOND, 0.5 * ARCSECOND, 180.0 / 2**24
 #: Protocol -> half units of right ascension and declination.
@@ -100,7 +101,7 @@ class Truth:
     def off(self, ra: float, dec: float) -> float:
         """Return the distance from the mount's own position now, as a fraction of the permitted extrapolation error."""
         here = fold_declination(*self._bridge.sim.mechanics.believed(self._bridge.sim.now))
-        return separation(ra, dec, *here) / RECKONED
+        return separation(ra, dec, *here) / EXTRAPOLATION_ERROR
 
 
 class Lx200:
@@ -235,6 +236,7 @@ async def night(
                 record.clocks += 1
                 if abs(off) > CLOCK:
                     record.wrong.append(f"at {now - began:.0f} s: the clock is {off:.1f} s off")
+                bridge.wire.clear()  # it lists everything that the mount has received
                 hourly()
         program.park()
         await asyncio.sleep(120.0)
