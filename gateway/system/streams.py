@@ -38,7 +38,7 @@ def reopen_closed() -> None:
 
 
 def say(text: str) -> None:
-    """Print a line on stdout. If that fails, warn once on stderr and discard all further output."""
+    """Print a line on stdout for a command that serves. If that fails, warn once on stderr and discard all others."""
     try:
         print(text, flush=True)
     except (OSError, ValueError) as error:

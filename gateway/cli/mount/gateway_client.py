@@ -109,7 +109,7 @@ def report(answer: str) -> int:
         streams.warn(plain, streams.ERROR)
         return 1
     streams.replace_unencodable()
-    streams.say(plain)
+    print(plain)
     return 0
 
 

@@ -69,9 +69,9 @@ async def _show_once(arguments: argparse.Namespace) -> int:
             streams.warn(f"{endpoint.name or endpoint.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
     streams.replace_unencodable()
     if arguments.json:
-        streams.say(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
+        print(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:
-        streams.say("\n\n".join("\n".join(lines(state)) for state in states))
+        print("\n\n".join("\n".join(lines(state)) for state in states))
     if not endpoints:
         gateway_client.report_no_gateway(arguments)
     return 0 if endpoints and len(states) == len(endpoints) else 1
@@ -92,7 +92,7 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
             if screen.terminal is not None:
                 screen.show(status([look], screen.columns))
             else:
-                streams.say(status([look]))
+                print(status([look]), flush=True)
             if await gateway_client.cancelled_while_waiting(done):
                 break
     finally:

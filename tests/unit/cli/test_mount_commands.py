@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -52,6 +54,20 @@ def test_where_no_gateway_runs_that_is_said(say: Say, tmp_path: Path) -> None:
         assert (code, out) == (1, "")
         assert err.startswith("mount-gateway: no gateway runs here; mount-gateway run starts one")
     assert say("status", "--json", "--state", str(tmp_path))[:2] == (1, "[]")
+
+
+def test_a_reader_that_has_had_enough_of_the_status_is_no_fault(
+    tmp_path: Path, started: list[Running], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As in ``mount-gateway status | head -1``."""
+    gateway(started, tmp_path).ready()
+    for words in (["status"], ["status", "--json"], ["goto", "10:00:00", "-05:30:00"]):
+        reader, writer = os.pipe()
+        os.close(reader)
+        with open(writer, "w", encoding="utf-8") as stdout, monkeypatch.context() as patch:
+            patch.setattr(sys, "stdout", stdout)
+            assert main([*words, "--state", str(tmp_path)]) == 0
+        assert capsys.readouterr().err == ""
 
 
 def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) -> None:
