@@ -98,7 +98,7 @@ class FakeController:
 
 
 class FakeGateway:
-    """A mount behind a surface; ``connection`` opens a connection."""
+    """A mount behind a surface; ``connect`` opens a connection."""
 
     def __init__(
         self,
@@ -110,9 +110,9 @@ class FakeGateway:
     ) -> None:
         self.mount = mount or Mount()
         self.controller = FakeController(self.mount)
-        face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
+        binding = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
         self.shared = Shared()
-        self.acceptor = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
+        self.acceptor = ConnectionAcceptor(cast(Any, self.controller), binding, self.shared, self.controller.clock)
 
     def connect(self, host: str = "192.168.4.2") -> FakeConnection:
         return FakeConnection(self, host)
