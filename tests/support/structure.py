@@ -10,29 +10,27 @@ from __future__ import annotations
 import ast
 import asyncio
 import functools
-import re
 import types
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-#: Module and names of ``from``, or a module alone. A regular expression takes a tenth of the time of a syntax tree.
-_IMPORT = re.compile(r"(?m)^\s*(?:from (\w[\w.]*) import (\([^)]*\)|.*)|import (\w[\w.]*))")
+
+@functools.cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
 
 
 def imports(path: Path, name: str, package: str = "gateway") -> set[str]:
     """Return the modules that a file imports anywhere, as written: ``from a import b`` gives ``a`` and ``a.b``."""
     found: set[str] = set()
-    for module, names, whole in _IMPORT.findall(path.read_text("utf-8")):
-        found |= {f"{module}.{one}" for one in re.findall(r"\w+", names)} | {module or whole}
+    for node in ast.walk(_tree(path)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
     return {one for one in found if one.split(".")[0] == package and one != name}
-
-
-@functools.cache
-def _empty(path: Path) -> bool:
-    """Whether a module contains only its docstring."""
-    return len(ast.parse(path.read_text("utf-8")).body) <= 1
 
 
 def import_graph(root: Path) -> dict[str, set[str]]:
@@ -45,7 +43,7 @@ def import_graph(root: Path) -> dict[str, set[str]]:
     for name, path in files.items():
         wanted = {one for one in imports(path, name, root.name) if one in files}
         exact = {one for one in wanted if not any(other.startswith(f"{one}.") for other in wanted)}
-        empty = {one for one in wanted - exact if _empty(files[one])}
+        empty = {one for one in wanted - exact if len(_tree(files[one]).body) <= 1}
         graph[name] = (wanted - empty) - {name}
     return graph
 
