@@ -7,7 +7,6 @@ arrow that follows from others is left out: ``cli`` reaches ``core`` through ``a
 from __future__ import annotations
 
 import ast
-import re
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -16,9 +15,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "architecture.md"
 BEGIN, END = "<!-- layers: python docs/layers.py -->\n", "<!-- end of layers -->\n"
-
-#: The second part of a module, or the names that are taken from ``gateway`` itself.
-_IMPORT = re.compile(r"(?m)^\s*(?:from|import) gateway(?:\.(\w+)| import (\([^)]*\)|.*))")
 
 Graph = dict[str, set[str]]
 
@@ -41,8 +37,15 @@ def imports() -> Graph:
 
 def _imported(path: Path) -> Iterator[str]:
     """Yield the second part of every ``gateway.X…`` that a module imports, wherever the import stands."""
-    for layer, names in _IMPORT.findall(path.read_text("utf-8")):
-        yield from [layer] if layer else re.findall(r"\w+", names)
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for parts in (name.split(".") for name in names):
+            if parts[0] == "gateway" and len(parts) > 1:
+                yield parts[1]
 
 
 def reached(graph: Graph, start: str) -> set[str]:
