@@ -68,10 +68,10 @@ class Mechanics(AxisMotion):
         return leg is not None and now < leg.ends
 
     def tracking(self, now: float) -> bool:
-        """Whether the motors follow the sky at this moment."""
-        if self.slewing(now) or self._axes[2].overridden:
+        """Whether the motors follow the sky at this moment. The second motor of a polar mount rests meanwhile."""
+        first, second = self._axes[1], self._axes[2]
+        if self.slewing(now) or (second.overridden and (second.rate or self.build is Build.ALTAZ)):
             return False
-        first = self._axes[1]
         if first.overridden:
             return first.drive and self.build is not Build.ALTAZ and first.rate * self.geometry.pole > 0
         return self._on and (self.build is Build.ALTAZ or self._sense == self.geometry.pole)
@@ -98,6 +98,14 @@ class Mechanics(AxisMotion):
         """Track the position that the mount believes to point at (or rest); earlier orders end."""
         self.advance(now)
         self._follow(now)
+
+    def resume_axis(self, now: float, axis: int) -> None:
+        """End the hand motion of one axis: the first of a polar mount tracks again, even if the other is still moved."""
+        self.move(now, axis, 0.0)
+        if axis == 1 and self.build is not Build.ALTAZ and self._axes[1].overridden:
+            self._advance_and_note(now)
+            self._axes[1].rest()
+            self._axes[1].rate = self._sense * self._drive_rate * self._on
 
     def goto_sky(self, now: float, ra: float, dec: float) -> None:
         """Slew to a sky position, which moves on meanwhile; track it on arrival if tracking is on."""

@@ -147,13 +147,16 @@ def arrow(sim: Telescope, name: str, _: Values) -> None:
 
 
 def release(sim: Telescope, *axes: int) -> None:
-    """Release the direction keys of these axes, or all; after the last one the telescope tracks where it points."""
+    """Release the direction keys of these axes, or all; after the last one the telescope tracks where it points.
+
+    A polar telescope tracks again as soon as the keys of its first axis are released (:Qe halts eastward motion only).
+    """
     pressed = [axis for axis in (axes or (1, 2)) if axis in sim.arrows]
     for axis in pressed:
         if sim.arrows.pop(axis):
             sim.mechanics.pulse(sim.now, axis, 0.0, 0.0)
         else:
-            sim.mechanics.move(sim.now, axis, 0.0)
+            sim.mechanics.resume_axis(sim.now, axis)
     if pressed and not sim.arrows:
         sim.mechanics.resume(sim.now)
 

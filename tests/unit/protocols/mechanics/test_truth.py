@@ -163,6 +163,27 @@ def test_tracking_is_no_motion_and_a_pulse_is() -> None:
     assert not truth_of(simulator).moving
 
 
+def test_a_polar_mount_tracks_again_once_its_slow_declination_arrow_is_released() -> None:
+    simulator, clock = mount("nexstar", "avx")
+    simulator.feed(b"P\x03\x11\x06\x00\x1e\0\0")  # 7.5 arcseconds a second
+    clock.now += 2.0
+    assert truth_of(simulator).moving and not truth_of(simulator).tracking
+    simulator.feed(b"P\x02\x11\x24\x00\0\0\0")
+    clock.now += 2.0
+    seen = truth_of(simulator)
+    assert (seen.tracking, seen.moving, seen.rate2) == (True, False, 0.0)
+    assert seen.rate1 * 3600.0 == pytest.approx(15.041, abs=0.001)
+
+
+def test_an_alt_az_mount_whose_arrow_was_released_does_not_track_yet() -> None:
+    """Both of its motors would have to follow the sky."""
+    simulator, clock = mount("nexstar", "cpc")
+    for key in (b"\x05", b"\x00"):
+        simulator.feed(b"P\x02\x11\x24" + key + b"\0\0\0")
+        clock.now += 2.0
+    assert not truth_of(simulator).tracking
+
+
 # --- what cannot change it ------------------------------------------------------------------------------------------
 
 #: Sites, clocks, syncs, axis readings, restarts: all that a client may say without turning a motor.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.astro.spherical import separation, wrap180
+from gateway.astro.spherical import SIDEREAL_RATE, separation, wrap180
+from gateway.protocols.mechanics.truth import truth_of
 from tests.support.each import each
 from tests.support.simulated_meade import MODELS, SITES, meade, overhead
 
@@ -89,6 +90,27 @@ def test_arrows_of_a_fork(model: str, site: tuple[float, float]) -> None:
         still = sim.truth()
         clock.now += 600
         assert separation(*sim.truth(), *still) < ARCSECOND
+
+
+@each("model", MODELS)
+@each("site", SITES)
+def test_a_polar_telescope_tracks_once_its_east_key_is_released(model: str, site: tuple[float, float]) -> None:
+    """Even if north is still pressed: :Qe halts eastward motion only."""
+    sim, clock = meade(model, site)
+    sim.feed(b":AP#")
+    tracks = truth_of(sim).rate1
+    assert abs(tracks) * 3600.0 == pytest.approx(15.041, abs=0.001)
+    sim.feed(b":RC#:Mn#:Me#")
+    clock.now += 2
+    sim.feed(b":Qe#")
+    clock.now += 2
+    seen = truth_of(sim)
+    assert seen.rate1 == pytest.approx(tracks) and abs(seen.rate2) == pytest.approx(16 * SIDEREAL_RATE, rel=0.01)
+    sim.feed(b":AL#:Mn#:Me#")
+    clock.now += 2
+    sim.feed(b":Qe#")
+    clock.now += 2
+    assert truth_of(sim).rate1 == 0.0
 
 
 @each("model", MODELS)
