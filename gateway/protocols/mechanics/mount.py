@@ -100,7 +100,7 @@ class Mechanics(AxisMotion):
         self._follow(now)
 
     def resume_axis(self, now: float, axis: int) -> None:
-        """End the hand motion of one axis: the first of a polar mount tracks again, even if the other is still moved."""
+        """End the hand motion of one axis. The first of a polar mount tracks again, even if the other still moves."""
         self.move(now, axis, 0.0)
         if axis == 1 and self.build is not Build.ALTAZ and self._axes[1].overridden:
             self._advance_and_note(now)
