@@ -167,6 +167,18 @@ MUTATIONS = [
         "return SyncTooFar(",
         "tests/unit/mount/safety/test_sync_sum.py",
     ),
+    Mutation(
+        "a sync that makes the sum smaller is refused",
+        r"if corrects\(limit, before, after\):",
+        "if False:",
+        "tests/unit/mount/safety/test_sync_sum.py",
+    ),
+    Mutation(
+        "a sync near the zenith by day counts by the sky alone",
+        r"if distance <= NEARBY and not by_day:",
+        "if distance <= NEARBY:",
+        "tests/unit/mount/safety/test_sync_sum.py",
+    ),
     Mutation("a mount on hold can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
     # --- the layers
     Mutation(

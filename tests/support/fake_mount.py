@@ -15,12 +15,12 @@ from typing import Any
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
+from gateway.astro.spherical import separation
 from gateway.clients.commands.turn import SAME_INSTANT
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
-from gateway.core.errors import Fault, NoAnswer, Unsupported
+from gateway.core.errors import Fault, NoAnswer, SyncTooFar, Unsupported
 from gateway.mount.policy import Limits
-from gateway.mount.safety.sync_sum import check_sync
 from gateway.mount.site.astrometry import PLACES, SiteAstrometry
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.session import Session
@@ -98,7 +98,8 @@ class Mount:
         elif isinstance(operation, op.GotoAxes):
             self.slewing = True
         elif isinstance(operation, op.Sync):
-            check_sync(self.limits, self.position, op.Equatorial(operation.ra, operation.dec))
+            if separation(self.position.ra, self.position.dec, operation.ra, operation.dec) > self.limits.sync:
+                raise SyncTooFar
         elif isinstance(operation, op.AbortMotion | op.AbortSlew):
             self.slewing = False
         elif isinstance(operation, op.SetTracking):

@@ -23,8 +23,7 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.PastMeridian, "--hour-angle-limit, with which the gateway was started, keeps the tube from the pier."),
     (errors.NotAligned, "Positions mean nothing before that: align it at the hand control, then ask again."),
     (errors.SyncTooFar,
-     "A sync moves the sky by {limits.sync:g} degrees at most, all since the alignment together: align the mount "
-     "again, or start the gateway with another --sync-limit."),
+     "A sync moves the sky, and turns an axis, by {limits.sync:g} degrees at most, all since the alignment together."),
     (errors.Held, "Nothing moves it until then."),
     (errors.Asleep, "It ignores commands until it is woken: mount-gateway unpark, or its own keys."),
     ((errors.Garbled, errors.NoAnswer),

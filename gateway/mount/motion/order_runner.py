@@ -121,7 +121,7 @@ class Consequences:
         elif isinstance(operation, op.AbortSlew):
             cache.put(op.Slewing, False, self._now())
         elif isinstance(operation, op.Sync):
-            self._has_synced(operation)
+            self._has_synced()
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Hibernate | op.Wake):
             cache.forget(op.GetStatus)
             if isinstance(operation, op.Hibernate):
@@ -135,11 +135,9 @@ class Consequences:
         if not self._context.wanted.by_hand:
             self._watch.motion_ended()
 
-    def _has_synced(self, operation: op.Sync) -> None:
-        """Add the shift to the sum of all syncs, and forget the positions: the mount reports others from now on."""
-        status, here = self._cache.value(op.GetStatus), self._cache.value(op.Position)
-        if status is not None and status.aligned and here is not None:
-            there = self._context.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
-            self._context.synced.add(here, there, status.equatorial)
+    def _has_synced(self) -> None:
+        """Count the sync in the sum of all, and forget the positions: the mount reports others from now on."""
+        self._context.synced.carried_out()
+        status = self._cache.value(op.GetStatus)
         aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
         self._cache.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)

@@ -120,6 +120,8 @@ class Driver:
     gps = False
     #: Whether the gateway stores a sync that the mount's own axis readings do not include.
     has_sync_offset = False
+    #: Whether it does so because the hand control has no sync command.
+    emulates_sync = False
     #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.
     moves_by_gotos = False
     #: The equinox of the mount's coordinates, as far as its version tells: ``jnow`` or ``j2000``.

@@ -37,7 +37,7 @@ def test_an_arrow_stops_at_the_limit_whatever_the_syncs_were(model: str, version
     """Four syncs of 14 degrees lift the sky by 56: what is reckoned would let the tube sink far below the ground."""
 
     async def program() -> None:
-        async with Bridge(model, version, config={"lowest": 20.0, "sync_limit": 90.0}, latency=0.05) as bridge:
+        async with Bridge(model, version, config={"lowest": 20.0, "sync_limit": 180.0}, latency=0.05) as bridge:
             await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
             await asyncio.sleep(30.0)
             await synced(bridge, 4, 14.0)
@@ -71,7 +71,7 @@ def test_a_goto_is_refused_by_where_the_axis_will_stand() -> None:
     """The sky is believed 28 degrees higher than it is: what is reckoned at 30 is a tube at 2."""
 
     async def program() -> None:
-        async with Bridge("cpc", config={"lowest": 10.0, "sync_limit": 90.0}) as bridge:
+        async with Bridge("cpc", config={"lowest": 10.0, "sync_limit": 180.0}) as bridge:
             await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
             await asyncio.sleep(30.0)
             await synced(bridge, 2, 14.0)

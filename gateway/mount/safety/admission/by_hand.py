@@ -199,3 +199,18 @@ async def beyond_pole_or_zenith(mount: Context, ask: Reader, watch: LimitWatch) 
         return not watch.seen.upright
     here: op.Horizontal = await ask.read(op.AxisPosition())
     return abs(wrap180(here.alt)) > 90.0
+
+
+async def pointing(mount: Context, ask: Reader, watch: LimitWatch) -> set[bool]:
+    """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
+
+    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
+    that was synced there may take it for the first way, so both are returned then.
+    """
+    site = mount.astrometry.site_clock.site()
+    if not mount.driver.german or site is None:
+        return {False, not mount.driver.german and await beyond_pole_or_zenith(mount, ask, watch)}
+    # during a goto the mount reports the pier side of the target
+    under_way = mount.movement.slewing and await ask.read_now(op.Slewing())
+    side = None if under_way else await ask.tube_side()
+    return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}

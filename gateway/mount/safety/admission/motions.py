@@ -1,7 +1,7 @@
 """Admission: decides before a motion whether it is allowed, and in which form this mount can carry it out.
 
 A held mount may not be moved at all. Checked are the target of every goto, park and home, and the paths to it
-(``slew_paths.py``); motion by hand, guide pulses and tracking (``by_hand.py``); and how far a sync moves the sky.
+(``slew_paths.py``); motion by hand, guide pulses and tracking (``by_hand.py``); and syncs (``syncs.py``).
 Motion that has begun is watched by ``watch.py``.
 """
 
@@ -13,21 +13,19 @@ import contextlib
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
+from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
-from gateway.mount.safety.admission.by_hand import HandAdmission, beyond_pole_or_zenith
+from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.slew_paths import clear
+from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import check_hour_angle, check_shaft
-from gateway.mount.safety.sync_sum import check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
-#: Seconds that a sync waits for the end of a goto, and between two checks.
-GOTO_END, CHECK_EVERY = 2.5, 0.2
 #: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
 SITE_TIMEOUT = 4.0
 
@@ -73,7 +71,7 @@ class Admission:
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
         elif isinstance(operation, op.Sync):
-            return await self._admit_sync(operation)
+            return await admit_sync(self._mount, self._ask, self._watch, operation)
         elif isinstance(operation, op.Choose):
             return self._mount.astrometry.to_mount(operation)
         return operation
@@ -95,33 +93,6 @@ class Admission:
             fresh: op.Status = await self._ask.read_now(op.GetStatus())  # it may have been aligned just now
             if not fresh.aligned:
                 raise NotAligned
-
-    # --- syncs ------------------------------------------------------------------------------------------------------
-
-    async def _admit_sync(self, operation: op.Sync) -> op.Operation:
-        mount, limits = self._mount, self._mount.policy.limits
-        await self._wait_for_goto_end()
-        if mount.movement.anything:
-            raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
-        status = await self._status()
-        if status.aligned:
-            here: op.Equatorial = await self._ask.read(op.Position())
-            wanted = op.Equatorial(operation.ra, operation.dec)
-            check_sync(limits, here, wanted)
-            check_sum(limits.sync, mount.synced.value, here, wanted, status.equatorial)
-        return mount.astrometry.to_mount(operation)
-
-    async def _wait_for_goto_end(self) -> None:
-        """Wait briefly for the end of a goto: clients that compare positions assume its end a little too early."""
-        mount = self._mount
-        until = mount.now() + GOTO_END
-        while True:
-            moving = mount.movement.now()
-            if not moving.slewing or moving.by_hand or mount.now() >= until:
-                return
-            if not await self._ask.read_now(op.Slewing()):
-                return
-            await asyncio.sleep(CHECK_EVERY)
 
     # --- gotos ------------------------------------------------------------------------------------------------------
 
@@ -209,7 +180,7 @@ class Admission:
         status = await self._status()
         if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
             return
-        others = await self._pointing()
+        others = await pointing(self._mount, self._ask, self._watch)
         here: op.Equatorial = await self._ask.read(op.Position())
         german = mount.driver.german is True
         possible = slew_paths.possible_paths(astrometry, german, status.equatorial, here, goal, axes, others)
@@ -227,21 +198,6 @@ class Admission:
         self._watch.path_leaves_limits = not all(
             clear(*path, place, radius) for _, place, radius in forbidden for path in possible
         )
-
-    async def _pointing(self) -> set[bool]:
-        """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
-
-        The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
-        that was synced there may take it for the first way, so both are returned then.
-        """
-        mount = self._mount
-        site = mount.astrometry.site_clock.site()
-        if not mount.driver.german or site is None:
-            return {False, not mount.driver.german and await beyond_pole_or_zenith(self._mount, self._ask, self._watch)}
-        # during a goto the mount reports the pier side of the target
-        under_way = mount.movement.slewing and await self._ask.read_now(op.Slewing())
-        side = None if under_way else await self._ask.tube_side()
-        return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
 
 
 def _first(turned: Pair, stretch: float) -> Pair:

@@ -93,6 +93,11 @@ class HandControl(Driver):
         return self.starsense
 
     @property
+    def emulates_sync(self) -> bool:  # type: ignore[override]
+        """Whether there is no sync command, which came with 4.10: the driver keeps an offset."""
+        return not self.supports("s")
+
+    @property
     def moves_by_gotos(self) -> bool:  # type: ignore[override]
         """Whether hand motion consists of small gotos: before 1.6 there is no pass-through to the motors."""
         return not self.supports("slew_azm_pos")
