@@ -73,7 +73,7 @@ class OrderRunner:
         """Return the operation as it was admitted. Raises Fault, Busy at the latest when the client stops waiting."""
         try:
             async with asyncio.timeout_at(order.until if order.until < inf else None):
-                return await self._admission.admit(order.operation)
+                return await self._admission.admit(order.operation, order.by)
         except TimeoutError:
             raise Busy from None
 

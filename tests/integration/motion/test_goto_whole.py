@@ -169,28 +169,6 @@ async def arrives_near(bridge: Any) -> bool:
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_a_sync_in_the_last_moment_of_a_goto_waits_for_its_end(mount: str, driven: str) -> None:
-    """A driver that compares positions takes the goto for over when it is two arcminutes away, and syncs."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            while separation(*bridge.sim.truth(), *GOAL) > 0.03:
-                client.tell(b":GR#")
-                await asyncio.sleep(0.1)
-            assert bridge.sim.slewing
-            assert len(await client.ask(b":Sr08:04:00#:Sd+30*00:00#:CM#", 5.0, until=b"#")) > 4, "it was not refused"
-            assert not bridge.sim.slewing
-            told = await client.ask(b":GR#", until=b"#")
-            await asyncio.sleep(1.0)
-            told = await client.ask(b":GR#", until=b"#")
-            assert told[:5] == b"08:04" or told[:5] == b"08:03", told
-
-    run(program())
-
-
-@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("held", [0.0, 0.06, 0.1, 0.3, 0.45, 0.8])
 @pytest.mark.parametrize("when", ["during a goto", "just after one", "the second axis"])
 def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_nothing_moving(

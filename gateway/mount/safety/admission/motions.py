@@ -17,6 +17,7 @@ from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHig
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
+from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
@@ -37,15 +38,18 @@ class Admission:
         self._mount, self._ask, self._watch = mount, ask, watch
         self._by_hand = HandAdmission(mount, ask, watch)
 
-    async def admit(self, operation: op.Operation) -> op.Operation:
-        """Return the operation, if the limits allow it, in the form that this mount can carry out. Raises Fault."""
+    async def admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
+        """Return the operation, if the limits allow it, in the form that this mount can carry out. Raises Fault.
+
+        ``by`` is the client's connection.
+        """
         if isinstance(operation, GOTOS):
             with contextlib.suppress(TimeoutError):  # a mount is asked for site and clock right after it was identified
                 async with asyncio.timeout(SITE_TIMEOUT):
                     await self._mount.settled.wait()
-        return await self._admit(operation)
+        return await self._admit(operation, by)
 
-    async def _admit(self, operation: op.Operation) -> op.Operation:
+    async def _admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
         self._mount.hold.admit(operation)
         self._watch.path_leaves_limits = False
         await self._check_aligned(operation)
@@ -71,7 +75,7 @@ class Admission:
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
         elif isinstance(operation, op.Sync):
-            return await admit_sync(self._mount, self._ask, self._watch, operation)
+            return await admit_sync(self._mount, self._ask, self._watch, operation, by)
         elif isinstance(operation, op.Choose):
             return self._mount.astrometry.to_mount(operation)
         return operation

@@ -1,7 +1,8 @@
 """Admission of a sync: what it turns must stay within ``sync-limit``, and the mount must be at rest.
 
 A sync that arrives while something moves is refused, because nothing is centered then. Clients that compare positions
-take a goto for ended a moment too early, so a sync on its target waits for its end.
+take a goto for ended a moment too early, so a sync on its own target waits for its end; on any other object it is
+refused at once.
 """
 
 from __future__ import annotations
@@ -9,10 +10,12 @@ from __future__ import annotations
 import asyncio
 
 from gateway.astro.axes import Pair
-from gateway.astro.spherical import wrap180
+from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Refused
+from gateway.core.errors import Refused, Stopped
 from gateway.mount.context import Context
+from gateway.mount.motion.wanted import Slew
+from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.by_hand import pointing
 from gateway.mount.safety.admission.slew_paths import sun_reading
@@ -21,13 +24,22 @@ from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, and between two checks.
 GOTO_END, CHECK_EVERY = 2.5, 0.2
+MOVING = "The mount is moving, so nothing is centred: sync when it has stopped."
+#: Degrees by which a sync may differ from the target of the goto under way: low precision, and equinoxes differ.
+SAME_TARGET = 0.5
 
 
-async def admit_sync(mount: Context, ask: Reader, watch: LimitWatch, sync: op.Sync) -> op.Operation:
-    """Return the sync in the mount's equinox, and note the sum with it. Raises Refused, SyncTooFar."""
-    await _wait_for_goto_end(mount, ask)
+async def admit_sync(
+    mount: Context, ask: Reader, watch: LimitWatch, sync: op.Sync, by: HostActivity | None
+) -> op.Operation:
+    """Return the sync in the mount's equinox, and note the sum with it. Raises Refused, SyncTooFar, Stopped.
+
+    ``by`` is the client's connection: a sync that has waited is not done if it is closed.
+    """
+    if mount.movement.slewing:
+        await _wait_for_goto_end(mount, ask, sync, by)
     if mount.movement.anything:
-        raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
+        raise Refused(MOVING)
     status: op.Status = await ask.read(op.GetStatus())
     if status.aligned:
         here: op.Equatorial = await ask.read(op.Position())
@@ -64,13 +76,30 @@ async def _beyond(mount: Context, ask: Reader, watch: LimitWatch, first: float) 
     return wrap180(first) < 0.0 if len(others) > 1 else True in others
 
 
-async def _wait_for_goto_end(mount: Context, ask: Reader) -> None:
-    """Wait briefly for the end of a goto."""
+async def _wait_for_goto_end(mount: Context, ask: Reader, sync: op.Sync, by: HostActivity | None) -> None:
+    """Wait briefly for the end of a goto to the target of the sync. Raises Refused, Stopped."""
     until = mount.now() + GOTO_END
-    while True:
-        moving = mount.movement.now()
-        if not moving.slewing or moving.by_hand or mount.now() >= until:
-            return
+    while mount.movement.slewing:
+        if not _is_target(mount, sync) or mount.now() >= until:
+            raise Refused(MOVING)
         if not await ask.read_now(op.Slewing()):
-            return
+            break
         await asyncio.sleep(CHECK_EVERY)
+    if by is not None and by.closed is not None:
+        raise Stopped
+    here: op.Equatorial = await ask.read(op.Position())
+    if separation(here.ra, here.dec, sync.ra, sync.dec) > 2.0 * SAME_TARGET:
+        raise Refused("The goto ended elsewhere, so nothing is centred: send the mount there again.")
+
+
+def _is_target(mount: Context, sync: op.Sync) -> bool:
+    """Whether a sync names the target of the goto under way; False if that is unknown."""
+    motion, status, astrometry = mount.wanted.value.motion, mount.cache.value(op.GetStatus), mount.astrometry
+    goto = motion.operation if isinstance(motion, Slew) else None
+    if isinstance(goto, op.Goto):
+        goal = astrometry.from_mount(op.Equatorial(goto.ra, goto.dec))
+    elif isinstance(goto, op.GotoAxes | op.GotoHorizontal) and status is not None and not status.equatorial:
+        goal = astrometry.equatorial(goto)  # the axes of a fork are azimuth and altitude
+    else:
+        return False
+    return separation(goal.ra, goal.dec, sync.ra, sync.dec) <= SAME_TARGET
