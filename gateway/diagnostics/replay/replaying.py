@@ -24,7 +24,7 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLoop, RecordedQueue, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
-from gateway.diagnostics.replay.retracing import AFTERWARDS, Retracing
+from gateway.diagnostics.replay.retracing import AFTERWARDS, Retracing, exchanges
 from gateway.diagnostics.replay.told import Difference, Told
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
@@ -115,6 +115,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
         return MountLink(wire, reply_rules, wire_log, queues[0])
 
     gateway.prepare(line)
+    gateway.controller.driver.exchanges = exchanges(recording)
     clients = _Clients(gateway)
     gateway.begin(refresh=False)  # the recording decides when the mount is polled
     asked = 0

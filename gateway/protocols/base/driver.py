@@ -146,6 +146,8 @@ class Driver:
     patience: float | None = None
     #: Whether the mount hibernates.
     asleep = False
+    #: How it talks to the mount, which recordings tell: 1 did not read the tracking mode at once after sending it.
+    exchanges = 2
     #: Whether the mount was parked, stands at its park position, and was not unparked or moved since.
     parked = False
 
@@ -257,10 +259,7 @@ class Driver:
         yield from ()  # makes this a generator
 
     def contact(self) -> Steps:
-        """Find out what reading the position requires, by the handler ``contact`` if there is one.
-
-        Return the position if the mount has reported it. The mount's name is asked for later.
-        """
+        """Find out what reading the position requires; return the position if that is known already."""
         return (yield from self.handlers["contact"](self, None)) if "contact" in self.handlers else None
 
     def presented(self) -> Model:

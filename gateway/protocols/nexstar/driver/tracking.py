@@ -6,9 +6,11 @@ after the last one has stopped (NexStar protocol, Slewing Commands, note).
 
 from __future__ import annotations
 
+import contextlib
+
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
-from gateway.core.errors import NoDevice, Refused, Unsupported
+from gateway.core.errors import NoAnswer, NoDevice, Refused, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import DRIVE_CODES
 from gateway.protocols.nexstar.driver.state import NexStar
@@ -44,8 +46,7 @@ def read_status(mount: NexStar) -> Steps:
     if not mount.aligned or mount.supports("s"):
         mount.offset = (0.0, 0.0)
     if mount.supports("t"):
-        answer = yield Send("t")
-        _learn(mount, mode_of(mount, answer["mode"]))
+        yield from _read_mode(mount)
     elif mount.tracking is None and mount.settings.mode is not None:
         _learn(mount, op.Tracking(mount.settings.mode))
 
@@ -130,8 +131,7 @@ def suspend(mount: NexStar) -> Steps:
     if mount.suspended is not None or not mount.supports("T"):
         return None
     if mount.supports("t"):
-        answer = yield Send("t")
-        _learn(mount, mode_of(mount, answer["mode"]))
+        yield from _read_mode(mount)
     mount.suspended = mount.tracking or (_mode_by_build(mount) if mount.aligned else op.Tracking.OFF)
     if mount.suspended is op.Tracking.OFF:
         return None
@@ -142,7 +142,7 @@ def suspend(mount: NexStar) -> Steps:
 
 
 def resume(mount: NexStar) -> Steps:
-    """After the last axis has stopped, resume suspended tracking and schedule a check a second later."""
+    """After the last axis has stopped, resume suspended tracking. ``t`` is read at once, and again a second later."""
     mode = mount.suspended
     if mode is None or mode is op.Tracking.OFF:
         mount.suspended = None
@@ -155,7 +155,17 @@ def resume(mount: NexStar) -> Steps:
     mount.suspended = None  # not before ``T`` has succeeded: else the next call must try again
     mount.checks_left = 1
     if mount.supports("t"):
-        yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value))
+        shown = False
+        with contextlib.suppress(NoAnswer):  # the motion has ended, whatever becomes of this
+            shown = mount.exchanges > 1 and (yield from _read_mode(mount)) is mode
+        yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value, shown=shown))
+
+
+def _read_mode(mount: NexStar) -> Steps:
+    """Read ``t`` and return the mode."""
+    answer = yield Send("t")
+    _learn(mount, mode_of(mount, answer["mode"]))
+    return mount.tracking
 
 
 def keep_rate(mount: NexStar) -> Steps:
@@ -169,21 +179,24 @@ def keep_rate(mount: NexStar) -> Steps:
 
 
 class VerifyTracking(op.Operation, frozen=True):
-    """Internal: check that ``T`` took effect, because a hand control may ignore it right after motion."""
+    """Internal: check that ``T`` took effect, because a hand control may ignore it right after motion.
+
+    ``shown``: ``t`` has shown the mode already, so whatever ``t`` shows now was chosen at the hand control.
+    """
 
     survives_abort = True
 
     mode: str
+    shown: bool = False
 
 
 def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
-    """Read ``t``; send ``T`` once more if the mode is not the wanted one."""
+    """Read ``t``; send ``T`` once more if it has never shown the wanted mode."""
     if mount.moving or mount.added_rates or mount.goto is not None or mount.checks_left == 0 or mount.parked:
         return
     mount.checks_left -= 1
     wanted = op.Tracking(operation.mode)
-    answer = yield Send("t")
-    if mode_of(mount, answer["mode"]) is not wanted:
+    if (yield from _read_mode(mount)) is not wanted and not operation.shown:
         yield from send_mode(mount, wanted)
 
 
