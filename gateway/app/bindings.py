@@ -171,8 +171,8 @@ def framer_and_replies(protocol: str) -> tuple[MakeFramer, Replies]:
     return spec.framing, PlainReplies(spec.commands) if spec.reply_rules is None else spec.reply_rules()
 
 
-def policy(config: MountConfig) -> Policy:
-    """Return the operator's settings in the form that the controller takes."""
+def policy(config: MountConfig, rules: int) -> Policy:
+    """Return the operator's settings in the form that the controller takes. ``rules``: the number of the rules."""
     return Policy(
         config.limits,
         config.site_time,
@@ -181,6 +181,7 @@ def policy(config: MountConfig) -> Policy:
         unaligned=config.unaligned,
         silence=config.dead_man,
         silence_closed=config.dead_man_closed,
+        rules=rules,
     )
 
 

@@ -34,6 +34,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
+from gateway.core.about import RULES
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import WireLog
 from gateway.mount.context import Context
@@ -91,6 +92,8 @@ class Gateway:
         self.store: StateStore | None = None
         self.control: Control | None = None
         self.claim: Claim | None = None
+        #: The number of the rules that apply (``core/about.py``); the replay of an earlier recording uses its own.
+        self.rules = RULES
         #: Everything from outside enters through this, so that it can be recorded.
         self.entrance = Entrance()
 
@@ -162,7 +165,7 @@ class Gateway:
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         site_clock = SiteClock(loop.time, self.clock, site)
         line = make_line(reply_rules, self.wire_log)
-        context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
+        context = Context(driver, policy(config, self.rules), self.wire_log, line, self.sky, site_clock)
         self._controller = MountController(context, follow_ups)
         if self.store is None:
             restore(self.controller, self.previous_run)

@@ -81,7 +81,7 @@ class ConnectionAcceptor:
         at, kept = self._saved_states.get(host, (-1e9, session.kept))
         if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
-        activity = self.controller.presence.connected(host)
+        activity = self.controller.presence.connected(host, self.number)
         client = CommandProcessor(name, self.controller, binding, session, write, activity)
         client.runner.equinox = binding.equinox
         self._clients.add(client)

@@ -7,3 +7,6 @@ from pathlib import Path
 VERSION = "0.1.0"
 #: The folder ``gateway/``, in a checkout or as installed.
 PACKAGE = Path(__file__).resolve().parents[1]
+#: The rules by which the gateway decides. A recording is replayed by those of its time: by the first ones a site or
+#: clock might go to a mount that slews, and a goto did not wait for them.
+RULES, FIRST_RULES = 2, 1

@@ -18,6 +18,7 @@ from gateway.mount.readings.cache import POLL_PERIOD, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
+from gateway.mount.site.pending_settings import IncomingSettings
 from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
 
@@ -37,7 +38,7 @@ class Context:
         self.tasks, self.closed = BackgroundTasks(), False
         self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(), WantedState()
-        self.movement = Movement(self.wanted, self.cache)
+        self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings(policy.rules)
         #: Astronomy with the best site and clock, for limits and horizon coordinates; and with those that clients see.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)

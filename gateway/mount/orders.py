@@ -20,7 +20,7 @@ from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import apply, equal_pending_halt, interrupted, too_late, without_superseded
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
-from gateway.mount.presence import HostActivity
+from gateway.mount.presence import NOBODY, HostActivity
 from gateway.mount.readings.cache import MAX_AGE
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
@@ -45,8 +45,8 @@ class Orders:
         self._context, self._link, self._wanted, self._movement = (
             context, context.link, context.wanted, context.movement)  # fmt: skip
         self._runner, self._reader, self._own, self._reconciler = runner, reader, own, reconciler
+        self._settings = settings
         self._handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
-            **settings.handlers,
             op.GetActivity: self._activity,
             op.GetAbilities: self._abilities,
             op.TubeSide: self._tube_side,
@@ -118,6 +118,8 @@ class Orders:
             return value
         if type(operation) in PLACES:
             return PLACES[type(operation)](self._context.client_astrometry, operation)
+        if (setting := self._settings.handlers.get(type(operation))) is not None:
+            return await setting(operation, activity.program if activity is not None else NOBODY)
         handler = self._handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
@@ -160,6 +162,8 @@ class Orders:
             )
             return reconciler.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._context.driver.asleep  # earlier orders would get no reply
+        if isinstance(operation, GOTOS) and by is not None and self._context.site_clock.half is not None:
+            self._settings.complete(by.program)
         order = Order(
             next(reconciler.numbers),
             operation,

@@ -10,6 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.core.about import RULES
 from gateway.core.errors import BelowHorizon, Held, Refused, TooHigh
 
 AT_LIMIT = 1.0 / 3600.0
@@ -53,6 +54,7 @@ class Policy(Struct, frozen=True):
     """The owner's settings. ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that
     is not aligned may be sent to axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed``: for how
     many seconds a client that moves the mount by hand may be silent while connected, and after it has disconnected.
+    ``rules``: the number of the rules that apply, lower than the present one in the replay of an earlier recording.
     """
 
     limits: Limits = Limits()
@@ -62,6 +64,7 @@ class Policy(Struct, frozen=True):
     unaligned: str = "refuse"
     silence: float = 30.0
     silence_closed: float = 5.0
+    rules: int = RULES
 
 
 def check_own_park(operation: op.Park | op.Home, limits: Limits) -> None:

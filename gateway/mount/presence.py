@@ -8,18 +8,33 @@ open one for every command.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 #: Seconds after which a closed connection is forgotten.
 FORGOTTEN_AFTER = 60.0
 
 
+class Program(NamedTuple):
+    """A program, as far as site and clock are its own: a host on one surface (0: no surface, such as a command)."""
+
+    host: str
+    surface: int = 0
+
+
+#: The gateway itself, and who embeds it.
+NOBODY = Program("")
+
+
 class HostActivity:
-    """A connection of the host ``who``. ``sent_data`` is set by any data from it, and reset by the supervisor."""
+    """A connection of the host ``who``. ``sent_data`` is set by any data from it, and reset by the supervisor.
 
-    __slots__ = ("closed", "last", "opened", "sent_data", "who")
+    ``program`` stands for all connections of that host to one surface, whose site and clock are the same.
+    """
 
-    def __init__(self, who: str, opened: float) -> None:
-        self.who, self.opened = who, opened
+    __slots__ = ("closed", "last", "opened", "program", "sent_data", "who")
+
+    def __init__(self, who: str, opened: float, surface: int = 0) -> None:
+        self.who, self.opened, self.program = who, opened, Program(who, surface)
         self.sent_data = True
         self.last = opened
         self.closed: float | None = None
@@ -33,7 +48,7 @@ class Presence:
         self._hosts: dict[str, list[HostActivity]] = {}
         self._swept = now()
 
-    def connected(self, host: str) -> HostActivity:
+    def connected(self, host: str, surface: int = 0) -> HostActivity:
         now = self._now()
         if now - self._swept > FORGOTTEN_AFTER:
             self._swept = now
@@ -42,7 +57,7 @@ class Presence:
                 for who, there in self._hosts.items()
             }
             self._hosts = {who: there for who, there in kept.items() if there}
-        activity = HostActivity(host, now)
+        activity = HostActivity(host, now, surface)
         self._hosts.setdefault(host, []).append(activity)
         return activity
 

@@ -20,6 +20,7 @@ from gateway.core.wire_log import WireLog
 from gateway.mount.policy import Limits
 from gateway.mount.presence import HostActivity, Presence
 from gateway.mount.readings.cache import NOT_CACHED
+from gateway.mount.site.pending_settings import IncomingSettings
 from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 
@@ -35,6 +36,7 @@ class FakeController:
         self.version = self.stops = 0
         self.closed = False
         self.reconciler = self.orders = self.wanted = self.value = self.context = self
+        self.incoming = IncomingSettings()
         self.fair_scheduler = FairScheduler(self.loop, lambda: False)
         #: Seconds by which the host's clock is ahead of the event loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()

@@ -13,7 +13,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.recorded_entrance import RecordedEntrance
 from gateway.app.recording.recorder import LONGEST, Recorder
 from gateway.app.recording.turns import BASE, TurnLoop
-from gateway.core.about import VERSION
+from gateway.core.about import RULES, VERSION
 from gateway.core.wire_log import MOUNT
 
 #: The host's clock counts as set when it differs by so many seconds from the time that has passed.
@@ -59,7 +59,13 @@ def record(path: Path, gateway: Gateway, longest: int = LONGEST, turns: TurnLoop
     """Record what happens from now on, in files of ``longest`` bytes. Raises UserError."""
     now = asyncio.get_running_loop().time
     config = {"mount": gateway.config, "surface": gateway.surfaces}
-    settings = {"began": gateway.clock(), "config": config, "past": gateway.previous_run, "version": VERSION}
+    settings = {
+        "began": gateway.clock(),
+        "config": config,
+        "past": gateway.previous_run,
+        "version": VERSION,
+        "rules": RULES,
+    }
     keep = gateway.config.record_keep
     recorder = Recorder(path, now, msgspec.to_builtins(settings), longest, keep, gateway.warn, turns)
     gateway.wire_log.sinks.append(recorder.put)

@@ -8,6 +8,7 @@ except for those that end a motion.
 from __future__ import annotations
 
 import asyncio
+from math import inf
 
 from gateway.clients.access import Rights
 from gateway.clients.commands.turn import REFUSE_AFTER, WAIT_FOR_MOUNT, ReplyCache, Turn
@@ -111,7 +112,7 @@ class TurnRunner:
         while True:
             answer, fault = None, None
             try:
-                patience = turn.arrived + REFUSE_AFTER - self._controller.now()
+                patience = turn.arrived + REFUSE_AFTER - self._controller.now() if self._surface.replies else inf
                 value = await self._controller.perform(self._to_internal(wanted), turn.stops, self._activity, patience)
                 answer = self._to_client(wanted, value)
             except Fault as error:
@@ -189,11 +190,13 @@ class TurnRunner:
     # --- deferred commands -------------------------------------------------------------------------------------------
 
     def _defer(self, wanted: Defer) -> None:
+        controller = self._controller
+        controller.context.incoming.expect(self._activity.program, controller.now() + wanted.seconds)
         old = self._deferred.pop(wanted.handler, None)
         if old is not None:
             old.cancel()
-        self._deferred[wanted.handler] = self._controller.loop.call_later(
-            wanted.seconds, lambda: self._controller.spawn(self._deferred_handler(wanted.handler))
+        self._deferred[wanted.handler] = controller.loop.call_later(
+            wanted.seconds, lambda: controller.spawn(self._deferred_handler(wanted.handler))
         )
 
     async def _deferred_handler(self, handler: str) -> None:
@@ -208,6 +211,8 @@ class TurnRunner:
             self._log.note(f"{handler}: {fault}")
         except Exception as error:
             self.defect(turn.frame, error)
+        finally:
+            self._controller.context.incoming.complete(self._activity.program)
 
     def defect(self, frame: bytes, error: Exception) -> None:
         """Log an internal error, and stop a moving mount: the failed command may have been meant to end the motion."""

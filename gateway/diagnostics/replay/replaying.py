@@ -19,7 +19,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.format import WITHOUT_TURNS, Event, Recording
 from gateway.app.state.store import PreviousRun
 from gateway.core import operations as op
-from gateway.core.about import VERSION
+from gateway.core.about import FIRST_RULES, VERSION
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLoop, RecordedQueue, RecordedWire
@@ -95,7 +95,7 @@ def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
     except (msgspec.ValidationError, KeyError, TypeError) as error:
         raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None
     gateway = Gateway(mount, surfaces, clock=clock)
-    gateway.previous_run = past
+    gateway.previous_run, gateway.rules = past, recording.settings.get("rules", FIRST_RULES)
     return gateway
 
 

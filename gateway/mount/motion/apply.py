@@ -156,7 +156,10 @@ def _append(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+    """Append the arrow. It cancels gotos that are postponed: whoever presses it wants to move the mount himself."""
     axis = axis_moved(order.operation)
+    pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _is_postponed(one))
+    wanted = wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
     if order.by is not None and axis is not None:
         others = tuple(press for press in wanted.pressed if (press.who, press.axis) != (order.by.who, axis))
         wanted = replace(wanted, pressed=(*others, Press(order.by.who, axis, wanted.gotos)))
@@ -169,10 +172,15 @@ def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     return _append(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
 
 
+def _is_postponed(order: Order) -> bool:
+    """Whether the order is a goto that waits until the mount accepts commands, or for a site or clock."""
+    return isinstance(order.operation, GOTOS) and not order.follow_up and order.at > 0.0
+
+
 def _replaced_by_goto(order: Order) -> bool:
     """Whether a newer goto replaces the order: a guide pulse, or a goto postponed until the mount accepts commands."""
     if isinstance(order.operation, GOTOS):
-        return order.at > 0.0
+        return _is_postponed(order)
     return pulse_axis(order) is not None and not order.follow_up
 
 

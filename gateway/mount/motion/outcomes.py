@@ -12,7 +12,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.errors import NoAnswer
+from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import BY_HAND, ENDS, GOTOS, MOVING
 from gateway.mount.motion.apply import pulse_axis
 from gateway.mount.motion.wanted import (
@@ -28,9 +28,12 @@ from gateway.mount.motion.wanted import (
     Slew,
     Wanted,
 )
+from gateway.mount.site.pending_settings import IncomingSettings
 
 #: Seconds that an order waits at most while the mount accepts no commands, and seconds between two checks.
 LONGEST, LOOK = 15.0, 0.1
+#: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for one on its way.
+FOR_SETTINGS, FOR_EXCHANGE = 20.0, 1.0
 
 
 class Done(NamedTuple):
@@ -158,9 +161,33 @@ def can_be_postponed(order: Order) -> bool:
     )
 
 
-def may_wait(order: Order, now: float) -> bool:
+def may_wait(order: Order, now: float, longest: float = LONGEST) -> bool:
     """Whether the order may wait longer; if not, it is refused while the client still waits for its outcome."""
-    return order.not_while_busy or now < min(order.since + LONGEST, order.until)
+    return order.not_while_busy or now < min(order.since + longest, order.until)
+
+
+class Wait(NamedTuple):
+    """Why an order is postponed: the refusal after ``longest`` seconds; without one it is carried out then."""
+
+    longest: float
+    refusal: Fault | None
+
+
+def why_wait(order: Order, now: float, occupied: bool, incoming: IncomingSettings) -> Wait | None:
+    """Return why an order that is due has to wait; None if it need not.
+
+    A goto is judged by site and clock, so it waits for those that programs were promised before it.
+    """
+    if isinstance(order.operation, GOTOS) and not order.follow_up and (incoming.pending or incoming.unfinished):
+        refusal = incoming.holds_up(now, occupied)
+        if refusal is not None:
+            return Wait(FOR_SETTINGS, refusal)
+    if occupied and can_be_postponed(order):
+        return Wait(LONGEST, Busy())
+    arrow = isinstance(order.operation, op.Move | op.MoveAxis)
+    if arrow and incoming.sending and incoming.waits and now < order.since + FOR_EXCHANGE:
+        return Wait(FOR_EXCHANGE, None)
+    return None
 
 
 def client_disconnected(order: Order) -> bool:

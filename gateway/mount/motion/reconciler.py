@@ -27,11 +27,13 @@ from gateway.mount.motion.apply import equal_pending_halt, next_moment, next_ope
 from gateway.mount.motion.order_runner import OrderRunner
 from gateway.mount.motion.outcomes import (
     Done,
+    Wait,
     can_be_postponed,
     client_disconnected,
     may_have_begun,
     may_wait,
     postponed,
+    why_wait,
 )
 from gateway.mount.motion.stopping import StopSender
 from gateway.mount.motion.wanted import RESUMED, NotOrdered, Order, Wanted
@@ -170,8 +172,8 @@ class Reconciler:
         if self.closed or self._work is not None or self._stopping.task is not None:
             return
         order = next_operation(self.wanted, self._loop.time()) if self.wanted.pending else None
-        while order is not None and self._link.occupied and can_be_postponed(order):
-            self._postpone(order)
+        while order is not None and (wait := self._why_wait(order)) is not None:
+            self._postpone(order, wait)
             order = next_operation(self.wanted, self._loop.time())
         if self._timer is not None:
             self._timer.cancel()
@@ -184,14 +186,17 @@ class Reconciler:
         elif self.wanted.pending and (moment := next_moment(self.wanted)) is not None:
             self._timer = self._loop.call_at(moment, self._start_next)
 
-    def _postpone(self, order: Order) -> None:
-        """Postpone an order, because the mount accepts no commands now; refuse it if it has waited too long."""
+    def _why_wait(self, order: Order) -> Wait | None:
+        return why_wait(order, self._loop.time(), self._link.occupied, self._context.incoming)
+
+    def _postpone(self, order: Order, wait: Wait) -> None:
+        """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
         now = self._loop.time()
-        if may_wait(order, now) and not client_disconnected(order):
+        if may_wait(order, now, wait.longest) and not client_disconnected(order):
             self._want(postponed(self.wanted, order, now))
             return
         if not client_disconnected(order) and (outcome := self._outcomes.pop(order.number, None)) is not None:
-            outcome.set_exception(Busy())
+            outcome.set_exception(wait.refusal or Busy())
         self._want(outcomes.failed(self.wanted, order))
 
     def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:

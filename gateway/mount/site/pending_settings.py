@@ -8,12 +8,16 @@ is not reachable, and is dropped if the mount was given another value meanwhile,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import ceil
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.astro.spherical import wrap180
+from gateway.core.about import FIRST_RULES, RULES
+from gateway.core.errors import Busy
 from gateway.core.operations import Moment, Operation, Place, SetClock, SetSite
+from gateway.mount.presence import Program
 from gateway.mount.site.site_clock import CLOCK_EQUAL, SITE_EQUAL
 
 #: How often a setting is sent, and the seconds after the first attempt, the second …
@@ -23,6 +27,10 @@ RETRY_AFTER = (2.0, 5.0)
 CHECK_AFTER, BUSY_FOR = 0.5, 2.0
 #: Seconds; a clock that has taken only the new zone, time or date is off by this or by a multiple of it.
 ZONES = 1800.0
+#: Seconds after which a program that was refused should ask again: usually, and while a classic calculates its planets.
+SOON, CALCULATING = 2.0, 10.0
+#: Seconds by which a setting may be sent later than its timer says.
+SLACK = 0.5
 
 Kind = tuple[type[Operation], int | None]
 
@@ -50,9 +58,51 @@ class Setting(Struct, frozen=True):
 Pending = Mapping[Kind, Setting]
 
 
+SKY = (SetSite, SetClock)
+
+
 def kind_of(operation: Operation) -> Kind:
     """Return the key by which a newer setting replaces an older one: its type and its axis."""
     return type(operation), getattr(operation, "axis", None)
+
+
+class IncomingSettings:
+    """What programs were promised and the mount has not received. Gotos wait for its sites and clocks.
+
+    ``SyncSettings`` alone changes it. ``sending``: a site or clock is on its way. ``unfinished``: the programs that are
+    still setting one, in several commands, each with the loop time until which that is expected.
+    """
+
+    def __init__(self, rules: int = RULES) -> None:
+        self.pending: Pending = {}
+        #: Whether gotos and settings wait for each other; without it a mount that slews might be sent a new clock.
+        self.waits = rules > FIRST_RULES
+        self.sending = False
+        self.unfinished: dict[Program, float] = {}
+
+    def expect(self, program: Program, until: float) -> None:
+        """Expect the rest of a site or clock of this program, or that it is sent without it, at a loop time."""
+        self.unfinished[program] = until + SLACK
+
+    def complete(self, program: Program) -> None:
+        """Note that a program has set all of it."""
+        self.unfinished.pop(program, None)
+
+    def holds_up(self, now: float, calculating: bool = False) -> Busy | None:
+        """Return the refusal of a goto that could not wait any longer; None if it need not wait."""
+        coming = [one for (kind, _), one in self.pending.items() if kind in SKY]
+        self.unfinished = {program: until for program, until in self.unfinished.items() if until > now}
+        if not self.waits or not (coming or self.unfinished):
+            return None
+        what = "site" if coming and all(isinstance(one.value, SetSite) for one in coming) else "clock"
+        wait = max([SOON, *(CALCULATING,) * calculating, *(until - now for until in self.unfinished.values()),
+                    *(one.due - now for one in coming)])  # fmt: skip
+        return Busy(f"The mount is taking a new {what}. Try again in {ceil(wait)} seconds.")
+
+
+def without_sky(pending: Pending) -> Pending:
+    """Return the settings that a mount in motion may be sent: no site and no clock."""
+    return {kind: one for kind, one in pending.items() if kind[0] not in SKY}
 
 
 def added(pending: Pending, setting: Setting) -> Pending:

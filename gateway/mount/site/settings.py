@@ -17,6 +17,7 @@ from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
+from gateway.mount.presence import Program
 from gateway.mount.readings.reader import FIRST_ANSWER
 from gateway.mount.site.settings_sync import SyncSettings
 
@@ -30,7 +31,8 @@ class SiteAndClock:
     def __init__(self, context: Context, runner: DriverRunner, sync: SyncSettings) -> None:
         self._context, self._runner, self.sync = context, runner, sync
         self._site_clock, self._astrometry = context.site_clock, context.client_astrometry
-        self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
+        #: Each takes the operation, and the program that asked for it.
+        self.handlers: dict[type[op.Operation], Callable[[Any, Program], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
             op.SiderealTime: self._sidereal_time,
@@ -38,8 +40,8 @@ class SiteAndClock:
             op.SetClock: self._set_clock,
             op.GetGps: self._get_gps,
             op.ClockFromGps: self._clock_from_gps,
-            op.SetGuideRate: self.sync.now_or_later,
-            op.Backlash: self.sync.now_or_later,
+            op.SetGuideRate: self._set_motor,
+            op.Backlash: self._set_motor,
             op.PeriodicError: self._periodic_error,
         }
         self._reading_gps = asyncio.Lock()
@@ -51,12 +53,12 @@ class SiteAndClock:
         except TimeoutError:
             raise NoAnswer from None
 
-    async def _get_site(self, _: op.GetSite) -> op.Place:
+    async def _get_site(self, _: op.GetSite, program: Program) -> op.Place:
         if self._site_clock.site() is None:
             await self._first_answers()
         return self._astrometry.place()
 
-    async def _get_clock(self, _: op.GetClock) -> op.Moment:
+    async def _get_clock(self, _: op.GetClock, program: Program) -> op.Moment:
         if self._site_clock.clock() is None:
             await self._first_answers()
         moment = self._site_clock.clock()
@@ -65,12 +67,12 @@ class SiteAndClock:
             moment = op.Moment(self._site_clock.unix(), 0.0)
         return moment
 
-    async def _sidereal_time(self, _: op.SiderealTime) -> float:
-        await self._get_site(op.GetSite())
-        await self._get_clock(op.GetClock())
+    async def _sidereal_time(self, _: op.SiderealTime, program: Program) -> float:
+        await self._get_site(op.GetSite(), program)
+        await self._get_clock(op.GetClock(), program)
         return self._astrometry.sidereal_time()
 
-    async def _get_gps(self, operation: op.GetGps) -> op.Gps:
+    async def _get_gps(self, operation: op.GetGps, _: Program) -> op.Gps:
         await self._first_answers()
         async with self._reading_gps:
             seen = self._site_clock.gps()
@@ -82,16 +84,18 @@ class SiteAndClock:
 
     # --- setting ----------------------------------------------------------------------------------------------------
 
-    async def _set_site(self, operation: op.SetSite) -> None:
+    async def _set_site(self, operation: op.SetSite, program: Program) -> None:
         """Take one half of a site or both. It is sent when both halves are there, or after a moment."""
         if operation.others is not None and await self._has_own_site(operation, operation.others):
             self._site_clock.forget_sites()
             return
         whole = self._site_clock.set_site_half(operation)
         if whole is not None:
-            self._queue_site()
-        else:
-            asyncio.get_running_loop().call_later(HALF_SITE, self._queue_site)
+            self.complete(program)
+            return
+        if self._site_clock.site() is not None:  # otherwise it may never become a site: nothing waits for it
+            self._context.incoming.expect(program, self._context.now() + HALF_SITE)
+        asyncio.get_running_loop().call_later(HALF_SITE, self.complete, program)
 
     async def _has_own_site(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
         """Whether the mount still has its ``own`` site, from before clients selected ``others``, or it is unknown."""
@@ -103,22 +107,25 @@ class SiteAndClock:
             return False
         return self._site_clock.same_site(own) or not self._site_clock.has_one_of(others)
 
-    def _queue_site(self) -> None:
+    def complete(self, program: Program) -> None:
+        """Send the site of which this program has set a half or both."""
         whole = self._site_clock.take_site()
         if whole is not None and not self._context.closed:
+            self._context.incoming.complete(program)
             self._site_clock.keep_site(whole)
             self.sync.queue(whole)
 
-    async def _set_clock(self, operation: op.SetClock) -> None:
+    async def _set_clock(self, operation: op.SetClock, program: Program) -> None:
         """Use the client's clock at once. Raises Invalid for a year that the mount's clock does not support."""
         years = self._context.driver.years
         year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
         if year not in years:
             raise Invalid(f"The clock of this mount takes the years {years[0]} to {years[-1]}, not {year}.")
+        self._context.incoming.complete(program)
         self._site_clock.keep_clock(operation)
         self.sync.queue(operation)
 
-    async def _clock_from_gps(self, operation: op.ClockFromGps) -> None:
+    async def _clock_from_gps(self, operation: op.ClockFromGps, program: Program) -> None:
         """Set the mount's clock from its GPS; if that is not allowed, the gateway's clock. Raises NoDevice."""
         try:
             mount_too = await self.sync.may_set()
@@ -129,7 +136,7 @@ class SiteAndClock:
                 await self._runner.perform(operation, SETTING)
                 await self.renew(op.GetClock)
                 return
-        seen = await self._get_gps(op.GetGps())
+        seen = await self._get_gps(op.GetGps(), program)
         if not seen.linked or seen.unix is None:
             raise NoDevice("The GPS is not linked.")
         present = self._site_clock.clock()
@@ -138,7 +145,10 @@ class SiteAndClock:
         )
         self._context.note_once("the clock that was set by the GPS is kept in the gateway")
 
-    async def _periodic_error(self, operation: op.PeriodicError) -> None:
+    async def _set_motor(self, operation: op.SetGuideRate | op.Backlash, _: Program) -> None:
+        await self.sync.now_or_later(operation)
+
+    async def _periodic_error(self, operation: op.PeriodicError, _: Program) -> None:
         """On and off are settings that may be sent again; a toggle is sent once. Raises Fault."""
         if operation.on is None:
             await self._runner.perform(operation, SETTING)

@@ -1,23 +1,27 @@
 """Sends pending settings (``mount/site/pending_settings.py``) to the mount as soon as it is reachable.
 
-Site and clock are sent one after the other, never interleaved, and only if the policy and the alignment allow it. A
-setting is never sent to another mount than the one it was meant for, nor over a value that was changed at the mount
-meanwhile. A setting that is given up is reported in the log, and reads then return the mount's own value again.
+Site and clock are sent one after the other, never interleaved, only if the policy and the alignment allow it, and never
+to a mount that slews or is moved by hand. A setting is never sent to another mount than the one it was meant for, nor
+over a value that was changed at the mount meanwhile. A setting that is given up is reported in the log, and reads then
+return the mount's own value again.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
+from math import inf
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
+from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site import pending_settings
-from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, TRIES, Kind, Pending, Setting, kind_of
+from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, SKY, TRIES, Kind, Pending, Setting, kind_of
 
 #: Names for the log.
 _NAMES: dict[type[op.Operation], str] = {
@@ -27,6 +31,8 @@ _NAMES: dict[type[op.Operation], str] = {
     op.Backlash: "backlash",
     op.PeriodicError: "periodic error correction",
 }
+#: The orders that a mount must not get a site or clock during.
+_MOVES = (*GOTOS, op.Move, op.MoveAxis)
 #: Seconds by which a clock may differ from the setting, for its transmission, and still count as set.
 CLOCK_TOLERANCE = 2.0
 #: The mount may still report parts of this many earlier settings.
@@ -39,8 +45,9 @@ class SyncSettings:
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
         self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
         self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
-        #: The settings that the mount has not received yet.
-        self.pending: Pending = {}
+        self._incoming = context.incoming
+        #: Whether the position shows a motion that no program ordered. The controller sets it.
+        self.moved_by_others: Callable[[], bool] = lambda: False
         #: By kind: the settings sent since the mount last reported its value. Then the kind that is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
         self._sending: Kind | None = None
@@ -49,6 +56,15 @@ class SyncSettings:
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
 
+    @property
+    def pending(self) -> Pending:
+        """The settings that the mount has not received yet."""
+        return self._incoming.pending
+
+    @pending.setter
+    def pending(self, pending: Pending) -> None:
+        self._incoming.pending = pending
+
     def has_pending(self, operation: op.Operation) -> bool:
         """Whether a setting of this kind is pending or being sent."""
         return kind_of(operation) in self.pending
@@ -56,7 +72,7 @@ class SyncSettings:
     @property
     def sky_pending(self) -> bool:
         """Whether a site or a clock is pending."""
-        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self.pending)
+        return any(kind in SKY for kind, _ in self.pending)
 
     # --- pending settings -------------------------------------------------------------------------------------------
 
@@ -123,23 +139,32 @@ class SyncSettings:
     def _reachable(self) -> bool:
         return self._ready and self._link.state == "up" and not self._driver.asleep
 
-    def _disturbs(self, setting: Setting, now: float) -> bool:
-        """Whether sending an old date would disturb a motion: a classic telescope is unresponsive afterwards."""
-        old = isinstance(setting.value, op.SetClock) and now - setting.since > CHECK_AFTER
-        return old and self._context.movement.anything
+    def _in_motion(self, by_first_rules: float = inf) -> bool:
+        """Whether the mount slews or is moved by hand, or is about to: then it gets no site and no clock.
+
+        By the first rules that held for a clock that was set some time ago: ``by_first_rules``, seconds.
+        """
+        if not self._incoming.waits:
+            clock = self.pending.get(kind_of(op.SetClock(0.0, 0.0)))
+            old = clock is not None and self._now() - clock.since > by_first_rules
+            return old and len(self.pending) == 1 and self._context.movement.anything
+        wanted = self._context.wanted.value
+        begins = any(order.number == wanted.active and isinstance(order.operation, _MOVES) for order in wanted.pending)
+        return begins or self._context.movement.anything or self.moved_by_others()
 
     async def _run(self) -> None:
         """Send pending settings until there are none or the link is down; ``resume`` starts again."""
         while self._ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
-            now = self._now()
-            step = pending_settings.next_setting(self.pending, now)
-            if step is None:
+            now, held_back = self._now(), self.sky_pending and self._in_motion(CHECK_AFTER)
+            pending = pending_settings.without_sky(self.pending) if held_back else self.pending
+            step = pending_settings.next_setting(pending, now)
+            if step is None and not held_back:
                 return
-            if isinstance(step, Setting) and self._reachable() and not self._disturbs(step, now):
+            if isinstance(step, Setting) and self._reachable():
                 await self._send(step)
                 continue
-            pause = CHECK_AFTER if isinstance(step, Setting) else step - now
+            pause = step - now if isinstance(step, float) and not held_back else CHECK_AFTER
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(pause):
                     await self._wake.wait()
@@ -156,8 +181,10 @@ class SyncSettings:
                 return
             if self.pending.get(kind_of(value)) is not setting or not self._reachable():
                 return  # replaced by a newer one, or the link is down
+            if place and self._in_motion():
+                return  # a motion has begun meanwhile: later
             tried = True
-            self._sending = kind_of(value)
+            self._sending, self._incoming.sending = kind_of(value), place
             self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_SENT:], setting)
             await self._runner.perform(setting.running(self._now()), SETTING)
         except Busy:
@@ -176,7 +203,7 @@ class SyncSettings:
         else:
             await self._acknowledged(setting)
         finally:
-            self._sending = None
+            self._sending, self._incoming.sending = None, False
 
     async def may_set(self) -> bool:
         """Whether policy and alignment allow setting the mount's site and clock. Raises Fault."""

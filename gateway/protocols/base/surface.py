@@ -62,6 +62,8 @@ class Surface:
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for one.
         self.is_refusal: Callable[[bytes], bool] = lambda reply: False
+        #: Whether clients wait for replies to commands; if not, a motion may begin as late as the mount takes it.
+        self.replies = True
         #: Why the presented model does not have a command, which is then ignored; empty if it has it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 

@@ -28,7 +28,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.stellarium.surface import StellariumSession, goto, subscriptions
 
     surface = Surface(load(NAME), {"goto": goto})
-    surface.session, surface.subscriptions = StellariumSession, subscriptions
+    surface.session, surface.subscriptions, surface.replies = StellariumSession, subscriptions, False
     return MadeSurface(surface, {"name": NAME}, ClientSettings(settings.limits))
 
 

@@ -35,7 +35,7 @@ def printable(offset: float) -> float:
 
 def _local(session: LxSession) -> Handling:
     """Return the client's local time now as a naive datetime, by the offset that it is told."""
-    yield from _commit_if_allowed(session)
+    yield from commit_if_allowed(session)
     moment: op.Moment = yield op.GetClock()
     offset = printable(moment.offset if session.kept.offset is None else session.kept.offset)
     # Not rounded: whole seconds are cut off, as clocks do, although the reply is then half a second late on average.
@@ -50,7 +50,7 @@ def tell_local(session: LxSession, command: Command, values: op.Values) -> Handl
 
 def tell_offset(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GG"""
-    yield from _commit_if_allowed(session)
+    yield from commit_if_allowed(session)
     offset = session.kept.offset
     if offset is None:
         moment: op.Moment = yield op.GetClock()
@@ -64,8 +64,8 @@ def contradicts_client(session: LxSession, name: str, values: op.Values) -> bool
     return name == "GG" and (kept.offset is not None or kept.draft not in (None, Draft()))
 
 
-def _commit_if_allowed(session: LxSession) -> Handling:
-    """Send the draft before the clock is read; a read-only client reads it unchanged."""
+def commit_if_allowed(session: LxSession) -> Handling:
+    """Send the draft before the clock is read or a goto begins; a read-only client reads the clock unchanged."""
     with contextlib.suppress(ReadOnly):
         yield from commit(session)
 
@@ -192,7 +192,7 @@ def set_stamp(session: LxSession, command: Command, values: op.Values) -> Handli
 
 def tell_sidereal(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GS - the apparent sidereal time at the mount's site by its clock."""
-    yield from _commit_if_allowed(session)
+    yield from commit_if_allowed(session)
     sidereal: float = yield op.SiderealTime()
     return {"sidereal": sidereal % 360.0}
 

@@ -11,6 +11,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoTarget, Silence, Unsupported
 from gateway.protocols.base.wants import FireAndForget, Handling, ReuseLastReading
 from gateway.protocols.lx200.session import LxSession
+from gateway.protocols.lx200.surface.clock import commit_if_allowed
 from gateway.protocols.wireformat.command import Command
 
 
@@ -66,8 +67,10 @@ def second_half(session: LxSession, command: Command, values: op.Values) -> Hand
 
 
 def goto(session: LxSession, _: Command, values: op.Values) -> Handling:
-    """:MS - slew to the target."""
+    """:MS - slew to the target, by the time that this client has set before."""
     kept = session.kept
+    if kept.draft is not None:
+        yield from commit_if_allowed(session)
     place: op.Equatorial = yield from _target(session)
     limits = {"lowest": kept.lowest, "highest": kept.highest, "fastest": kept.fastest}
     yield op.Goto(place.ra, place.dec, track=not kept.land, **limits)
@@ -78,6 +81,8 @@ def goto_horizontal(session: LxSession, _: Command, values: op.Values) -> Handli
     kept = session.kept
     if kept.az is None or kept.alt is None:
         raise NoTarget
+    if kept.draft is not None:
+        yield from commit_if_allowed(session)
     yield op.GotoHorizontal(kept.az, kept.alt, lowest=kept.lowest, highest=kept.highest, fastest=kept.fastest)
 
 
