@@ -59,7 +59,7 @@ WRITTEN = {
 }  # fmt: skip
 #: What no mount here has, and what has not been set.
 NOWHERE = {"aperturearea", "aperturediameter", "doesrefraction", "focallength", "slewsettletime"}
-UNSET = {"siteelevation", "targetdeclination", "targetrightascension"}
+UNSET = {"targetdeclination", "targetrightascension"}
 #: By mount: how it is built, and what it can do of what differs.
 FORK, POLAR, GERMAN = 0, 1, 2
 MOUNTS: dict[tuple[str, str], dict[str, Any]] = {
@@ -144,10 +144,16 @@ ALWAYS = {
 }  # fmt: skip
 
 
-def test_without_a_connection_nothing_is_told_and_nothing_moves() -> None:
+def test_without_a_connection_nothing_moves_and_after_it_nothing_is_told() -> None:
+    """A program that has never written Connected may read; one that has disconnected may not."""
+
     async def program() -> None:
         async with Stage("6-8se", start=START, presented="alpaca", named=True) as own:
             client = own.client()
+            for name, (parameters, _) in READ.items():
+                given = "".join(f" {one}=1" for one in parameters.split())
+                assert await answer(client, f"get {name}{given}") != -NOT_CONNECTED, name
+            await answer(client, "put disconnect")
             for name, (parameters, _) in READ.items():
                 given = "".join(f" {one}=1" for one in parameters.split())
                 refused = await answer(client, f"get {name}{given}") == -NOT_CONNECTED

@@ -23,7 +23,7 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
-from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, ReuseLastReading
+from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, Note, ReuseLastReading
 
 #: Operations of one connection that may run without a reply; beyond that only those that end a motion are started.
 MAX_BACKGROUND = 16
@@ -86,6 +86,8 @@ class TurnRunner:
             elif isinstance(wanted, Defer):
                 turn.reusable = False
                 self._defer(wanted)
+            elif isinstance(wanted, Note):
+                self._controller.context.note_once(wanted.text)
             elif isinstance(wanted, ChangeBaudRate):
                 turn.reusable, turn.baud = False, wanted.baud
             else:

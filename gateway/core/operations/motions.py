@@ -104,12 +104,16 @@ class AbortSlew(Operation[None], frozen=True):
 
 
 class SetTracking(Operation[None], frozen=True):
-    """Turn tracking off, or on in ``mode``, by default the mount's own mode."""
+    """Turn tracking off, or on in ``mode``, by default the mount's own mode.
+
+    ``heard``: look at what the mount reports afterwards. Raises Refused then if it has not changed.
+    """
 
     survives_abort = True
 
     on: bool
     mode: Tracking | None = None
+    heard: bool = False
 
 
 class TrackRate(Operation[None], frozen=True):

@@ -18,11 +18,15 @@ class SetSite(Operation[None], frozen=True):
 
 
 class SetClock(Operation[None], frozen=True):
-    """Set UTC (Unix seconds) and the offset, local minus UTC in hours, of which ``dst`` hours are daylight saving."""
+    """Set UTC (Unix seconds) and the offset, local minus UTC in hours, of which ``dst`` hours are daylight saving.
+
+    ``heard``: wait for the mount's own answer, if it comes soon. Raises Refused then if the mount refuses it.
+    """
 
     unix: float
     offset: float
     dst: int | None = None
+    heard: bool = False
 
 
 class ClockFromGps(Operation[None], frozen=True):

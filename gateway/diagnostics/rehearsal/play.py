@@ -27,6 +27,7 @@ from gateway.protocols.base.wants import (
     Defer,
     FireAndForget,
     Handling,
+    Note,
     ReuseLastReading,
     SurfaceStep,
     relayed,
@@ -200,7 +201,7 @@ class Player:
         """Note a request; return False, as it is carried out as well."""
         if isinstance(wanted, ChangeBaudRate):
             self._events.append(Event("baud", str(wanted.baud)))
-        elif not isinstance(wanted, Defer | CheckPossible):
+        elif not isinstance(wanted, Defer | CheckPossible | Note):
             operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
             self._events.append(Event("means", meaning(operation)))
         return False

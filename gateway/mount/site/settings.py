@@ -13,16 +13,19 @@ from datetime import UTC, datetime
 from typing import Any
 
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Unsupported
+from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Refused, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.presence import Program
 from gateway.mount.readings.reader import FIRST_ANSWER
+from gateway.mount.site.pending_settings import Setting, kind_of
 from gateway.mount.site.settings_sync import SyncSettings
 
 #: Seconds that one half of a site waits for the other.
 HALF_SITE = 2.0
+#: Seconds that a client waits at most to hear whether the mount refuses its setting.
+HEARD = 2.5
 
 
 class SiteAndClock:
@@ -116,7 +119,7 @@ class SiteAndClock:
             self.sync.queue(whole)
 
     async def _set_clock(self, operation: op.SetClock, program: Program) -> None:
-        """Use the client's clock at once. Raises Invalid for a year that the mount's clock does not support."""
+        """Use the client's clock at once. Raises Invalid for a year that this mount's clock does not take, Refused."""
         years = self._context.driver.years
         year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
         if year not in years:
@@ -124,6 +127,26 @@ class SiteAndClock:
         self._context.incoming.complete(program)
         self._site_clock.keep_clock(operation)
         self.sync.queue(operation)
+        if operation.heard:
+            await self._heard(operation)
+
+    async def _heard(self, operation: op.SetClock) -> None:
+        """Wait until this queued setting was sent, given up or kept, but not long. Raises Refused if it was refused."""
+        ours, why = self.sync.pending.get(kind_of(operation)), ""
+
+        def refused(told: tuple[Setting, str]) -> None:
+            nonlocal why
+            why = told[1] if told[0] is ours else why
+
+        self.sync.refused.connect(refused)
+        try:
+            until = self._context.now() + HEARD
+            while self.sync.pending.get(kind_of(operation)) is ours is not None and self._context.now() < until:
+                await asyncio.sleep(0.1)
+        finally:
+            self.sync.refused.disconnect(refused)
+        if why:
+            raise Refused(f"The mount refused it: {why}")
 
     async def _clock_from_gps(self, operation: op.ClockFromGps, program: Program) -> None:
         """Set the mount's clock from its GPS; if that is not allowed, the gateway's clock. Raises NoDevice."""

@@ -16,6 +16,7 @@ from math import inf
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.core.motion_kinds import GOTOS
+from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
@@ -55,6 +56,8 @@ class SyncSettings:
         self._mount: tuple[str, str] | None = None
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        #: Emitted with a setting that the mount has refused, and the reason.
+        self.refused: Signal[tuple[Setting, str]] = Signal()
 
     @property
     def pending(self) -> Pending:
@@ -279,6 +282,7 @@ class SyncSettings:
 
     def _give_up(self, setting: Setting, why: str) -> None:
         """Stop sending it: from now on reads return the mount's own value."""
+        self.refused.emit((setting, why))
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without(self.pending, setting)
         if newest and self._site_clock.has_own(setting.value):

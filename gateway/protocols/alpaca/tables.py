@@ -6,12 +6,14 @@ members of the interface: a connected program, an unparked mount.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import Any
 
 import msgspec
 
 from gateway.core.errors import Fault, MappingError
+from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
 #: The range of ASCOM's error numbers.
@@ -68,12 +70,14 @@ def is_refusal(reply: bytes) -> bool:
 class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row of ``members.toml``. ``always``: also for programs that are not connected. ``unparked``: not while parked.
     ``tracking``: only while the mount tracks (or does not). ``arrival``: answered when its goto has ended.
+    ``list``: its value is a list.
     """
 
     always: bool = False
     unparked: bool = False
     tracking: bool | None = None
     arrival: bool = False
+    list: bool = False
 
 
 #: The conditions of most members.
@@ -97,3 +101,16 @@ def members() -> dict[str, Member]:
 def member(name: str) -> Member:
     """Return the conditions of a command."""
     return members().get(name, PLAIN)
+
+
+#: Form of a reply -> the value that goes with an error: clients expect one of the member's type.
+_EMPTY: dict[str, Any] = {"truth": False, "number": 0.0, "hours": 0.0, "whole": 0, "moment": "", "json": ""}
+_FORM = re.compile(r"\{\w+:(\w+)\}")
+
+
+def empty_value(command: Command) -> dict[str, Any]:
+    """Return the ``Value`` that goes with an error of this member; nothing for one that has no value."""
+    found = _FORM.search(str(command.replies[0][1].source)) if command.replies else None
+    if found is None:
+        return {}
+    return {"Value": [] if member(command.name).list else _EMPTY[found[1]]}

@@ -61,7 +61,13 @@ class Subscription(NamedTuple):
     after: float = 0.0
 
 
-SurfaceStep = Operation | FireAndForget | CheckPossible | ReuseLastReading | Defer | ChangeBaudRate
+class Note(NamedTuple):
+    """Write a sentence to the log and to ``status``, once: something is done differently from what was requested."""
+
+    text: str
+
+
+SurfaceStep = Note | Operation | FireAndForget | CheckPossible | ReuseLastReading | Defer | ChangeBaudRate
 Handling = Generator[SurfaceStep, Any, Any]
 
 

@@ -104,7 +104,7 @@ class _Given:
     def number(self, name: str) -> int:
         text = self._values.get(self._fold(name), "0")
         if not _PLAIN_NUMBER.fullmatch(text) or int(text) > MOST:
-            raise BadRequest(f"{name} is {text!r}; it must be a whole number from 1 to {MOST}")
+            raise BadRequest(f"{name} is {text!r}; it must be a whole number from 0 to {MOST}")
         return int(text)
 
 

@@ -21,7 +21,7 @@ from gateway.core.about import VERSION
 from gateway.core.errors import ReadOnly
 from gateway.protocols.alpaca.http.programs import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, client_numbers, parse_request
-from gateway.protocols.alpaca.tables import member, refused
+from gateway.protocols.alpaca.tables import empty_value, member, refused
 from gateway.system.own_names import known_host
 from gateway.system.web_log import web_log
 from gateway.transport.handler import ConnectionRefused
@@ -112,6 +112,8 @@ class AlpacaServer:
             reply = await device.answer(asked, request.remote or "?")
         else:
             reply = refused(ReadOnly())
+        if request.method == "GET":
+            reply = {**empty_value(asked.command), **reply}
         return web.json_response(numbered(reply, asked.transaction))
 
     def _device(self, request: web.Request) -> Device:

@@ -1,7 +1,7 @@
 """The session of an Alpaca program, the conditions of its requests, and the ranges of their parameters.
 
-A program must be connected, and for some requests the mount must not be parked. Every request is answered, also a
-refused one.
+A program must be connected to change anything; one that has never said whether it is may read. For some requests the
+mount must not be parked. Every request is answered, also a refused one.
 """
 
 from __future__ import annotations
@@ -21,12 +21,15 @@ from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class AlpacaKept(Kept):
-    """``ra``, ``dec`` are the target, degrees; ``elevation`` is in metres. None means not set yet."""
+    """``ra``, ``dec`` are the target, degrees, None if it was not set; ``elevation`` is in metres. ``connected`` is
+    None until the program connects or disconnects. ``no_tracking``: the mount did not track when told to.
+    """
 
-    connected: bool = False
+    connected: bool | None = None
     ra: float | None = None
     dec: float | None = None
-    elevation: float | None = None
+    elevation: float = 0.0
+    no_tracking: bool = False
 
 
 class AlpacaSession(Session):
@@ -45,25 +48,33 @@ class AlpacaSurface(Surface):
         self.session, self.is_refusal = AlpacaSession, is_refusal
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
-        yield from _admitted(session, command.name)
-        return (yield from super()._act(session, command, row, values))
+        yield from _admitted(session, command)
+        reply = yield from super()._act(session, command, row, values)
+        if command.urgent and (yield GetActivity()).parked:
+            raise Parked  # ASCOM's rule for a parked mount; the stop was sent all the same
+        return reply
 
 
-def _admitted(session: Session, name: str) -> Handling:
+def _admitted(session: Session, command: Command) -> Handling:
     """Check the conditions of a member. Raises Fault if one is not met."""
     assert isinstance(session, AlpacaSession)
-    needs = member(name)
-    if not (needs.always or session.kept.connected):
+    needs, kept = member(command.name), session.kept
+    if not (needs.always or kept.connected or (kept.connected is None and reads(command))):
         raise NotConnected
     if needs.unparked and (yield GetActivity()).parked:
         raise Parked
     if needs.tracking is not None:
         tracks = (yield GetStatus()).tracking is not Tracking.OFF
-        if tracks is not needs.tracking:
+        if tracks is not needs.tracking and not (needs.tracking and kept.no_tracking):
             raise Refused(
                 "The mount tracks: set Tracking to false first." if tracks
                 else "The mount does not track: set Tracking to true first."
             )  # fmt: skip
+
+
+def reads(command: Command) -> bool:
+    """Whether a request is a GET, which changes nothing."""
+    return str(command.request.source).startswith("get ")
 
 
 # --- parameters -----------------------------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def connect(session: AlpacaSession, command: Command | None, values: Values) -> 
 
 
 def connected(session: AlpacaSession, command: Command, values: Values) -> bool:
-    return session.kept.connected
+    return session.kept.connected is True
 
 
 def set_connected(session: AlpacaSession, command: Command, values: Values) -> Handling:

@@ -13,7 +13,7 @@ from gateway.core.errors import Fault, Invalid, NoTarget, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface.client import AlpacaSession, axis, place, within
 from gateway.protocols.alpaca.tables import Parked
-from gateway.protocols.base.wants import Handling, given
+from gateway.protocols.base.wants import Handling, Note, given
 from gateway.protocols.wireformat.command import Command
 
 #: The directions in the order of ASCOM's numbers.
@@ -90,17 +90,22 @@ def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling
 
 
 def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Move an axis at a rate of ``AxisRates``, positive or negative; 0 ends it. Raises Invalid, Unsupported."""
+    """Move an axis at a rate of ``AxisRates``, positive or negative, or the next slower one of them; 0 ends the motion.
+    Raises Invalid for a rate below or above all of them, Unsupported.
+    """
     number, rate = axis(values), given(values)["rate"]
     if number == 2:
         raise Unsupported("This mount has no third axis.")
     if rate == 0.0:
         yield op.StopAxis(number + 1)
         return
-    speeds = (yield op.GetAbilities()).speeds
-    if not any(low * (1.0 - NEAR) <= abs(rate) <= high * (1.0 + NEAR) for low, high in speeds):
+    speed = abs(rate)
+    slower = [high for low, high in (yield op.GetAbilities()).speeds if low * (1.0 - NEAR) <= speed]
+    if not slower or speed > max(high for _, high in (yield op.GetAbilities()).speeds) * (1.0 + NEAR):
         raise Invalid(f"Rate {rate:g} is not one of this axis: AxisRates lists them, in degrees per second.")
-    yield op.MoveAxis(number + 1, 1 if rate > 0.0 else -1, op.Rate(degrees=abs(rate)))
+    if speed > max(slower) * (1.0 + NEAR):
+        yield Note(f"MoveAxis at {speed:g} degrees a second is done at {max(slower):.4g}: the next slower rate it has")
+    yield op.MoveAxis(number + 1, 1 if rate > 0.0 else -1, op.Rate(degrees=min(speed, max(slower))))
 
 
 def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Handling:
@@ -124,7 +129,9 @@ def set_tracking(session: AlpacaSession, command: Command, values: Values) -> Ha
     on = given(values)["on"]
     if on and (yield op.GetActivity()).parked:
         raise Parked
-    yield op.SetTracking(on)
+    session.kept.no_tracking = on  # unless it succeeds: a mount that cannot be made to track may go to a target then
+    yield op.SetTracking(on, heard=True)
+    session.kept.no_tracking = False
 
 
 def tracking_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:

@@ -18,7 +18,7 @@ OWN = {
 
 
 def kept(session: AlpacaSession, command: Command, values: Values) -> float:
-    """Return a value that the program has set. Raises NoTarget if it was not set."""
+    """Return a value that the program has set. Raises NoTarget for a target that was not set."""
     field, name, *_ = OWN[command.name]
     value: float | None = getattr(session.kept, field)
     if value is None:
@@ -42,7 +42,7 @@ def set_longitude(session: AlpacaSession, command: Command, values: Values) -> H
 
 
 def set_clock(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Set UTC and keep the UTC offset."""
+    """Set UTC and keep the UTC offset. Raises Refused if the mount refuses it."""
     unix = given(values)["unix"]
     before: op.Moment = yield op.GetClock()
-    yield op.SetClock(unix, before.offset, before.dst)
+    yield op.SetClock(unix, before.offset, before.dst, heard=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused, Unsupported
-from gateway.protocols.base.driver import Steps
+from gateway.protocols.base.driver import Steps, Wait
 from gateway.protocols.lx200.driver.ends import FOCUSER, count_motion, end
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
 from gateway.protocols.lx200.driver.speeds import SIDEREAL_HERTZ
@@ -18,6 +18,8 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
 #: A displayed frequency below the first is the lunar rate, from the second on it is the sidereal one, hertz.
 _LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
+#: How often the status is read after tracking was turned on or off, until it shows that, and the seconds between.
+_LOOKS, _LOOK_AGAIN = 3, 0.5
 #: Focuser speeds from here on are the fast one of the two speeds of a classic.
 _FAST_FOCUS = 3
 
@@ -26,7 +28,8 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
     """:AL off, :AA or :AP on, only on models that report :GW - on others these commands destroy the alignment.
 
     Nothing is sent if the telescope reports now that it is in the wanted state already: the user may have changed it on
-    the hand control. In land mode that report is not trusted, because it may be T during a slew.
+    the hand control. In land mode that report is not trusted, because it may be T during a slew. Raises Refused if an
+    order that is to be ``heard`` does not change what the telescope reports.
     """
     if (native_mode(mount) if operation.on else op.Tracking.OFF) is mount.tracking:
         yield from read_status(mount)
@@ -37,6 +40,14 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
         raise Unsupported("The mount keeps tracking: switching it off would destroy its alignment.")
     yield from ask(mount, "AL" if not operation.on else {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter])
     mount.tracking, mount.land = wanted, not operation.on
+    for _ in range(_LOOKS if operation.heard else 0):
+        yield from read_status(mount)
+        if mount.tracking is wanted:
+            return
+        yield Wait(_LOOK_AGAIN)
+    if operation.heard:
+        words = "on" if operation.on else "off"
+        raise Refused(f"The mount did not turn tracking {words}: it reports the same as before.")
 
 
 def rest(mount: Lx200Driver, _: op.Hibernate) -> Steps:

@@ -69,10 +69,22 @@ def clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
     yield from ask(mount, "gT")
 
 
+def _set_zone(mount: Lx200Driver, wanted: float) -> Steps:
+    """Send :SG and return the offset that the telescope has taken. Raises Invalid if it takes none."""
+    for offset in (wanted, float(int(wanted))):
+        with suppress(Invalid):
+            yield from ask(mount, "SG", offset=-offset)
+            return offset
+    yield from ask(mount, "SG", offset=0.0)
+    return 0.0
+
+
 def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
-    """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour, and the local time set to match."""
-    offset, began = operation.offset * 2 // 1 / 2, mount.now()
-    yield from ask(mount, "SG", offset=-offset)
+    """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour; one that the telescope refuses is
+    replaced by whole hours, and then by none. The local time is set to match, so that UTC is right.
+    """
+    began = mount.now()
+    offset = yield from _set_zone(mount, operation.offset * 2 // 1 / 2)
     universal = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC)  # :SG may have taken long
     local = universal + timedelta(hours=offset)
     day = universal.date() if mount.facts["utc_date"] else local.date()

@@ -1,0 +1,136 @@
+"""What the mount refused, Alpaca raises, and an error has a value of the type of its member."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.alpaca.tables import empty_value
+from gateway.protocols.lx200.simulator.server import SimulatedLx200
+from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
+from tests.unit.protocols.alpaca.test_surface import CRAB, ask, connected, stage
+
+NOT_POSSIBLE, PARKED, INVALID, NOT_CONNECTED = -0x40B, -0x408, -0x401, -0x407
+
+
+def answering(own: Stage, instead: Callable[[bytes], bytes | None]) -> None:
+    """Let the simulated Meade answer these frames otherwise, and not carry them out."""
+    assert isinstance(own.sim, SimulatedLx200)
+    usual = own.sim._answer
+
+    def answer(frame: bytes, later: object) -> bytes:
+        told = instead(frame)
+        return usual(frame, later) if told is None else told  # type: ignore[arg-type]
+
+    own.sim._answer = answer  # type: ignore[method-assign]
+
+
+@each("kept", [b":SL", b":SC"])
+def test_a_clock_that_the_mount_refuses_is_an_error(kept: bytes) -> None:
+    async def program() -> None:
+        async with stage("lx200gps", "lx200") as own:
+            client = await connected(own)
+            assert await ask(client, "put utcdate UTCDate=2026-06-01T12:00:00Z") is None
+            answering(own, lambda frame: b"0" if frame.startswith(kept) else None)
+            assert await ask(client, "put utcdate UTCDate=2026-09-01T12:00:00Z") == NOT_POSSIBLE
+            assert (await ask(client, "get utcdate")).startswith("2026-06-01T12:00"), "the mount's own counts"
+
+    run(program())
+
+
+def test_a_program_that_gives_utc_is_served_with_a_zone_that_the_mount_takes() -> None:
+    async def program() -> None:
+        async with stage("lx200gps", "lx200") as own:
+            client = await connected(own)
+            answering(own, lambda frame: b"0" if frame.startswith(b":SG") and frame[:6] != b":SG+00" else None)
+            assert await ask(client, "put utcdate UTCDate=2026-06-01T12:00:00Z") is None
+            await asyncio.sleep(30.0)
+            assert (await ask(client, "get utcdate")).startswith("2026-06-01T12:00:3")
+
+    run(program())
+
+
+def test_tracking_that_does_not_begin_is_an_error_and_no_circle() -> None:
+    """Its :GW# goes on saying N: the program is told, and its gotos are let through all the same."""
+
+    async def program() -> None:
+        async with stage("lx200gps", "lx200") as own:
+            own.controller.astrometry.sky.load()
+            client = await connected(own)
+            assert await ask(client, "put tracking Tracking=false") is None
+            assert await ask(client, f"put slewtocoordinatesasync {CRAB}") == NOT_POSSIBLE
+            answering(own, lambda frame: b"" if frame in (b":AP#", b":AA#") else None)
+            assert await ask(client, "put tracking Tracking=true") == NOT_POSSIBLE
+            assert await ask(client, "get tracking") is False
+            assert await ask(client, f"put slewtocoordinatesasync {CRAB}") is None
+            await asyncio.sleep(1.0)
+            assert own.sim.slewing
+
+    run(program())
+
+
+def test_a_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
+    async def program() -> None:
+        async with stage(speed=20.0) as own:
+            client, other = await connected(own), own.client("192.0.2.7")
+            await ask(client, "put park")
+            while not await ask(client, "get atpark"):
+                await asyncio.sleep(0.5)
+            own.wire.clear()
+            assert await ask(other, "put abortslew") == PARKED
+            assert b"M" in own.wire and await ask(client, "get atpark") is True
+
+    run(program())
+
+
+def test_who_has_said_nothing_may_read_and_who_has_disconnected_may_not() -> None:
+    async def program() -> None:
+        async with stage() as own:
+            client = own.client()
+            assert await ask(client, "get connected") is False
+            assert isinstance(await ask(client, "get rightascension"), float)
+            assert await ask(client, "put tracking Tracking=false") == NOT_CONNECTED
+            for words in ("put connected Connected=false", "put disconnect"):
+                await ask(client, "put connect")
+                assert await ask(client, words) is None
+                assert await ask(client, "get rightascension") == NOT_CONNECTED
+            assert await ask(client, "put abortslew") is None
+
+    run(program())
+
+
+def test_a_rate_between_two_of_the_mount_is_the_next_slower_one() -> None:
+    async def program() -> None:
+        async with stage("lx200gps", "lx200") as own:
+            client = await connected(own)
+            rates = [one["Maximum"] for one in await ask(client, "get axisrates Axis=1")]
+            slower, faster = max(rate for rate in rates if rate < 0.5), max(rates)
+            for sign in (-1.0, 1.0):
+                before = own.sim.truth()[1]
+                assert await ask(client, f"put moveaxis Axis=1 Rate={sign * 0.5}") is None
+                await asyncio.sleep(10.0)
+                assert abs(abs(own.sim.truth()[1] - before) / 10.0 - slower) < 0.1 * slower
+                assert (own.sim.truth()[1] > before) is (sign > 0.0)
+                assert await ask(client, "put moveaxis Axis=1 Rate=0") is None
+                await asyncio.sleep(2.0)
+            for rate in (min(rates) / 2.0, faster * 1.1, -faster * 1.1):
+                assert await ask(client, f"put moveaxis Axis=1 Rate={rate}") == INVALID, rate
+            [told] = {word.text for word in own.wire_log.recent if "MoveAxis" in word.text}
+            assert "0.5 degrees a second is done at" in told
+
+    run(program())
+
+
+def test_an_error_has_a_value_of_the_type_of_its_member() -> None:
+    commands = load("alpaca").commands
+    values = {name: empty_value(commands[name]).get("Value") for name in ("atpark", "altitude", "rightascension",
+              "sideofpier", "axisrates", "utcdate", "name", "trackingrates")}  # fmt: skip
+    assert values == {
+        "atpark": False, "altitude": 0.0, "rightascension": 0.0, "sideofpier": 0, "axisrates": [], "utcdate": "",
+        "name": "", "trackingrates": [],
+    }  # fmt: skip
+    assert all("Value" in empty_value(one) for one in commands.values() if one.request.source.startswith("get "))
+    assert empty_value(commands["park"]) == {}
