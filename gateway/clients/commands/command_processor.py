@@ -21,7 +21,7 @@ from gateway.core.operations import AbortMotion, Operation
 from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.presence import HostActivity
-from gateway.protocols.base.frames import Unterminated
+from gateway.protocols.base.frames import RESYNC_GAP, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Ending
 from gateway.transport.baud import BaudTrial
@@ -80,10 +80,11 @@ class CommandProcessor:
     def feed(self, data: bytes, stops: int | None = None) -> None:
         """Process received bytes.
 
-        If they arrived earlier, ``stops`` is the controller's count of stops at that time.
+        If they arrived earlier, ``stops`` is the controller's count of stops at that time. No bytes: what the framer
+        has held back is processed, if the line is quiet.
         """
         self.activity.sent_data |= stops != LONG_AGO
-        if self.log.sinks:
+        if self.log.sinks and data:
             self.log.put("raw", data)
         if self._idle and self._task is None and self._answer_from_cache(data):
             return
@@ -91,6 +92,8 @@ class CommandProcessor:
         if self.log.sinks:
             self._log_dropped()
         self._idle = self.framer.idle  # else the next bytes may belong to these
+        if self.framer.held:
+            self.controller.loop.call_later(RESYNC_GAP, self._feed_held, stops)
         ended: set[bytes] = set()  # frames that ended a motion, with no other command since
         self.ended = bool(frames)
         for frame in frames:
@@ -115,6 +118,11 @@ class CommandProcessor:
             self._give_up(self._turn)
         if self._task is None:
             self._pump()
+
+    def _feed_held(self, stops: int | None) -> None:
+        """Process what the framer has held back, unless the client has gone or more has arrived."""
+        if self.open and self.framer.held:
+            self.feed(b"", stops)
 
     def _answer_from_cache(self, data: bytes) -> bool:
         """Send a cached reply to the same command again if it is still valid. Return whether it was."""

@@ -72,6 +72,11 @@ class WholeFramer:
         """Whether the next byte begins a command that does not depend on earlier bytes."""
         return not (self._pending or self._dropping)
 
+    @property
+    def held(self) -> bool:
+        """Whether bytes are held back until the line is quiet."""
+        return False
+
     def end(self) -> list[Unterminated]:
         """Handle the end of the connection: half a command is dropped."""
         self.dropped.clear()
@@ -101,13 +106,16 @@ class LengthFramer(WholeFramer, ABC):
         if quiet >= RESYNC_GAP:
             self._dropping = False
         if quiet >= QUIET_GAP and self._pending:
-            self.dropped.add(bytes(self._pending), self.half)
-            self._pending.clear()
-            self._dropping = self.drops_after_half
+            self._drop_half()
         if self._dropping:
             self.dropped.add(data, self.noise)
             return []
         return self._cut(data)
+
+    def _drop_half(self) -> None:
+        self.dropped.add(bytes(self._pending), self.half)
+        self._pending.clear()
+        self._dropping = self.drops_after_half
 
     @abstractmethod
     def _cut(self, data: bytes) -> list[bytes]:
@@ -115,9 +123,15 @@ class LengthFramer(WholeFramer, ABC):
 
 
 class Framer(Protocol):
-    """Cuts a protocol's commands out of a byte stream. ``idle``: the next byte does not depend on earlier ones."""
+    """Cuts a protocol's commands out of a byte stream. ``idle``: the next byte does not depend on earlier ones.
+
+    ``held``: bytes are held back until the line has been quiet for ``RESYNC_GAP``; then ``feed`` it nothing.
+    """
 
     dropped: Dropped
+
+    @property
+    def held(self) -> bool: ...
 
     @property
     def idle(self) -> bool: ...

@@ -47,6 +47,9 @@ def stops() -> tuple[bytes, ...]:
 class Framer:
     """Cuts a byte stream into whole commands, ``b":GR#"``, ``b"$Q#"`` or ``b"\x06"``."""
 
+    #: Nothing is held back until the line is quiet.
+    held = False
+
     def __init__(self) -> None:
         self._frame = bytearray()
         self._colon = False

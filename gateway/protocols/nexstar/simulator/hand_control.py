@@ -35,7 +35,7 @@ class SimulatedHandControl(SimulatedMount):
         self._opcodes, self._pass_through = _known(model, self.version)
 
     def framer(self) -> Framer:
-        return Framer()
+        return Framer(remembers=False)
 
     def feed(self, data: bytes, framer: AnyFramer | None = None, later: Later | None = None) -> bytes:
         """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""

@@ -1,0 +1,77 @@
+"""A NexStar program whose command is interrupted: its end, which arrives too late, moves nothing; a release ends."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.nexstar.framing import Framer
+from tests.support.in_process_gateway import Bridge
+from tests.support.truth import moving
+
+CUT = [
+    (b"r34A", b"B0500,12CE0500"),
+    (b"W", b"T\0T\0T\0T\0"),
+    (b"H\x0f\x1a\0\x04\x06\x05", b"T\0"),
+    (b"P\x02\x10", b"T\0\0\0\0"),
+    (b"K", b"x"),
+]
+
+
+def _bridge() -> Bridge:
+    return Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge")
+
+
+@pytest.mark.parametrize(("half", "end"), CUT)
+@pytest.mark.parametrize("apart", [None, 0.03])
+def test_the_end_moves_nothing(half: bytes, end: bytes, apart: float | None) -> None:
+    async def play() -> None:
+        async with _bridge() as bridge:
+            client = bridge.client()
+            assert await client.ask(b"Kz", until=b"#") == b"z#"
+            client.tell(half)
+            await asyncio.sleep(1.2)
+            sent = len(bridge.sent())
+            for piece in [end] if apart is None else [end[at : at + 1] for at in range(len(end))]:
+                client.tell(piece)
+                await asyncio.sleep(apart or 0.0)
+            await asyncio.sleep(3.0)
+            assert not [frame for frame in bridge.sent()[sent:] if frame.startswith((b":M", b":A", b":S", b":h"))]
+            assert not moving(bridge.sim)
+            assert (end, Framer.late_end) in [(entry.data, entry.note) for entry in bridge.entries]
+            assert await client.ask(b"Kz", until=b"#") == b"z#"
+
+    run(play())
+
+
+@pytest.mark.parametrize("length", range(1, 8))
+def test_an_arrow_cut_short_is_released(length: int) -> None:
+    async def play() -> None:
+        async with _bridge() as bridge:
+            client, other = bridge.client(), bridge.client()
+            other.tell(b"P\x02\x10$\x07\0\0\0")
+            await asyncio.sleep(1.0)
+            assert moving(bridge.sim)
+            client.tell(b"P\x02\x10$\x09\0\0\0"[:length])
+            await asyncio.sleep(1.1)
+            assert await client.ask(b"P\x02\x10$\0\0\0\0", until=b"#") == b"#"
+            await asyncio.sleep(2.0)
+            assert not moving(bridge.sim)
+
+    run(play())
+
+
+def test_a_question_waits_a_moment_only() -> None:
+    async def play() -> None:
+        async with _bridge() as bridge:
+            client = bridge.client()
+            assert await client.ask(b"e", until=b"#") != b""
+            client.tell(b"P\x02")
+            await asyncio.sleep(1.5)
+            began = bridge.controller.now()
+            assert len(await client.ask(b"e", until=b"#")) == 18
+            assert bridge.controller.now() - began < 0.5
+
+    run(play())
