@@ -44,6 +44,7 @@ from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
+from gateway.system.computer_clock import Kernel
 from gateway.system.locks import Claim
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
@@ -159,11 +160,10 @@ class Gateway:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time)
-        if self.mount.where == "sim":
-            driver.speed_factor = config.speed
+        driver.speed_factor = config.speed if self.mount.where == "sim" else 1.0
         shared = Shared(to_shared(self.previous_run.kept)) if self.store is None else self.store.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
-        site_clock = SiteClock(loop.time, self.clock, site)
+        site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config, self.rules), self.wire_log, line, self.sky, site_clock)
         self._controller = MountController(context, follow_ups)

@@ -72,6 +72,14 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
             "aligned, to a Meade always)"
         ),
     ] = "unaligned"
+    computer_clock: Annotated[
+        Literal["auto", "right", "doubtful"],
+        key(
+            "whether the limits may use this computer's clock. auto: it is doubtful before the date of this version "
+            "and on a board without a hardware clock that no time server has set; then it counts only if neither the "
+            "mount nor its GPS tells the time"
+        ),
+    ] = "auto"
     lowest: Annotated[
         float, key("lowest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
     ] = 0.0

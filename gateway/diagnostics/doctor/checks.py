@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 
+from gateway.core.about import RELEASED
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Port, Result, Said
-from gateway.mount.site.site_clock import EARLIEST
 from gateway.protocols.registry import ANY_PORT, PROTOCOLS
 
 #: The oldest and the newest version of Python that mount-gateway is tested with.
@@ -79,7 +79,7 @@ def clock(facts: Facts) -> Iterator[Said]:
     """Check that the clock is not before this software's release, and that a time source keeps it right."""
     now = _day(facts.now, "%Y-%m-%d %H:%M:%S UTC")
     set_it = "sudo timedatectl set-ntp true with a network; without one sudo date -u -s 'YYYY-MM-DD HH:MM:SS'"
-    least = max(EARLIEST, facts.published or 0.0)
+    least = max(RELEASED, facts.published or 0.0)
     if facts.now < least:
         yield (
             BAD,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from gateway.astro.spherical import wrap180
+from gateway.core.about import RELEASED
 from gateway.core.operations import GetClock, GetGps, GetSite, Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.core.signals import Signal
 
@@ -20,8 +21,8 @@ SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
 #: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
 GPS_FIX, GPS_SEARCH = 300.0, 30.0
-#: A computer whose clock shows a time before 2024-01-01 has lost its time.
-EARLIEST = 1704067200.0
+#: Seconds: a computer's clock that is so near to the mount's or its GPS is right, however doubtful it is otherwise.
+AGREES = 120.0
 MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM = (
     "the mount", "its GPS", "the configuration", "this computer", "a program")  # fmt: skip
 
@@ -34,21 +35,31 @@ class Site(NamedTuple):
 
 
 class Time(NamedTuple):
-    """UTC as Unix seconds at this moment, and its source."""
+    """UTC as Unix seconds at this moment, its source, and whether it may be lost (a computer without a battery)."""
 
     unix: float
     source: str
+    doubtful: bool = False
 
 
 class SiteClock:
     """Owns every known site and clock of one mount.
 
-    ``now`` is a clock that never goes back; ``host`` returns this computer's time, Unix seconds. ``changed`` is emitted
+    ``now`` is a clock that never goes back; ``host`` returns this computer's time, Unix seconds. ``trust`` is the
+    owner's word on it (auto, right, doubtful), ``kernel`` what the kernel says of it. ``changed`` is emitted
     when the site or clock in force may have changed.
     """
 
-    def __init__(self, now: Callable[[], float], host: Callable[[], float], site: Place | None) -> None:
+    def __init__(
+        self,
+        now: Callable[[], float],
+        host: Callable[[], float],
+        site: Place | None,
+        trust: str = "auto",
+        kernel: Callable[[], bool] | None = None,
+    ) -> None:
         self._now, self.host = now, host
+        self._trust, self._kernel = trust, kernel
         self.configured = site
         self.mount_site: Place | None = None
         self.client_site: Place | None = None
@@ -90,6 +101,12 @@ class SiteClock:
         """UTC by the clock in force, else by this computer's, Unix seconds."""
         moment = self.clock()
         return self.host() if moment is None else moment.unix
+
+    def doubts(self, host: float) -> bool:
+        """Whether this computer's time ``host`` may be lost."""
+        if self._trust != "auto":
+            return self._trust == "doubtful"
+        return host < RELEASED or (self._kernel is not None and self._kernel())
 
     # --- new values -------------------------------------------------------------------------------------------------
 
@@ -215,8 +232,8 @@ class BestSources:
     """Site and time from the best source: used by the limits and by ``SiteAstrometry``.
 
     The mount's own are the best, because its coordinates are calculated from them. Then follow its GPS receiver, the
-    configuration (site) or this computer's clock (time). What clients set is used last: any client may be
-    misconfigured, and the limits belong to the owner of the telescope.
+    configuration (site) or this computer's clock (time), unless that is doubtful. What clients set is used last: any
+    client may be misconfigured, and the limits belong to the owner of the telescope.
     """
 
     def __init__(self, site_clock: SiteClock) -> None:
@@ -236,17 +253,23 @@ class BestSources:
         return [Site(place, source) for place, source in sources if place is not None]
 
     def times(self) -> list[Time]:
-        """Return every known time, best first. A computer that has lost its clock comes last."""
+        """Return every time that counts, best first.
+
+        A computer whose clock is doubtful counts only if neither the mount nor its GPS tells a time, and a program's
+        clock only if that of this computer is doubtful as well.
+        """
         known = self._site_clock
-        host = Time(known.host(), COMPUTER)
         found = [
             Time(moment.unix, source)
             for moment, source in ((known.running(known.mount_clock), MOUNT), (known.running(known.gps_clock), GPS))
             if moment is not None
         ]
+        host = known.host()
+        if not known.doubts(host) or any(abs(time.unix - host) <= AGREES for time in found):
+            return [*found, Time(host, COMPUTER)]
         program = known.running(known.client_clock)
-        rest = [host] + ([Time(program.unix, PROGRAM)] if program is not None else [])
-        return found + (rest if host.unix >= EARLIEST else rest[::-1])
+        told = [Time(program.unix, PROGRAM)] if program is not None else []
+        return found or [*told, Time(host, COMPUTER, doubtful=True)]
 
     def site(self) -> Place | None:
         """Return the site in force for the limits; None if it is unknown."""

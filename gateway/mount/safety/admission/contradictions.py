@@ -12,18 +12,16 @@ from typing import NamedTuple
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
+from gateway.core.about import RELEASED
 from gateway.core.errors import Fault, NearSun, Unsupported
 from gateway.core.operations import Equatorial, GetStatus, Park, Place
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits, check_own_park
 from gateway.mount.site.astrometry import SUN_IS_UP
-from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site, Time
+from gateway.mount.site.site_clock import BestSources, Site, Time
 
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
-#: Seconds; a computer clock that is off by more than a day (no wrong time zone or AM/PM) is ignored, because it is
-#: lost: many computers have no clock battery and no network.
-LOST = 86400.0
 #: Without the date the position of the Sun is unknown.
 UNKNOWN_TIME = (
     "The time is unknown: this computer's clock is lost, and neither the mount nor a program has reported it. "
@@ -65,7 +63,7 @@ def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: E
 
 def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradiction]:
     """Yield what other sources say that differs too much, each site or time combined with the best of the other."""
-    unix, by = times[0]
+    unix, by, _ = times[0]
     if sites:
         (place, who), others = sites[0], sites[1:]
         for other in others:
@@ -79,7 +77,7 @@ def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradicti
                 )
     for time in times[1:]:
         apart = abs(time.unix - unix)
-        if apart > CLOCK_MATTERS and not (time.source == COMPUTER and apart > LOST):
+        if apart > CLOCK_MATTERS and not time.doubtful:
             yield Contradiction(
                 sites[0].place if sites else None,
                 time.unix,
@@ -120,7 +118,7 @@ def _span(seconds: float) -> str:
 
 def time_unknown(best: Time) -> bool:
     """Whether the time is unknown: this computer's clock is lost, and there is no other source."""
-    return best.source == COMPUTER and best.unix < EARLIEST
+    return best.doubtful and best.unix < RELEASED
 
 
 def contradiction_warning(mount: Context) -> str:

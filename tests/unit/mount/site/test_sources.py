@@ -147,26 +147,26 @@ def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("site", "ahead", "words"),
     [
-        (b":St+10*00#:Sg080*00#", b"The mount stands at 45.0 N 10.0 E, a program says 10.0 N 80.0 W."),
-        (b":SG+00#:SL16:00:00#:SC01/15/26#", b"The clocks of the mount and of a program differ by 6.0 hours."),
+        ((10.0, -80.0), 0.0, b"The mount stands at 45.0 N 10.0 E, the configuration says 10.0 N 80.0 W."),
+        (None, -21600.0, b"The clocks of the mount and of this computer differ by 6.0 hours."),
     ],
 )
-def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(told: bytes, words: bytes) -> None:
-    """45 degrees high in the south-east by the mount, below the horizon by the program."""
+def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
+    site: tuple[float, float] | None, ahead: float, words: bytes
+) -> None:
+    """30 degrees high in the south-east by the mount, below the horizon by the other source."""
 
     async def program() -> None:
-        async with Bridge("cge") as bridge:
+        async with Bridge("cge", host_ahead=ahead, config={"site": site}) as bridge:
             client = bridge.client()
             hour_angle, dec = horizon_to_hour_angle(110.0, 30.0, 45.0)
             there = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec
-            await client.ask(told)
-            await asyncio.sleep(3.0)
             assert await client.ask(as_lx200(*there), until=b"#") == b"111Object Below Horizon. %s#" % words
             assert not bridge.sim.slewing
             high = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 20.0) % 360.0, 60.0
-            if told.startswith(b":St"):
+            if site is not None:
                 return
             assert (await client.ask(as_lx200(*high), until=b"0")).endswith(b"0"), "above the horizon by both"
 
@@ -208,7 +208,7 @@ def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_com
     site_clock.keep_site(op.SetSite(1.0, 1.0))
     site_clock.keep_clock(op.SetClock(EVENING + 1e4, 0.0))
     assert [site.source for site in best.sites()] == [PROGRAM]
-    assert [time.source for time in best.times()] == [COMPUTER, PROGRAM]
+    assert [time.source for time in best.times()] == [COMPUTER]
     site_clock.configured = op.Place(2.0, 2.0)
     site_clock.take_gps(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
     site_clock.take_mount_site(op.Place(4.0, 4.0))
@@ -219,21 +219,37 @@ def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_com
         (CONFIGURED, 2.0),
         (PROGRAM, 1.0),
     ]
-    assert [(time.source, time.unix - EVENING) for time in best.times()] == [
-        (MOUNT, 3e4),
-        (GPS, 2e4),
-        (COMPUTER, 0.0),
-        (PROGRAM, 1e4),
-    ]
-    assert len(list(contradictions(best.sites(), best.times()))) == 6
+    assert [(time.source, time.unix - EVENING) for time in best.times()] == [(MOUNT, 3e4), (GPS, 2e4), (COMPUTER, 0.0)]
+    assert len(list(contradictions(best.sites(), best.times()))) == 5
 
 
-def test_a_computer_that_has_lost_its_clock_counts_less_than_a_program() -> None:
-    site_clock = SiteClock(lambda: 0.0, lambda: 3600.0, None)  # 1970
+@each(
+    ("host", "ahead", "told", "sources"),
+    [
+        (3600.0 - EVENING, None, False, [COMPUTER]),
+        (3600.0 - EVENING, None, True, [PROGRAM, COMPUTER]),
+        (3600.0 - EVENING, 0.0, True, [MOUNT]),
+        (3600.0 - EVENING, 3700.0 - EVENING, True, [MOUNT, COMPUTER]),
+        (0.0, 9999.0, True, [MOUNT, COMPUTER]),
+        (0.0, None, True, [COMPUTER]),
+    ],
+)
+def test_a_computer_that_has_lost_its_clock_counts_only_where_no_better_source_tells(
+    host: float, ahead: float | None, told: bool, sources: list[str]
+) -> None:
+    """``host`` and ``ahead`` are by how much this computer's and the mount's clocks are ahead, None if it has none."""
+    site_clock = SiteClock(lambda: 0.0, lambda: EVENING + host, None)
     best = BestSources(site_clock)
-    assert best.unix() == 3600.0
-    site_clock.keep_clock(op.SetClock(EVENING, 1.0))
-    assert best.unix() == EVENING
+    if told:
+        site_clock.keep_clock(op.SetClock(EVENING, 1.0))
+    if ahead is not None:
+        site_clock.take_mount_clock(op.Moment(EVENING + ahead, 0.0))
+    assert [time.source for time in best.times()] == sources
+    assert best.best_time().source == sources[0]
+    site_clock.take_mount_site(op.Place(45.0, 10.0))
+    doubtful = [time.doubtful for time in best.times()]
+    assert doubtful == [source == COMPUTER and sources != [MOUNT, COMPUTER] and host != 0.0 for source in sources]
+    assert not any("computer" in one.words for one in contradictions(best.sites(), best.times())) or host == 0.0
 
 
 def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
@@ -246,10 +262,13 @@ def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
     assert not list(contradictions(best.sites(), best.times()))
 
 
-@each(("ahead", "contradicts"), [(-7200.0, True), (43200.0, True), (-20 * 86400.0, False)])
-def test_a_computer_that_is_off_by_days_contradicts_nobody(ahead: float, contradicts: bool) -> None:
+@each(
+    ("ahead", "doubted", "contradicts"),
+    [(-7200.0, False, True), (20 * 86400.0, False, True), (-7200.0, True, False), (20 * 86400.0, True, False)],
+)
+def test_a_computer_without_a_battery_contradicts_nobody(ahead: float, doubted: bool, contradicts: bool) -> None:
     """A Raspberry Pi without a clock of its own begins where it was switched off."""
-    site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None)
+    site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None, "doubtful" if doubted else "auto")
     site_clock.take_mount_site(op.Place(45.0, 10.0))
     site_clock.take_mount_clock(op.Moment(EVENING, 0.0))
     best = BestSources(site_clock)

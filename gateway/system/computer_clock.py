@@ -1,0 +1,55 @@
+"""Whether this computer's clock may have lost the time: a board without a clock battery that no time server has set.
+
+Linux tells whether its clock is synchronised (adjtimex); a board is recognised by its device tree. Other computers, and
+virtual machines and containers, keep the time while they are off, or get it from their host, so they are not doubted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import time
+from pathlib import Path
+
+#: The state of the kernel's clock, and the bit of its status, that mean "not synchronised" (linux/timex.h).
+_ERROR, _UNSYNCHRONISED = 5, 0x40
+#: Seconds between two questions to the kernel.
+_ASK_AGAIN = 60.0
+
+
+class _Timex(ctypes.Structure):
+    """The beginning of ``struct timex``; the rest is large enough on every architecture."""
+
+    _fields_ = [
+        ("modes", ctypes.c_uint), ("offset", ctypes.c_long), ("freq", ctypes.c_long), ("maxerror", ctypes.c_long),
+        ("esterror", ctypes.c_long), ("status", ctypes.c_int), ("rest", ctypes.c_long * 64),
+    ]  # fmt: skip
+
+
+def board_without_clock(root: Path = Path("/")) -> bool:
+    """Whether this is a board with a device tree and without a hardware clock, such as a Raspberry Pi before the 5."""
+    board = (root / "proc/device-tree/model").exists() or (root / "sys/firmware/devicetree/base/model").exists()
+    return board and not any((root / "dev").glob("rtc*"))
+
+
+def synchronised() -> bool:
+    """Whether the kernel says that a time source keeps its clock right; True if the kernel does not say."""
+    try:
+        state = _Timex()
+        found = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(state))
+    except (OSError, AttributeError):
+        return True
+    return found < 0 or not (found == _ERROR or state.status & _UNSYNCHRONISED)
+
+
+class Kernel:
+    """Returns, when called, whether this computer's clock may be lost; the kernel is asked once a minute."""
+
+    def __init__(self, root: Path = Path("/")) -> None:
+        self._board = sys.platform == "linux" and board_without_clock(root)
+        self._asked, self._lost = float("-inf"), False
+
+    def __call__(self) -> bool:
+        if self._board and time.monotonic() - self._asked > _ASK_AGAIN:
+            self._asked, self._lost = time.monotonic(), not synchronised()
+        return self._lost

@@ -1,0 +1,72 @@
+"""Whose clock is doubted: a board without a clock battery that nothing has set. Files stand for the board."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from gateway.core.about import RELEASED
+from gateway.diagnostics.virtual_time import run
+from gateway.mount.site.site_clock import SiteClock
+from gateway.system import computer_clock
+from gateway.system.computer_clock import Kernel, board_without_clock, synchronised
+from tests.support.each import each
+from tests.support.in_process_gateway import Bridge
+
+TREE, FIRMWARE = "proc/device-tree/model", "sys/firmware/devicetree/base/model"
+
+
+@each(
+    ("files", "without"),
+    [((), False), ((TREE,), True), ((FIRMWARE,), True), ((TREE, "dev/rtc0"), False), (("dev/rtc",), False)],
+)
+def test_a_board_is_known_by_its_device_tree(files: tuple[str, ...], without: bool, tmp_path: Path) -> None:
+    tmp_path /= f"{len(files)}{without}{files}".replace("/", "-")
+    for name in files:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("Raspberry Pi 4 Model B")
+    tmp_path.mkdir(exist_ok=True)
+    assert board_without_clock(tmp_path) is without
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not tell")
+def test_only_a_board_whose_kernel_says_so_is_doubted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said = [False, True]
+    monkeypatch.setattr(computer_clock, "synchronised", lambda: said.pop(0))
+    assert not Kernel(tmp_path)()
+    (tmp_path / "proc/device-tree").mkdir(parents=True)
+    (tmp_path / TREE).touch()
+    board = Kernel(tmp_path)
+    assert board()
+    assert board(), "the kernel is asked once a minute"
+    monkeypatch.setattr(computer_clock, "_ASK_AGAIN", -1.0)
+    assert not board()
+
+
+def test_the_kernel_is_really_asked() -> None:
+    assert synchronised() in (True, False)
+
+
+@each(
+    ("choice", "now", "kernel", "doubtful"),
+    [
+        ("auto", RELEASED + 1.0, False, False),
+        ("auto", RELEASED + 1.0, True, True),
+        ("auto", RELEASED - 1.0, False, True),
+        ("right", 0.0, True, False),
+        ("doubtful", RELEASED + 1.0, False, True),
+    ],
+)
+def test_the_owner_decides_then_the_date_and_the_kernel(choice: str, now: float, kernel: bool, doubtful: bool) -> None:
+    assert SiteClock(lambda: 0.0, lambda: now, None, choice, lambda: kernel).doubts(now) is doubtful
+
+
+def test_the_key_reaches_the_mount() -> None:
+    async def program() -> None:
+        for choice, doubtful in (("auto", False), ("right", False), ("doubtful", True)):
+            async with Bridge("cge", config={"computer_clock": choice}) as bridge:
+                assert bridge.site_clock.doubts(bridge.host()) is doubtful
+
+    run(program())
