@@ -12,7 +12,7 @@ from gateway.core.errors import UserError, similar
 _PLAINLY = (
     (r"argument ([-\w/]+): invalid float value: ('.*')", r"{0} {1}: write a number"),
     (r"argument ([-\w/]+): invalid int value: ('.*')", r"{0} {1}: write a whole number"),
-    (r"argument (\S+): invalid choice: ('.*'|\d+) \(choose from (.*)\)", r"{0} {1}: write one of {2}"),
+    (r"argument (\S+): invalid choice: (?:'(?=\d+' ))?('.*'|\d+)'? \(choose from (.*)\)", r"{0} {1}: write one of {2}"),
     (r"argument (--[-\w]+): expected one argument", r"{0}: what it is set to is missing behind it"),
     (r"argument (--[-\w]+): not allowed with argument (--[-\w]+)", r"{0} and {1} cannot be had together"),
     (r"the following arguments are required: (.*)", r"missing: {0}"),

@@ -6,22 +6,21 @@ import re
 from pathlib import Path
 
 from tests.support.each import each
-from tests.support.pages import PAGES, ROOT
+from tests.support.pages import PAGES, ROOT, prose
 
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
-_FENCE = re.compile(r"(?ms)^ *```.*?^ *```$")
 
 
 def anchors(page: Path) -> set[str]:
     """As GitHub makes them: lower case, without punctuation, hyphens for spaces."""
-    headings = re.findall(r"(?m)^#+ (.+)$", _FENCE.sub("", page.read_text("utf-8")))
+    headings = re.findall(r"(?m)^#+ (.+)$", prose(page))
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @each("page", PAGES)
 def test_links_lead_somewhere(page: Path) -> None:
     dead = []
-    for link in _LINK.findall(_FENCE.sub("", page.read_text("utf-8"))):
+    for link in _LINK.findall(prose(page)):
         path, _, anchor = link.partition("#")
         target = (page.parent / path).resolve() if path else page
         if "://" not in link and (not target.is_file() or (anchor and anchor not in anchors(target))):
@@ -31,7 +30,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 def _linked(page: Path) -> set[Path]:
     """The pages that a page leads to."""
-    links = _LINK.findall(_FENCE.sub("", page.read_text("utf-8")))
+    links = _LINK.findall(prose(page))
     return {(page.parent / link.partition("#")[0]).resolve() for link in links if "://" not in link} & set(PAGES)
 
 

@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 _FENCED = re.compile(r"(?ms)(?:<!-- not run: ([^>]*) -->\n)?^( *)```(\w*)\n(.*?)^ *```$")
 _INDENTED = re.compile(r"(?m)^Run the (\w+):\n\n    (.+)$")
+_FENCE = re.compile(r"(?ms)^ *```.*?^ *```$")
 _SPAN = re.compile(r"`(mount-gateway [^`]+)`")
 
 
@@ -29,6 +30,11 @@ class Block(NamedTuple):
     @property
     def lines(self) -> list[str]:
         return [line.strip() for line in self.text.splitlines() if line.strip()]
+
+
+def prose(page: Path) -> str:
+    """Return what a page says, without its fenced blocks."""
+    return _FENCE.sub("", page.read_text("utf-8"))
 
 
 def blocks() -> list[Block]:

@@ -42,7 +42,7 @@ def decode(protocol: str, frame: bytes, /) -> Frame:
     """Decode one whole command, such as ``b":Sr05:34:32#"``. Raises FrameError.
 
     >>> decode("lx200", b":Sr05:34:32#").values
-    {'ra': 83.63333333333333}
+    {'ra': 83.63333333333334}
     """
     found = load(_known(protocol)).find(frame)
     if found is None:

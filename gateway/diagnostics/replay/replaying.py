@@ -1,8 +1,8 @@
 """Replay a recording: its times are the clock, its mount bytes are the mount, its clients send their commands again.
 
 Every client must receive the recorded bytes. A recording that contains the event loop iterations ("turns") is replayed
-turn by turn (``retracing``). For an older one, or one of another version, the order is guessed: the mount link sends
-its requests in the recorded order and at the recorded times, and the controller decides as it did.
+turn by turn (``retracing``). For an older one, or for one of another version that this version does not repeat exactly,
+the order is guessed: the mount link sends its requests in the recorded order and at the recorded times.
 """
 
 from __future__ import annotations
@@ -57,24 +57,25 @@ def replay(recording: Recording) -> Outcome:
             "became too many (record-keep) or is in files that are not here: it can be decoded, "
             "or replayed with --sim"
         )
-    why = _guess(recording)
-    if not why:
+    why = "the recording is of an older format, which does not tell the order in which commands took effect"
+    if recording.format != WITHOUT_TURNS:
         with asyncio.Runner(loop_factory=RetracedLoop) as runner:
-            return runner.run(_retrace(recording))
+            exact = runner.run(_retrace(recording))
+        why = _versions(recording)
+        if not why or not (exact.differences or exact.strayed):
+            return exact
     events = list(recording)
     outcome: Outcome = run(_replay(recording, events), lambda: RecordedLoop(events))
     return outcome._replace(guessed=why)
 
 
-def _guess(recording: Recording) -> str:
-    """Return why the order in which commands took effect must be guessed; empty if it can be followed."""
-    if recording.format == WITHOUT_TURNS:
-        return "the recording is of an older format, which does not tell the order in which commands took effect"
+def _versions(recording: Recording) -> str:
+    """Return which other versions recorded it; empty if these did. Their turns may come in another order."""
     recorded = recording.settings.get("version"), recording.settings.get("python")
     here = VERSION, "{}.{}".format(*sys.version_info)
-    if recorded != here:
-        return "it was recorded by mount-gateway {} on Python {}, and this is {} on {}".format(*recorded, *here)
-    return ""
+    if recorded == here:
+        return ""
+    return "it was recorded by mount-gateway {} on Python {}, and this is {} on {}".format(*recorded, *here)
 
 
 async def _retrace(recording: Recording) -> Outcome:

@@ -44,7 +44,9 @@ def parse(raw: bytes, least: int = 2) -> float:
     numbers = [float(text) for text in parts]
     if any(number >= 60 for number in numbers[1:-1]) or (len(numbers) > 1 and numbers[-1] > 60):
         raise ValueError(f"{raw!r} has minutes or seconds over 59")
-    value = sum((number / 60.0**power for power, number in enumerate(numbers)), 0.0)
+    value = 0.0
+    for part in reversed(numbers):  # not sum(), whose last digit depends on the version of Python
+        value = value / 60.0 + part
     return -value if found[1] == b"-" else value
 
 

@@ -127,7 +127,7 @@ def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypat
             client.tell(b":RM#:Me#")
             await asyncio.sleep(2.0)
 
-            async def defect(operation: Any) -> Any:
+            async def defect(*_: Any) -> Any:
                 raise ValueError("broken")
 
             monkeypatch.setattr(bridge.controller.admission, "admit", defect)

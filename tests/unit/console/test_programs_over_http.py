@@ -20,7 +20,8 @@ from gateway.console.server import Console
 
 PATIENCE = 10.0
 API = "api/v1/telescope/"
-PLACE = {"RightAscension": "5.5", "Declination": "22.0"}
+#: Near the pole: it is up at any hour.
+PLACE = {"RightAscension": "5.5", "Declination": "80.0"}
 
 
 @contextlib.asynccontextmanager

@@ -1,0 +1,41 @@
+"""No page says a line twice: what a merge leaves when it puts the old wording and the new one below each other."""
+
+from __future__ import annotations
+
+from difflib import SequenceMatcher
+from pathlib import Path
+
+from tests.support.each import each
+from tests.support.pages import PAGES, ROOT, prose
+
+#: Lines shorter than this may resemble each other, as headings and the ends of paragraphs do.
+LONG = 40
+#: How many lines below a line are compared with it, and from which likeness on they count as the same.
+BELOW, ALIKE = 3, 0.9
+
+
+def doubled(text: str) -> list[str]:
+    """Return the lines that stand again, nearly the same, within the next few; rows of tables are meant to be alike."""
+    lines = [line.strip() for line in text.splitlines()]
+    return [
+        line
+        for number, line in enumerate(lines)
+        for other in lines[number + 1 : number + 1 + BELOW]
+        if min(len(line), len(other)) > LONG and line[0] not in "|<[-" and _alike(line, other)
+    ]
+
+
+def _alike(line: str, other: str) -> bool:
+    matcher = SequenceMatcher(None, line, other)
+    return matcher.quick_ratio() > ALIKE and matcher.ratio() > ALIKE
+
+
+@each("page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "mappings" / "README.md"])
+def test_no_line_stands_twice(page: Path) -> None:
+    assert doubled(prose(page)) == []
+
+
+def test_an_old_and_a_new_wording_are_noticed() -> None:
+    old = "`pytest tests/unit` takes less than a minute and tells whether the set-up works."
+    new = "`pytest tests/unit` takes less than a minute and shows whether the set-up works."
+    assert doubled(f"{old}\nThe page on testing says more.\n{new}\n") == [old]
