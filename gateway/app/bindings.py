@@ -224,6 +224,7 @@ def connect_watchdog(controller: MountController, watched: WatchedMount) -> None
         await before()
 
     controller.order_runner.announce = before_motion
+    watched.clear = lambda: controller.watch.on_clear_path
     controller.changed.connect(lambda _: watched.renew())
 
 

@@ -1,9 +1,9 @@
 """The gateway's side of the watchdog: starts the process, passes it the serial lines, and reports which mounts move.
 
 Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor; ``gone
-NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the mount; ``rest NUMBER``; and ``beat``. Texts and
-commands are in hexadecimal. The process answers ``stopped NUMBER``. The event loop sends heartbeats only while a mount
-moves; they cost no exchange with the mount.
+NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the mount, or ``clear NUMBER COMMAND…`` if it is on a
+path that was checked; ``rest NUMBER``; and ``beat``. Texts and commands are in hexadecimal. The process answers
+``stopped NUMBER``. The event loop sends heartbeats only while a mount moves; they cost no exchange with the mount.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ HELD_BACK = [
 ]
 #: The descriptor of the socket in the watchdog process.
 THERE = 3
+#: What the process has been told of a mount that does not move.
+AT_REST: tuple[str, tuple[bytes, ...]] = ("rest", ())
 
 
 def available() -> bool:
@@ -170,8 +172,9 @@ class WatchedMount:
     """One mount as the watchdog knows it.
 
     ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it moves or is about to; ``stopped`` is
-    called when the process has stopped the mount because heartbeats were missing. ``lock`` is the file whose content
-    changes when another gateway takes the mount.
+    called when the process has stopped the mount because heartbeats were missing; ``clear`` returns whether all that
+    moves is a goto on a path within the limits. ``lock`` is the file whose content changes when another gateway takes
+    the mount.
     """
 
     def __init__(
@@ -186,8 +189,9 @@ class WatchedMount:
     ) -> None:
         self._watchdog, self._number, self._title, self._lock = watchdog, number, title, lock
         self._stop_commands, self._busy, self._stopped = stop_commands, busy, stopped
+        self.clear: Callable[[], bool] = lambda: False
         self._descriptor: int | None = None
-        self._sent: Sequence[bytes] = ()
+        self._sent: tuple[str, tuple[bytes, ...]] = AT_REST
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
@@ -207,7 +211,7 @@ class WatchedMount:
             self._watchdog.send(
                 f"line {self._number} {' '.join(word.encode().hex() or '00' for word in words)}", [self._descriptor]
             )
-            self._sent = ()
+            self._sent = AT_REST
             if self.moving:
                 self.renew()
 
@@ -225,12 +229,13 @@ class WatchedMount:
 
     def _report(self) -> None:
         commands = tuple(self._stop_commands()) if self.moving else ()
-        if commands != self._sent:
-            self._sent = commands
+        kind = ("clear" if self.clear() else "moving") if commands else "rest"
+        if (kind, commands) != self._sent:
+            self._sent = kind, commands
             words = "".join(f" {command.hex()}" for command in commands)
-            self._watchdog.send(f"{'moving' if commands else 'rest'} {self._number}{words}")
+            self._watchdog.send(f"{kind} {self._number}{words}")
 
     def was_stopped(self) -> None:
         """Report that the process has stopped the mount because heartbeats were missing."""
-        self._sent = ()
+        self._sent = AT_REST
         self._stopped()

@@ -2,11 +2,12 @@
 
 It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it starts before
 anything heavy is loaded and stays under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads
-single lines of ASCII from a socket: ``line``, ``gone``, ``moving``, ``rest``, ``beat`` (see ``client.py``). While no
-mount moves, it sleeps. While one moves, ``SILENCE`` seconds without a message, or the end of the socket, mean that the
-gateway no longer supervises it: the process sends the stop of every moving mount, and repeats it for some seconds. It
-leaves a mount alone as soon as another gateway has taken its lock, and it ends with its gateway; signals that end a
-gateway are blocked in it.
+single lines of ASCII from a socket: ``line``, ``gone``, ``moving``, ``clear``, ``rest``, ``beat`` (see ``client.py``).
+While no mount moves, it sleeps. While one moves, ``SILENCE`` seconds without a message, or the end of the socket, mean
+that the gateway no longer supervises it: the process sends the stop of every moving mount, and repeats it for some
+seconds. It waits longer, up to ``STARVED`` seconds, if every moving mount is on a path that was checked (``clear``) and
+the gateway was ready to run all the time, on a computer too busy to run it. It leaves a mount alone as soon as another
+gateway has taken its lock, and it ends with its gateway; signals that end a gateway are blocked in it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ import time
 
 #: Seconds without a heartbeat after which a gateway with a moving mount counts as hung.
 SILENCE = 1.2
+#: The same for a gateway that waits for a processor while every moving mount is on a clear path; the part of the
+#: silence that it must have waited, and seconds between two looks at that.
+STARVED, WAITED, LOOK = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer one before it can receive the next.
 BETWEEN = 0.15
 #: A stop is sent so many times, once in so many seconds: the first may end up in the middle of a command.
@@ -34,6 +38,8 @@ class Mount:
         self.title, self.lock, self.descriptor = title, lock, descriptor
         self.holder = read(lock)
         self.stop: list[bytes] = []
+        #: Whether it is on a path that was checked.
+        self.clear = False
 
     def taken_over(self) -> bool:
         """Whether another gateway has taken this mount."""
@@ -69,6 +75,12 @@ def read(path: str) -> bytes:
         os.close(descriptor)
 
 
+def waited(process: str) -> float:
+    """Return the seconds that a process has waited for a processor (Linux); not a number if the system does not say."""
+    words = read(f"/proc/{process}/schedstat").split()
+    return int(words[1]) / 1e9 if len(words) == 3 else float("nan")
+
+
 class Watch:
     """Watches the mounts of one gateway by its messages."""
 
@@ -76,6 +88,8 @@ class Watch:
         self.connection, self.gateway = connection, gateway
         self.mounts: dict[str, Mount] = {}
         self.last_heard = 0.0
+        #: How long the gateway had waited for a processor when it was last heard; the silence that is tolerated now.
+        self._waited, self._patience = 0.0, SILENCE
         self._rest = b""
 
     def run(self) -> None:
@@ -83,15 +97,26 @@ class Watch:
         while True:
             moving = [mount for mount in self.mounts.values() if mount.stop]
             asked = time.monotonic()
-            left = max(0.0, self.last_heard + SILENCE - asked) if moving else None
+            left = max(0.0, self.last_heard + self._patience - asked) if moving else None
             if select.select([self.connection], [], [], left)[0]:
                 if not self.listen():
                     self.stop_for_ended_gateway(moving)
                     return
-            elif left is not None and time.monotonic() - asked > left + FROZEN:
-                self.last_heard = time.monotonic()  # the whole computer was suspended or overloaded
+            elif left is not None and self._patience == SILENCE and time.monotonic() - asked > left + FROZEN:
+                self.heard()  # the whole computer was suspended or overloaded
+            elif all(mount.clear for mount in moving) and self.starved():
+                self._patience = min(STARVED, time.monotonic() - self.last_heard + LOOK)
             else:
                 self.stop_for_silent_gateway(moving)
+
+    def heard(self) -> None:
+        """Begin a new silence."""
+        self.last_heard, self._waited, self._patience = time.monotonic(), waited(self.gateway), SILENCE
+
+    def starved(self) -> bool:
+        """Whether the gateway may be silent for longer, because it has been waiting for a processor."""
+        silence = time.monotonic() - self.last_heard
+        return silence < STARVED and waited(self.gateway) - self._waited >= WAITED * silence
 
     def listen(self) -> bool:
         """Read the gateway's messages; return whether it still runs."""
@@ -105,7 +130,7 @@ class Watch:
             if kind == _socket.SCM_RIGHTS
             for at in range(0, len(content), 4)
         ]
-        self.last_heard = time.monotonic()
+        self.heard()
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
             self.handle(line.decode("ascii").split(" "), descriptors)
@@ -120,8 +145,11 @@ class Watch:
             self.mounts[number] = Mount(title, lock, descriptors.pop(0))
         elif kind == "gone":
             self.drop(number)
-        elif number in self.mounts and kind in ("moving", "rest"):
-            self.mounts[number].stop = [bytes.fromhex(word) for word in words[2:]]
+        elif number in self.mounts and kind in ("moving", "clear", "rest"):
+            self.mounts[number].stop, self.mounts[number].clear = (
+                [bytes.fromhex(word) for word in words[2:]],
+                kind == "clear",
+            )
 
     def drop(self, number: str) -> None:
         """Close the duplicate of a line that the gateway has closed."""
@@ -144,14 +172,15 @@ class Watch:
 
     def stop_for_silent_gateway(self, mounts: list[Mount]) -> None:
         """Stop the mounts of a gateway that hangs for some seconds, or until it sends something again."""
-        self.say(mounts, f"has not responded for {SILENCE:g} s")
+        busy = ", because the computer is too busy to run it," if self._patience > SILENCE else ""
+        self.say(mounts, f"has not responded for {round(time.monotonic() - self.last_heard, 1):g} s{busy}")
         for attempt in range(TIMES):
             began = time.monotonic()
             send_stops(mounts)
             if attempt == 0:
                 self.report(mounts)
             if select.select([self.connection], [], [], max(0.0, began + EVERY - time.monotonic()))[0]:
-                self.last_heard = time.monotonic()
+                self.heard()
                 return
         for mount in mounts:
             mount.stop = []

@@ -13,11 +13,13 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.core.motion_kinds import GOTOS, MOVING
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
+from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import AltitudeAxis
@@ -63,8 +65,10 @@ class LimitWatch:
         self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion ended.
         self.at_rest_since = NEVER
-        #: Whether the path of the goto that is about to begin leads beyond an altitude limit.
-        self.path_leaves_limits = False
+        #: Whether the path of the goto that is about to begin leads beyond an altitude limit, and whether it is known
+        #: to stay within all limits; and the latter for the last motion that began.
+        self.path_leaves_limits = self.path_clear = False
+        self._clear = False
 
     @property
     def moved_by_others(self) -> bool:
@@ -84,6 +88,13 @@ class LimitWatch:
             return self.seen.across or self._mount.fastest
         return max((self._mount.speed(one) for one in moving.by_hand.values()), default=0.0)
 
+    @property
+    def on_clear_path(self) -> bool:
+        """Whether all that moves is a goto on a path within the limits, and nothing else was ordered."""
+        wanted = self._mount.wanted
+        ordered = any(isinstance(order.operation, MOVING) for order in wanted.value.pending)
+        return self._clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
+
     # --- events -----------------------------------------------------------------------------------------------------
 
     def began(self, operation: op.Operation) -> None:
@@ -96,6 +107,7 @@ class LimitWatch:
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
             limits, self._at_own_park = limits.at_any_altitude(), True
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.path_leaves_limits
+        self._clear = isinstance(operation, GOTOS) and self.path_clear
         self._parked = False
         self.motion_began.emit(None)
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
@@ -119,7 +131,7 @@ class LimitWatch:
 
     def axis_stopped(self) -> None:
         """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
-        self._astray = True
+        self._astray, self._clear = True, False
 
     def motion_ended(self) -> None:
         """One or all motions by hand have ended."""

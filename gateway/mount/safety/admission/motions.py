@@ -51,7 +51,7 @@ class Admission:
 
     async def _admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
         self._mount.hold.admit(operation)
-        self._watch.path_leaves_limits = False
+        self._watch.path_leaves_limits = self._watch.path_clear = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._by_hand.check(operation)
@@ -182,6 +182,9 @@ class Admission:
         if any(separation(goal.ra, goal.dec, sun.ra, sun.dec) < limit for sun in suns):
             raise NearSun
         status = await self._status()
+        # The hour angle on the way is not examined, and without a site nothing is.
+        known = status.aligned and mount.sources.site() is not None and limits.hour_angle is None
+        self._watch.path_clear = known
         if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
             return
         others = await pointing(self._mount, self._ask, self._watch)
@@ -202,6 +205,7 @@ class Admission:
         self._watch.path_leaves_limits = not all(
             clear(*path, place, radius) for _, place, radius in forbidden for path in possible
         )
+        self._watch.path_clear = known and not self._watch.path_leaves_limits
 
 
 def _first(turned: Pair, stretch: float) -> Pair:

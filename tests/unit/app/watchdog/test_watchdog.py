@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import math
 import os
 import runpy
 import signal
@@ -13,14 +15,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
-from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, available
-from gateway.app.watchdog.process import SILENCE, Mount, Watch
+from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, WatchedMount, available
+from gateway.app.watchdog.process import SILENCE, Mount, Watch, waited
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.shutdown import stop_commands
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
@@ -257,6 +260,77 @@ def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(
     assert waits == pytest.approx([SILENCE, 0.0 if stopped else SILENCE])
 
 
+@pytest.mark.parametrize(
+    ("clear", "share", "until"),
+    [
+        ((True,), 1.0, 5.0),
+        ((True,), 0.81, 5.0),
+        ((True,), 0.79, SILENCE),
+        ((True,), 0.0, SILENCE),  # frozen, hung, asleep on a lock
+        ((True,), float("nan"), SILENCE),  # a system that does not say
+        ((False,), 1.0, SILENCE),
+        ((True, False), 1.0, SILENCE),
+        ((True, True), 1.0, 5.0),
+    ],
+)
+def test_a_gateway_that_is_not_run_has_more_time_on_a_clear_path(
+    monkeypatch: pytest.MonkeyPatch, clear: tuple[bool, ...], share: float, until: float
+) -> None:
+    here, there = socket.socketpair()
+    clock, stopped = [100.0], list[float]()
+
+    def wait(*arguments: Any) -> tuple[list[Any], list[Any], list[Any]]:
+        clock[0] += arguments[3]
+        return [], [], []
+
+    def stop(mounts: list[Mount]) -> None:
+        stopped.append(clock[0])
+        raise InterruptedError
+
+    monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("gateway.app.watchdog.process.waited", lambda process: 7.0 + share * (clock[0] - 100.0))
+    monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
+    watch = Watch(there, "1")
+    monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
+    for number, one in enumerate(clear):
+        watch.mounts[str(number)] = Mount("pier", "", -1)
+        watch.handle([f"{'clear' if one else 'moving'}", str(number), "4d"], [])
+    watch.heard()
+    with here, there, pytest.raises(InterruptedError):
+        watch.run()
+    assert stopped == pytest.approx([100.0 + until])
+
+
+def test_a_starved_gateway_that_hangs_is_stopped_at_the_next_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    here, there = socket.socketpair()
+    clock = [100.0]
+
+    def wait(*arguments: Any) -> tuple[list[Any], list[Any], list[Any]]:
+        clock[0] += arguments[3]
+        return [], [], []
+
+    def stop(mounts: list[Mount]) -> None:
+        raise InterruptedError
+
+    monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("gateway.app.watchdog.process.waited", lambda process: min(clock[0] - 100.0, 1.5))
+    monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
+    watch = Watch(there, "1")
+    monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
+    watch.mounts["0"] = Mount("pier", "", -1)
+    watch.handle(["clear", "0", "4d"], [])
+    watch.heard()
+    with here, there, pytest.raises(InterruptedError):
+        watch.run()
+    assert clock[0] < 102.3
+
+
+def test_the_wait_for_a_processor_is_read_where_linux_tells_it() -> None:
+    told = waited(str(os.getpid()))
+    assert told >= 0.0 or not Path("/proc/self/schedstat").exists()
+    assert math.isnan(waited("0"))
+
+
 # --- what it is told --------------------------------------------------------------------------------------------
 
 
@@ -298,3 +372,59 @@ def test_windows_has_few_signals_and_loads_it_all_the_same(monkeypatch: pytest.M
         monkeypatch.delattr(signal, name)
     loaded = runpy.run_path(str(PROGRAM.with_name("client.py")))
     assert loaded["HELD_BACK"] == [signal.SIGINT, signal.SIGTERM]
+
+
+GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
+
+
+@pytest.mark.parametrize(
+    ("said", "told", "config"),
+    [
+        (GOTO, True, {}),
+        (b":hP#", True, {}),
+        (b":RS#:Mn#", False, {}),
+        (GOTO + b":RS#:Mn#", False, {}),
+        (GOTO + b":Q#", False, {}),
+        (GOTO, False, {"hour_angle_limit": 0.5}),  # the way to the goal is not examined for this one
+    ],
+)
+def test_only_a_goto_that_was_checked_is_on_a_clear_path(said: bytes, told: bool, config: dict[str, float]) -> None:
+    async def program() -> None:
+        async with Bridge("cpc", site=(45.0, 10.0), config=config) as bridge:
+            client = bridge.client()
+            await client.ask(b":GR#")
+            assert not bridge.controller.watch.on_clear_path
+            client.tell(said)
+            await asyncio.sleep(0.5)
+            assert bridge.controller.watch.on_clear_path is told
+
+    run(program())
+
+
+def test_a_path_beyond_a_limit_is_not_clear() -> None:
+    async def program() -> None:
+        async with Bridge("cge", site=(45.0, 10.0), config={"lowest": 20.0}) as bridge:
+            client, seen = bridge.client(), set[tuple[bool, bool]]()
+            for hour in (1, 3, 5, 7, 9, 11):
+                client.heard = b""
+                client.tell(b":Sr%02d:00:00#:Sd+10*00:00#:MS#" % hour)
+                await asyncio.sleep(2.0)
+                watch = bridge.controller.watch
+                if client.heard == b"110":
+                    seen.add((watch.path_leaves_limits, watch.on_clear_path))
+            assert seen == {(False, True), (True, False)}
+
+    run(program())
+
+
+def test_the_process_is_told_of_a_clear_path() -> None:
+    told: list[str] = []
+    watchdog = SimpleNamespace(send=lambda text, descriptors=(): told.append(text), beat=lambda: None)
+    watched = WatchedMount(watchdog, 0, "pier", None, lambda: [b"M"], lambda: True, lambda: None)  # type: ignore[arg-type]
+    watched.begin()
+    watched.clear = lambda: True
+    watched.renew()
+    watched.renew()
+    watched.clear = lambda: False
+    watched.renew()
+    assert told == ["moving 0 4d", "clear 0 4d", "moving 0 4d"]
