@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.config.programs import as_fields, first_bytes, open_needs, programs, with_needs
+from gateway.app.config.programs import as_fields, first_bytes, hold, open_needs, programs, with_needs
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -157,6 +157,7 @@ class AcceptorFactory:
             binding,
             equinox=self._j2000 if (surface.equinox or binding.default_equinox) == "j2000" else None,
             profiles=tuple(profiles(endpoint.protocol, surface, self._j2000)),
+            hold=hold(surface, endpoint.protocol, surface.client),
         )
         self.bindings.append((endpoint.protocol, binding))
         entry = access(surface, self._config)
@@ -212,7 +213,7 @@ def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> 
     for first, program in first_bytes(surface).items():
         needs = as_fields(open_needs(surface, program))
         equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
-        yield ClientProfile(first, programs(protocol)[program].name, needs, equinox)
+        yield ClientProfile(first, programs(protocol)[program].name, needs, equinox, hold(surface, protocol, program))
 
 
 def connect_watchdog(controller: MountController, watched: WatchedMount) -> None:

@@ -142,6 +142,7 @@ class ClientConnection:
     def peer_closed(self) -> None:
         """The other end has closed: from now on the client has a limited time to reconnect."""
         self._peer_closed = True
+        self.client.unread.whole()
         if not self.stranger:
             self._save_state()
 
@@ -187,6 +188,7 @@ class ClientConnection:
         client.runner.equinox = profile.equinox or client.runner.equinox
         session.settings = replace(session.settings, **profile.settings)
         session.kept.precision = profile.settings.get("precision", session.kept.precision)
+        client.unread.hold = profile.hold
         self.profile = profile.program
         client.log.note(f"recognised client {profile.program}: applying its profile")
         return False
@@ -199,7 +201,7 @@ class ClientConnection:
         client, now = self.client, self._controller.now
         self._hang_up, self._deliver_after_filter = hang_up, self._deliver
         self._filter = StrangerFilter(self._binding.beginning, self._binding.surface.protocol.name)
-        client.runner.rights = self._rights
+        client.runner.rights, client.unread.hold = self._rights, self._binding.hold
         client.arrival = lambda: now() if self._arrived is None else self._arrived
         self._deliver = self._deliver_screened
 

@@ -53,6 +53,8 @@ class ClientProfile(Struct, frozen=True):
     program: str
     settings: Values
     equinox: EquinoxConverter | None
+    #: Seconds for which the text of a refusal is held back.
+    hold: float
 
 
 class SurfaceBinding(Struct, frozen=True):
@@ -69,6 +71,8 @@ class SurfaceBinding(Struct, frozen=True):
     equinox: EquinoxConverter | None = None
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     default_equinox: str = "jnow"
+    #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
+    hold: float = 0.0
     #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()

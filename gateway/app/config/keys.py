@@ -247,4 +247,11 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
             "NETWORKS",
         ),
     ] = False
+    hold_text: Annotated[
+        bool,
+        key(
+            "lx200 on the network: a refused goto is answered by its digit at once, and by the text behind it only if "
+            "the program waits 1.2 s for that, because INDI's drivers do not read it; false: all at once"
+        ),
+    ] = True
     max_clients: Annotated[int, key("network surfaces: how many connections at a time", "N", ge=1, le=10000)] = 400

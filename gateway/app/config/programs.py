@@ -12,6 +12,7 @@ import msgspec
 
 from gateway.app.config.endpoints import Endpoint, parse_endpoint
 from gateway.app.config.keys import SurfaceConfig
+from gateway.clients.commands.unread import HOLD
 from gateway.core.errors import MappingError
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
@@ -32,12 +33,16 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One program. ``first``: the bytes with which only it begins a connection; ``told``: how that is known."""
+    """One program. ``first``: the bytes with which only it begins a connection; ``told``: how that is known.
+
+    ``leaves_text``: it does not read the text of a refusal.
+    """
 
     name: str
     needs: list[Need] = []
     first: str | None = None
     told: str = ""
+    leaves_text: bool = False
 
 
 @lru_cache
@@ -86,8 +91,16 @@ def as_fields(needs: list[Need]) -> dict[str, object]:
     return {need.key.replace("-", "_"): need.value for need in needs}
 
 
+def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
+    """Return for how many seconds the text of a refusal is held back: for ever from a program that leaves it unread."""
+    if not surface.hold_text:
+        return 0.0
+    row = programs(protocol).get(program)
+    return HOLD if row is None else float("inf") if row.leaves_text else 0.0
+
+
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
-    """Return first bytes -> program, for the programs whose settings differ from the surface's.
+    """Return first bytes -> program, for the programs that need something else than the surface has.
 
     Only for network surfaces, where every program has its own connection: on a serial line one program may follow
     another unnoticed.
@@ -98,5 +111,5 @@ def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     return {
         row.first.encode("latin-1"): key
         for key, row in programs(endpoint.protocol).items()
-        if row.first is not None and open_needs(surface, key)
+        if row.first is not None and (row.leaves_text or open_needs(surface, key))
     }

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from gateway.clients.commands.pushes import Pushes
 from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
+from gateway.clients.commands.unread import UnreadText
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
@@ -62,6 +63,8 @@ class CommandProcessor:
         #: Whether the next byte begins a command.
         self._idle = True
         self._pushes: Pushes | None = None
+        #: What the program may leave unread of its last reply.
+        self.unread = UnreadText(self._send, self.log, controller.loop)
         #: The baud rate, if the connection is a serial port.
         self.rate: BaudTrial | None = None
 
@@ -86,6 +89,8 @@ class CommandProcessor:
         self.activity.sent_data |= stops != LONG_AGO
         if self.log.sinks and data:
             self.log.put("raw", data)
+        if self.unread.hold:
+            self.unread.heard(data)
         if self._idle and self._task is None and self._answer_from_cache(data):
             return
         frames = self.framer.feed(data, self.arrival())
@@ -227,8 +232,10 @@ class CommandProcessor:
             reply = None
             self._log_no_reply(frame)
         if reply:
-            self.log.put("<", reply)
-            self.write(reply)
+            read = self.surface.protocol.partly_read.get(frame)
+            if self.unread.hold and read is not None:
+                reply = self.unread.read_part(reply, read, bool(self._inbox))
+            self._send(reply)
         elif self.log.sinks:
             self._log_silence(frame)
         if turn.baud is not None and self.rate is not None:
@@ -261,14 +268,15 @@ class CommandProcessor:
             self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, spawn)
 
     def _send(self, data: bytes) -> None:
-        """Send bytes that are not a reply."""
-        self.log.put("<", data)
-        self.write(data)
+        if data:
+            self.log.put("<", data)
+            self.write(data)
 
     def close(self) -> None:
         """The connection is closed: its operations continue, their replies are dropped."""
         self.open = False
         self.write = lambda data: None
+        self.unread.drop()
         if self._pushes is not None:
             self._pushes.close()
         for frame in self.framer.end():  # the next connection must not continue an incomplete command

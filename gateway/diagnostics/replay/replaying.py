@@ -91,7 +91,8 @@ def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
     config = recording.settings["config"]
     try:
         mount = msgspec.convert(config["mount"], MountConfig)
-        surfaces = msgspec.convert(config["surface"], list[SurfaceConfig])
+        told = [{"hold-text": False, **surface} for surface in config["surface"]]  # a key that older versions lack
+        surfaces = msgspec.convert(told, list[SurfaceConfig])
         past = msgspec.convert(recording.settings["past"], PreviousRun)
     except (msgspec.ValidationError, KeyError, TypeError) as error:
         raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None

@@ -85,7 +85,7 @@ class Command:
         self.urgent, self.urgent_at = row.urgent, row.urgent_at
         self.long, self.by_hand, self.may_be_silent = row.long, row.by_hand, row.may_be_silent
         self.while_seeking, self.while_asleep = row.while_seeking, row.while_asleep
-        self.pushed = row.pushed
+        self.pushed, self.read = row.pushed, row.read
         try:
             self.since = parse_version(row.since) if row.since else None
             self.requests = [FrameTemplate(source) for source in _requests(row.request)]

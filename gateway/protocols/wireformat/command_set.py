@@ -147,6 +147,11 @@ class CommandSet:
         urgent = [command for command in self.commands.values() if command.urgent in AT_ONCE]
         return {command.request.prefix: command for command in urgent if command.name in self.surface}
 
+    @cached_property
+    def partly_read(self) -> dict[bytes, int]:
+        """Frame -> how many bytes of its reply some programs read, for the commands where that is not all."""
+        return {command.request.prefix: command.read for command in self.commands.values() if command.read is not None}
+
     def taken_back_by(self, command: Command) -> frozenset[bytes]:
         """Return the frames of the queued commands that this command discards when it arrives."""
         return frozenset([self.commands[name].request.prefix for name in command.takes_back])

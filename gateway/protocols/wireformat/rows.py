@@ -90,6 +90,7 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     by_hand       it begins a motion by hand, or sets the rate of one: done at once or not at all
     may_be_silent   some mounts that have it do not answer it
     pushed        it is sent to a program every so many seconds without being asked for; it may have no request
+    read          some programs read only so many bytes of the reply, and take the rest for the next one
     """
 
     help: str
@@ -109,6 +110,7 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     by_hand: bool = False
     may_be_silent: bool = False
     pushed: float | None = None
+    read: int | None = None
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

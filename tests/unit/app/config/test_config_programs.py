@@ -161,14 +161,14 @@ def test_only_the_right_program_is_recognised(path: Path) -> None:
             if line.mark == ">":
                 await connection.ask(line.data)
         notes = [entry.note for entry in entries if "applying its profile" in entry.note]
-        expected = {"lx200-stellarium": 1, "lx200-stellarium-mobile": 1}
+        expected = {"lx200-stellarium": 1, "lx200-stellarium-mobile": 1, "lx200-indi-autostar": 1}
         assert len(notes) == expected.get(path.stem, 0)
 
     run(story())
 
 
 def test_nobody_is_recognised_where_connections_do_not_end() -> None:
-    assert set(first_bytes(SurfaceConfig(at=TCP))) == {b"Ka###\x06", b"#:GR##:GD#"}
+    assert set(first_bytes(SurfaceConfig(at=TCP))) == {b"Ka###\x06", b"#:GR##:GD#", b"\x06:GR#\x06:Gc#"}
     for at in ("lx200@pty:/tmp/x", "lx200@/dev/ttyS1", "nexstar@tcp://:0"):
         assert first_bytes(SurfaceConfig(at=at)) == {}
 

@@ -113,6 +113,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
             for turn in range(TURNS):
                 if turn % (TURNS // 3) == 0:
                     guest = gateway.acceptors[0].accept(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
+                    guest.network(lambda last: None)
                 guest.feed(words[turn * (number + 1) % len(words)])
                 await asyncio.sleep(random.uniform(0.1, 0.3))
 
@@ -142,7 +143,7 @@ def test_every_client_receives_the_same_bytes_again(pair: str, tmp_path: Path) -
     assert outcome.strayed == []
     assert outcome.clients == 9
     assert outcome.replies > as_a_rule(80, whole=150) and outcome.requests > 50
-    assert len(told) > as_a_rule(400, whole=1000)
+    assert len(told) >= as_a_rule(400, whole=1000)
 
 
 def test_a_recording_of_an_older_format_replays() -> None:

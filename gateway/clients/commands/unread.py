@@ -1,0 +1,77 @@
+"""Holds back the part of a reply that some programs leave unread on a network connection.
+
+INDI's LX200 drivers read one byte of ``1Object Below Horizon.#`` and discard the rest in a way that has no effect on a
+socket: they would take the text for the reply to their next question, and every reply after it for the one before. So
+the text waits until the program asks anew, and is then dropped; one that reads on gets it ``HOLD`` seconds later. None
+of those drivers begins with a ``#``: a program that does gets its replies whole.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from gateway.core.wire_log import ClientLog
+
+#: Seconds: longer than those drivers wait before they ask anew (they poll each second), and shorter than any program
+#: waits for the rest of a reply (3 s).
+HOLD = 1.2
+#: Seconds more, so that a question that has arrived while this computer was busy is read before the text is sent.
+SETTLE = 0.02
+#: Bytes that ask for nothing.
+_IGNORED = b"#\r\n\0 "
+
+
+class UnreadText:
+    """The text that waits on one connection. ``send`` sends and logs bytes; 0 s of ``hold`` hold nothing back."""
+
+    def __init__(self, send: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop) -> None:
+        self._send, self._log, self._loop = send, log, loop
+        self.hold = 0.0
+        self._text = b""
+        self._timer: asyncio.TimerHandle | None = None
+
+    def heard(self, data: bytes) -> None:
+        """The program has sent bytes: it does not wait for the text."""
+        if data[:1] == b"#" and len(data) > 1:
+            self.whole()
+        if data.strip(_IGNORED):
+            self.drop()
+
+    def drop(self) -> None:
+        """Drop what waits: the program has asked anew, or is gone."""
+        if text := self._take():
+            self._log.put("x", text, "not sent: the program has not waited for it")
+
+    def read_part(self, reply: bytes, read: int, more: bool) -> bytes:
+        """Return the part of a reply to send now: the first ``read`` bytes.
+
+        ``more``: further commands wait already, so the program does not wait between the bytes of this reply; if some
+        programs read nothing of it, it reads nothing.
+        """
+        if len(reply) <= read or (more and read):
+            return reply
+        self._text = reply[read:]
+        if more:
+            self.drop()
+        elif self.hold != float("inf"):
+            self._timer = self._loop.call_later(self.hold, self._settle)
+        return reply[:read]
+
+    def _settle(self) -> None:
+        self._timer = self._loop.call_later(SETTLE, self._release)
+
+    def _release(self) -> None:
+        if text := self._take():
+            self._send(text)
+
+    def whole(self) -> None:
+        """Send what waits, and hold nothing back from now on."""
+        self._release()
+        self.hold = 0.0
+
+    def _take(self) -> bytes:
+        text, self._text = self._text, b""
+        if self._timer is not None:
+            self._timer.cancel()
+        return text

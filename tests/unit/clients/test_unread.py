@@ -1,0 +1,175 @@
+"""The text of a refusal waits on the network until the program asks anew, and nothing else waits for it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from msgspec.structs import replace
+
+from gateway.app.bindings import profiles
+from gateway.app.config import SurfaceConfig
+from gateway.app.config.programs import hold
+from gateway.clients.commands.unread import HOLD
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon
+from gateway.diagnostics.virtual_time import run
+from tests.support.fake_gateway import FakeGateway
+
+TARGET, GOTO, TEXT = b":Sr20:00:00#:Sd-30*00:00#", b":MS#", b"Object Below Horizon.#"
+INDI = b"\x06:GR#\x06:Gc#"
+
+
+class Line:
+    """One connection of a program, over the network or not."""
+
+    def __init__(self, model: str = "autostar", client: str = "auto", network: bool = True) -> None:
+        self.gateway = FakeGateway(model=model)
+        self.gateway.mount.faults[op.Goto] = BelowHorizon()
+        surface = SurfaceConfig(at="lx200@tcp://127.0.0.1:0", client=client)
+        known: Any = None
+        self.gateway.acceptor.binding = replace(
+            self.gateway.acceptor.binding,
+            profiles=tuple(profiles("lx200", surface, known)),
+            hold=hold(surface, "lx200", client),
+        )
+        self._heard = b""
+        self.guest = self.gateway.acceptor.accept("192.168.4.2:1", "192.168.4.2", self._hear)
+        if network:
+            self.guest.network(lambda last: None)
+
+    def _hear(self, data: bytes) -> int:
+        self._heard += data
+        return 0
+
+    async def after(self, seconds: float = 0.01) -> bytes:
+        """What has come until so many seconds from now."""
+        await asyncio.sleep(seconds)
+        heard, self._heard = self._heard, b""
+        return heard
+
+    async def ask(self, data: bytes, seconds: float = 0.01) -> bytes:
+        self.guest.feed(data)
+        return await self.after(seconds)
+
+    async def refused(self, opening: bytes = b"") -> bytes:
+        """Begin as a program does, and have a goto refused; what came for it at once."""
+        for piece in (opening, TARGET):
+            await self.ask(piece)
+        return await self.ask(GOTO)
+
+
+def play(scene: Callable[[], Awaitable[None]]) -> None:
+    run(scene())
+
+
+def test_text_is_dropped_when_the_program_asks_anew() -> None:
+    async def scene() -> None:
+        line = Line()
+        assert await line.refused() == b"1"
+        assert await line.ask(b":GR#") == b"12:34:56#"
+        assert await line.after(10.0) == b""
+
+    play(scene)
+
+
+def test_text_follows_for_a_program_that_waits() -> None:
+    async def scene() -> None:
+        line = Line()
+        assert await line.refused() == b"1"
+        assert await line.after(HOLD - 0.1) == b""
+        assert await line.after(0.2) == TEXT
+        assert await line.ask(b":GR#") == b"12:34:56#"
+
+    play(scene)
+
+
+def test_bytes_that_ask_for_nothing_do_not_drop_it() -> None:
+    async def scene() -> None:
+        line = Line()
+        await line.refused()
+        assert await line.ask(b"\r\n", HOLD + 0.1) == TEXT
+
+    play(scene)
+
+
+def test_stop_does_not_wait_and_takes_the_text_away() -> None:
+    async def scene() -> None:
+        line = Line()
+        await line.refused()
+        stops = line.gateway.controller.stops
+        line.guest.feed(b":Q#")
+        assert line.gateway.controller.stops == stops + 1
+        assert await line.after(10.0) == b""
+
+    play(scene)
+
+
+def test_replies_to_commands_that_came_together_are_whole() -> None:
+    async def scene() -> None:
+        line = Line()
+        assert await line.ask(TARGET + GOTO + b":GR#") == b"111" + TEXT + b"12:34:56#"
+
+    play(scene)
+
+
+def test_one_that_is_known_for_certain_never_gets_the_text() -> None:
+    async def scene() -> None:
+        line = Line()
+        assert await line.refused(INDI) == b"1"
+        assert await line.after(60.0) == b""
+        assert await line.ask(b":GR#") == b"12:34:56#"
+        line = Line(client="indi")
+        assert await line.refused() == b"1"
+        assert await line.after(60.0) == b""
+
+    play(scene)
+
+
+def test_whole_at_once_for_whom_it_can_only_delay() -> None:
+    async def scene() -> None:
+        whole = b"1" + TEXT
+        assert await Line(network=False).refused() == whole
+        assert await Line(client="rts2").refused() == whole
+        assert await Line().refused(b"#:GR#") == whole
+        assert await Line().refused(b"#\x06") == whole
+
+    play(scene)
+
+
+def test_end_of_the_connection_sends_it() -> None:
+    """A program that only closes its sending half still reads."""
+
+    async def scene() -> None:
+        line = Line()
+        await line.refused()
+        line.guest.peer_closed()
+        assert await line.after() == TEXT
+        line = Line()
+        await line.ask(TARGET)
+        line.guest.feed(GOTO)
+        line.guest.peer_closed()
+        assert await line.after() == b"1" + TEXT
+        line = Line()
+        await line.refused()
+        line.guest.close()
+        assert await line.after(10.0) == b""
+
+    play(scene)
+
+
+def test_reply_of_which_nothing_is_read() -> None:
+    """:I# of an LX200GPS: one program waits for its X, another goes on at once."""
+
+    async def scene() -> None:
+        line = Line("lx200gps")
+        assert await line.ask(b":I#", HOLD + 0.1) == b"X"
+        assert await line.ask(b":I#") == b""
+        assert await line.ask(b":GR#") == b"12:34:56#"
+        line.guest.feed(b":I#")
+        line.guest.feed(b":GR#")
+        assert await line.after(10.0) == b"12:34:56#"
+        assert await line.ask(b"#:I#") == b"X"
+
+    play(scene)
