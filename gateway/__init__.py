@@ -7,11 +7,8 @@ is above all layers: nothing inside the package imports it.
 
 from __future__ import annotations
 
-from gateway.core.about import VERSION
-
 #: Type checkers and editors assume that this is true. Importing ``typing`` for its constant would take time.
 TYPE_CHECKING = False
-__version__ = VERSION
 
 __all__ = [
     "Fault",
@@ -28,12 +25,17 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    __version__: str
     from gateway.app.api.embedding import RunningGateway, open_gateway
     from gateway.app.api.frames import Frame, FrameError, Splitter, decode, decode_reply, encode, encode_reply
     from gateway.core.errors import Fault, UserError
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from gateway.core.about import version
+
+        return version()
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from gateway.app.api import embedding, frames

@@ -15,7 +15,7 @@ from itertools import groupby
 from typing import Any, NoReturn, TypeAlias
 
 from gateway.cli.suggestions import example, plainly
-from gateway.core.about import VERSION
+from gateway.core.about import full_version
 from gateway.core.errors import UserError
 
 EXIT_CODES = """\
@@ -124,10 +124,18 @@ mount-gateway COMMAND --help tells more, with examples.
 """
 
 
+class _Version(argparse.Action):
+    """Prints the version, which is looked up only then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(f"mount-gateway {full_version()}")
+        parser.exit()
+
+
 def parser(asked: Sequence[str] = ()) -> Parser:
     """Return the parser of the whole command line, or with only the commands in ``asked``."""
     whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
-    whole.add_argument("--version", action="version", version=f"mount-gateway {VERSION}")
+    whole.add_argument("--version", action=_Version, nargs=0, help="print the version and the commit, and exit")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
         getattr(import_module(f"gateway.cli.{COMMANDS[name]}"), f"add_{name}")(commands)

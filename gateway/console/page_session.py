@@ -19,7 +19,7 @@ from gateway.console import actions, requests
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, suggestions, verdict
 from gateway.console.shown.frame import Frame, talk
-from gateway.core.about import VERSION
+from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
 from gateway.core.waiting import BackgroundTasks
@@ -66,7 +66,7 @@ class PageSession:
         guard = self._loop.create_task(self._watch_keys())
         try:
             await self._send({"hello": {
-                "version": VERSION, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
+                "version": full_version(), "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
                 "now": mounts.now(),
             }})  # fmt: skip
             last = 0

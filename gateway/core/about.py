@@ -1,10 +1,15 @@
-"""The version of this program, its date, and the folder of its package."""
+"""The version of this program, the commit that it was built from, its date, and the folder of its package.
+
+The version is the one line in pyproject.toml: a checkout reads it there, an installation in its metadata. The commit is
+told where it is known: by the checkout, by pip, or by the file that a release puts into the wheel. Nothing needs it.
+"""
 
 from __future__ import annotations
 
+import functools
+import re
 from pathlib import Path
 
-VERSION = "0.1.0"
 #: Unix seconds, 2026-01-01: it is later than that wherever this version runs.
 RELEASED = 1767225600.0
 #: The folder ``gateway/``, in a checkout or as installed.
@@ -12,3 +17,66 @@ PACKAGE = Path(__file__).resolve().parents[1]
 #: The rules by which the gateway decides. A recording is replayed by those of its time: by the first ones a site or
 #: clock might go to a mount that slews, and a goto did not wait for them.
 RULES, FIRST_RULES = 2, 1
+#: How many digits of a commit are told.
+DIGITS = 12
+_PROJECT, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")
+
+
+@functools.cache
+def version() -> str:
+    """Return the version, such as ``0.2.0``."""
+    project = _text(PACKAGE.parent / "pyproject.toml")
+    if f'name = "{_PROJECT}"' in project and (found := re.search(r'(?m)^version = "(.+)"$', project)):
+        return found[1]
+    from importlib import metadata  # it takes longer to import than all that most commands do
+
+    try:
+        return metadata.version(_PROJECT)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+@functools.cache
+def commit() -> str:
+    """Return the first digits of the commit that this was built from; empty if it is not known."""
+    built = _text(PACKAGE / "commit.txt") or _checked_out(PACKAGE.parent / ".git") or _installed_from()
+    return found[0][:DIGITS] if (found := _COMMIT.search(built)) else ""
+
+
+def full_version(number: str | None = None, built_from: str = "") -> str:
+    """Return a version with its commit, if that is known: ``0.2.0 (commit 55d337efa1b2)``. Without arguments: this."""
+    if number is None:
+        number, built_from = version(), commit()
+    return f"{number} (commit {built_from})" if built_from else number
+
+
+def _checked_out(git: Path) -> str:
+    """Return the commit of a checkout, without asking git, which a user need not have."""
+    if git.is_file():  # a further worktree: the file names its folder
+        git = git.parent / _text(git).removeprefix("gitdir:").strip()
+    head = _text(git / "HEAD").strip()
+    if not head.startswith("ref: "):
+        return head
+    common = git / (_text(git / "commondir").strip() or ".")
+    name = head.removeprefix("ref: ")
+    packed = re.search(rf"(?m)^([0-9a-f]{{40}}) {re.escape(name)}$", _text(common / "packed-refs"))
+    return _text(common / name) or (packed[1] if packed else "")
+
+
+def _installed_from() -> str:
+    """Return what pip wrote of the place that it installed from; empty if that was an index."""
+    from importlib import metadata
+
+    try:
+        written = metadata.distribution(_PROJECT).read_text("direct_url.json") or ""
+    except (metadata.PackageNotFoundError, OSError):
+        return ""
+    return written.partition('"commit_id"')[2]  # there may be checksums before it
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file; empty if it cannot be read."""
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from gateway.app.gateway import Gateway
-from gateway.core.about import VERSION
+from gateway.core.about import commit, version
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Wanted
@@ -134,7 +134,7 @@ class Metrics:
             InfoMetricFamily,
         )
 
-        yield InfoMetricFamily(NAME, "The version of this gateway.", {"version": VERSION})
+        yield InfoMetricFamily(NAME, "The version of this gateway.", {"version": version(), "commit": commit()})
         for kind, rows in ((CounterMetricFamily, COUNTERS), (GaugeMetricFamily, GAUGES)):
             for name, words, value in rows:
                 family = kind(f"{NAME}_{name}", words, labels=["mount"])

@@ -18,7 +18,7 @@ from gateway.app.control.gather import status_line
 from gateway.app.gateway import Gateway
 from gateway.app.status import activity
 from gateway.core import operations as op
-from gateway.core.about import VERSION
+from gateway.core.about import version
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, show
 from gateway.fleet.topics import Message, Topics
 
@@ -129,7 +129,7 @@ def discovery(
             "model": state["model"],
             "sw_version": state["version"],
         },
-        "origin": {"name": "mount-gateway", "sw_version": VERSION},
+        "origin": {"name": "mount-gateway", "sw_version": version()},
         "availability_topic": topics.availability,
         "state_topic": topics.of(mount, "state"),
         "components": {

@@ -13,7 +13,7 @@ import secrets
 import socket
 from collections.abc import Callable
 
-from gateway.core.about import VERSION
+from gateway.core.about import version
 from gateway.core.wire_log import show
 from gateway.fleet.topics import OFFLINE, ONLINE, Message, Received, Topics
 
@@ -27,7 +27,7 @@ class Presence:
     def __init__(self, topics: Topics, publish: Callable[[Message], None], warn: Callable[[str], None]) -> None:
         self._topics, self._publish, self._warn = topics, publish, warn
         self._instance = secrets.token_hex(8)
-        about = {"instance": self._instance, "host": socket.gethostname(), "process": os.getpid(), "version": VERSION}
+        about = {"instance": self._instance, "host": socket.gethostname(), "process": os.getpid(), "version": version()}
         self._who = Message(topics.gateway, json.dumps(about).encode(), retain=True, newest=True)
         self._here = Message(topics.availability, ONLINE, retain=True, newest=True)
         self._answered: set[str] = set()

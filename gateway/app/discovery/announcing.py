@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, cast
 from msgspec.structs import replace
 
 from gateway.app.discovery.offer import EVERYWHERE, Offer, address_towards
-from gateway.core.about import VERSION
+from gateway.core.about import version
 from gateway.protocols.registry import PROTOCOLS, spoken
 from gateway.system.own_commands import how_to_add
 from gateway.system.own_names import interface_addresses
@@ -174,7 +174,13 @@ def service(offer: Offer) -> ServiceInfo:
 
     kind, computer = f"_{offer.protocol}._tcp.local.", socket.gethostname().partition(".")[0]
     name = f"{offer.mount or 'Telescope'} on {computer}".encode()[:LONGEST].decode("utf-8", "ignore")
-    record = {"txtvers": "1", "model": offer.model, "transport": offer.scheme, "mount": offer.mount, "gateway": VERSION}
+    record = {
+        "txtvers": "1",
+        "model": offer.model,
+        "transport": offer.scheme,
+        "mount": offer.mount,
+        "gateway": version(),
+    }
     return ServiceInfo(
         kind,
         f"{name}.{kind}",

@@ -13,7 +13,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.recorded_entrance import RecordedEntrance
 from gateway.app.recording.recorder import LONGEST, Recorder
 from gateway.app.recording.turns import BASE, TurnLoop
-from gateway.core.about import RULES, VERSION
+from gateway.core.about import RULES, commit, version
 from gateway.core.wire_log import MOUNT
 
 #: The host's clock counts as set when it differs by so many seconds from the time that has passed.
@@ -63,7 +63,8 @@ def record(path: Path, gateway: Gateway, longest: int = LONGEST, turns: TurnLoop
         "began": gateway.clock(),
         "config": config,
         "past": gateway.previous_run,
-        "version": VERSION,
+        "version": version(),
+        "commit": commit(),
         "rules": RULES,
     }
     keep = gateway.config.record_keep

@@ -40,7 +40,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
     import msgspec
 
-    from gateway import __version__
+    from gateway.core.about import full_version
     from gateway.diagnostics.doctor.checks import examine
     from gateway.diagnostics.doctor.facts import BAD
     from gateway.diagnostics.doctor.gathering import gather
@@ -50,7 +50,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
     well = all(result.state != BAD for result in results)
     streams.replace_unencodable()
     if arguments.json:
-        told = {"version": __version__, "good": well, "checks": msgspec.to_builtins(results)}
+        told = {"version": full_version(), "good": well, "checks": msgspec.to_builtins(results)}
         print(json.dumps(told, indent=2))
     else:
         print("\n".join(lines(results)))

@@ -18,9 +18,9 @@ import time
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from gateway import __version__
 from gateway.app.control.exchange import is_listening
 from gateway.app.reach import Scope, reachable, search, unreachable_gateways
+from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import here, holder
 from gateway.diagnostics.doctor import installed
 from gateway.diagnostics.doctor.checks import USUAL
@@ -44,7 +44,7 @@ def gather(state: str | None = None) -> Facts:
     folder = directory(state)
     own, active = groups()
     return Facts(
-        version=__version__,
+        version=full_version(),
         python=sys.version_info[:3],
         system=f"{platform.system()} {platform.release()} ({platform.machine()})",
         now=time.time(),

@@ -19,7 +19,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.format import WITHOUT_TURNS, Event, Recording
 from gateway.app.state.store import PreviousRun
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES, VERSION
+from gateway.core.about import FIRST_RULES, version
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLoop, RecordedQueue, RecordedWire
@@ -72,7 +72,7 @@ def replay(recording: Recording) -> Outcome:
 def _versions(recording: Recording) -> str:
     """Return which other versions recorded it; empty if these did. Their turns may come in another order."""
     recorded = recording.settings.get("version"), recording.settings.get("python")
-    here = VERSION, "{}.{}".format(*sys.version_info)
+    here = version(), "{}.{}".format(*sys.version_info)
     if recorded == here:
         return ""
     return "it was recorded by mount-gateway {} on Python {}, and this is {} on {}".format(*recorded, *here)

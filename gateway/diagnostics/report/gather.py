@@ -12,6 +12,7 @@ from typing import Any
 
 from gateway.app.recording.format import BOOKKEEPING, RECORDER, Event, Recording
 from gateway.astro.spherical import separation, wrap180
+from gateway.core.about import full_version
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.log.conversation import Heard, Side
@@ -53,6 +54,8 @@ class _Gathering:
             lowest=mount.get("lowest", 0.0), highest=mount.get("highest", 90.0),
         )  # fmt: skip
         self.night.ended = self.night.began
+        by = recording.settings
+        self.night.recorded_by = full_version(by.get("version", ""), by.get("commit", ""))
         if mount.get("site"):
             self.night.site = Site(float(mount["site"][0]), float(mount["site"][1]), "the settings")
         self.taken = 0

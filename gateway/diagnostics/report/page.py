@@ -53,13 +53,13 @@ def page(night: Night, source: str) -> str:
             "Noted about the mount and its line", "", table_of_remarks(night.remarks, "Nothing.", of_programs=False)
         ),
     ]
-    heading = title(night)
+    heading, by = title(night), f" Recorded by mount-gateway {night.recorded_by}." if night.recorded_by else ""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{html.escape(heading)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
         f"<h1>{html.escape(heading)}</h1>\n"
-        f'<p class="from">{html.escape(source)}{html.escape(site)}. Times are UTC.</p>\n'
+        f'<p class="from">{html.escape(source)}{html.escape(site)}. Times are UTC.{html.escape(by)}</p>\n'
         + "\n".join(parts)
         + "\n</main>\n</body>\n</html>\n"
     )

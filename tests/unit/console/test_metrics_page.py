@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.console.server import Console
+from gateway.core.about import commit, version
 from gateway.diagnostics import metrics
 from tests.support.fake_broker import until
 from tests.unit.console.test_server import Open, opened, play
@@ -30,7 +31,8 @@ def test_prometheus_reads_what_has_happened(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path, name="pier") as there:
             _, before = await figures(there)
-            assert before["mount_gateway_up", "pier"] == 1.0 and before["mount_gateway_info", "0.1.0"] == 1.0
+            assert before["mount_gateway_up", "pier"] == 1.0
+            assert before["mount_gateway_info", commit(), version()] == 1.0
             assert before["mount_gateway_stops_total", "pier"] == 0.0
             await there.gateway.controller.stop()
             there.gateway.wire_log.refused("a program", "no")

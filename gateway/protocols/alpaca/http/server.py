@@ -17,7 +17,7 @@ from urllib.parse import parse_qsl
 
 from aiohttp import web
 
-from gateway.core.about import VERSION
+from gateway.core.about import full_version, version
 from gateway.core.errors import ReadOnly
 from gateway.protocols.alpaca.http.programs import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, client_numbers, parse_request
@@ -136,7 +136,7 @@ class AlpacaServer:
     async def _description(self, request: web.Request) -> web.StreamResponse:
         return _value(request, {
             "ServerName": "mount-gateway", "Manufacturer": "the mount-gateway developers",
-            "ManufacturerVersion": VERSION, "Location": "",
+            "ManufacturerVersion": version(), "Location": "",
         })  # fmt: skip
 
     async def _configured(self, request: web.Request) -> web.StreamResponse:
@@ -154,7 +154,8 @@ class AlpacaServer:
         )
         page = (
             '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>mount-gateway</title>\n'
-            f"<h1>mount-gateway {VERSION}</h1>\n<p>by the mount-gateway developers. Its telescopes:\n<ul>{rows}</ul>\n"
+            f"<h1>mount-gateway {full_version()}</h1>\n"
+            f"<p>by the mount-gateway developers. Its telescopes:\n<ul>{rows}</ul>\n"
             f"<p>{CONSOLE if self._console else NO_CONSOLE}\n"
             "<p>It is configured by its command line or its configuration file.\n"
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gateway.core import operations as op
-from gateway.core.about import VERSION
+from gateway.core.about import version
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface import abilities, motion
@@ -67,7 +67,7 @@ def description(session: AlpacaSession, command: Command, values: Values) -> Han
 
 
 def driver_version(session: AlpacaSession, command: Command, values: Values) -> dict[str, str]:
-    return {"value": VERSION}
+    return {"value": version()}
 
 
 def device_state(session: AlpacaSession, command: Command, values: Values) -> Handling:

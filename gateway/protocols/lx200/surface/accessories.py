@@ -8,7 +8,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.about import VERSION
+from gateway.core.about import version
 from gateway.core.errors import Fault, Invalid, Unsupported
 from gateway.protocols.base.wants import ChangeBaudRate, FireAndForget, Handling, given
 from gateway.protocols.lx200.session import LxSession
@@ -125,4 +125,4 @@ def _text() -> Handling:
             f"Mount: {identity.product} {identity.model}, version {identity.version}",
             f"It is {'aligned' if status.aligned else 'NOT aligned'}, {build}, tracking {status.tracking.value}",
         )
-    return (f"mount-gateway {VERSION}: this is not a Meade", *mount, *_USAGE)
+    return (f"mount-gateway {version()}: this is not a Meade", *mount, *_USAGE)

@@ -1,0 +1,123 @@
+"""The version and the commit are told where they are known, and nothing fails where they are not."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from gateway.core import about
+
+SHA = "0123456789abcdef0123456789abcdef01234567"
+OTHER = "f" * 40
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The folder in which the package lies, without anything beside it."""
+    monkeypatch.setattr(about, "PACKAGE", tmp_path / "gateway")
+    (tmp_path / "gateway").mkdir()
+    for known in (about.version, about.commit):
+        known.cache_clear()
+    yield tmp_path
+    for known in (about.version, about.commit):
+        known.cache_clear()
+
+
+def pip_wrote(monkeypatch: pytest.MonkeyPatch, text: str | None) -> None:
+    class Installed:
+        version = "9.8.7"
+
+        def read_text(self, name: str) -> str | None:
+            return text if name == "direct_url.json" else None
+
+    monkeypatch.setattr(metadata, "distribution", lambda name: Installed())
+
+
+def test_the_version_is_one_line_of_the_project() -> None:
+    text = (Path(__file__).parents[3] / "pyproject.toml").read_text("utf-8")
+    assert re.findall(r'(?m)^version = "(.+)"$', text) == [about.version()]
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev0)?", about.version())
+
+
+def test_an_installation_needs_no_git_and_no_project(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pip_wrote(monkeypatch, None)
+    assert (about.version(), about.commit(), about.full_version()) == ("9.8.7", "", "9.8.7")
+
+
+def test_without_an_installation_it_is_unknown(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> None:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "distribution", missing)
+    assert (about.version(), about.full_version()) == ("unknown", "unknown")
+
+
+def test_the_project_of_another_program_beside_it_is_not_asked(
+    installed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (installed / "pyproject.toml").write_text('[project]\nname = "other"\nversion = "1.0"\n')
+    pip_wrote(monkeypatch, None)
+    assert about.version() == "9.8.7"
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_the_commit_of_a_checkout(installed: Path, packed: bool) -> None:
+    git = installed / ".git"
+    (git / "refs" / "heads").mkdir(parents=True)
+    (git / "HEAD").write_text("ref: refs/heads/main\n")
+    if packed:
+        (git / "packed-refs").write_text(f"# pack-refs\n{OTHER} refs/heads/main2\n{SHA} refs/heads/main\n")
+    else:
+        (git / "refs" / "heads" / "main").write_text(f"{SHA}\n")
+    assert about.commit() == "0123456789ab"
+
+
+def test_the_commit_of_a_checkout_without_a_branch(installed: Path) -> None:
+    (installed / ".git").mkdir()
+    (installed / ".git" / "HEAD").write_text(f"{SHA}\n")
+    assert about.commit() == "0123456789ab"
+
+
+def test_the_commit_of_a_further_worktree(installed: Path) -> None:
+    own = installed / "repository" / "worktrees" / "here"
+    own.mkdir(parents=True)
+    (installed / ".git").write_text("gitdir: repository/worktrees/here\n")
+    (own / "HEAD").write_text("ref: refs/heads/here\n")
+    (own / "commondir").write_text("../..\n")
+    heads = installed / "repository" / "refs" / "heads"
+    heads.mkdir(parents=True)
+    (heads / "here").write_text(f"{SHA}\n")
+    assert about.commit() == "0123456789ab"
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        (f'{{"url": "…", "vcs_info": {{"commit_id": "{SHA}", "vcs": "git"}}}}', "0123456789ab"),
+        (f'{{"archive_info": {{"hash": "sha256={"0" * 64}"}}, "url": "file:///w.whl"}}', ""),
+        ("{}", ""),
+        (None, ""),
+    ],
+)
+def test_the_commit_that_pip_installed_from(
+    installed: Path, monkeypatch: pytest.MonkeyPatch, written: str | None, told: str
+) -> None:
+    pip_wrote(monkeypatch, written)
+    assert about.commit() == told
+
+
+def test_the_commit_that_a_release_wrote_into_the_wheel(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pip_wrote(monkeypatch, None)
+    (installed / "gateway" / "commit.txt").write_text(f"{SHA}\n")
+    assert about.full_version() == "9.8.7 (commit 0123456789ab)"
+
+
+def test_files_that_cannot_be_read_tell_nothing(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pip_wrote(monkeypatch, None)
+    (installed / "gateway" / "commit.txt").write_bytes(b"\xff\xfe")
+    (installed / ".git").write_text("gitdir: nowhere\n")
+    assert about.commit() == ""
