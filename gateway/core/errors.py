@@ -94,6 +94,15 @@ class TooHigh(Fault):
     words = "Object Below Higher."
 
 
+class WayBlocked(TooHigh):
+    """Every way to the target leads beyond an altitude limit; the text names a place to go to first, or the arrows.
+
+    Not the target: where a protocol tells the two apart, it is answered like one that is above the horizon.
+    """
+
+    words = "The way there leaves the limits."
+
+
 class NearSun(Fault):
     """The target, or the path to it, is nearer to the Sun than the operator allows."""
 

@@ -14,6 +14,7 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.BelowHorizon,
      "It lies, or the way to it leads, lower than the {limits.lowest:g} degrees that are allowed; wait until it has "
      "risen, or start the gateway with another --lowest."),
+    (errors.WayBlocked, "From where it points now, every way to it leads beyond an altitude limit."),
     (errors.TooHigh,
      "It lies, or the way to it leads, higher than the {limits.highest:g} degrees that are allowed; start the gateway "
      "with another --highest if that is meant."),

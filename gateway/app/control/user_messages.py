@@ -47,6 +47,8 @@ def first_messages(controller: MountController, model: str | None, version: str 
             "(north and east are positive)",
             warns=True,
         )
+    if controller.driver.german and controller.policy.limits.hour_angle is None:
+        yield UserMessage("hour-angle-limit is not set: nothing keeps the tube of this German mount from its pier")
     if words := contradiction_warning(controller.context):
         yield UserMessage(words.removeprefix("WARNING: "), warns=True)
 

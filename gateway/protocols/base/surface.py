@@ -250,10 +250,11 @@ def _without_motion(wanted: SurfaceStep) -> bool:
 
 
 def _refusal(command: Command, fault: Fault) -> bytes:
-    """Return the reply form for this fault, else the first form for any fault, else nothing."""
+    """Return the reply form for this fault or its base class, else the first form for any fault, else nothing."""
     refusals = [(reply, template) for reply, template in command.replies if reply.fault is not None]
-    name = type(fault).__name__
-    chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
+    names = [kind.__name__ for kind in type(fault).__mro__]
+    exact = (item for name in names for item in refusals if item[0].fault == name)
+    chosen = next(exact, refusals[0] if refusals else None)
     if chosen is None:
         return b""
     return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))

@@ -205,7 +205,8 @@ async def pointing(mount: Context, ask: Reader, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
 
     The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
-    that was synced there may take it for the first way, so both are returned then.
+    that was synced there may take it for the first way, so both are returned then; so are they if the pier side that a
+    hand control tells, which it may have chosen for the last goto, contradicts its declination axis.
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:
@@ -213,4 +214,10 @@ async def pointing(mount: Context, ask: Reader, watch: LimitWatch) -> set[bool]:
     # during a goto the mount reports the pier side of the target
     under_way = mount.movement.slewing and await ask.read_now(op.Slewing())
     side = None if under_way else await ask.tube_side()
-    return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
+    if side is None:
+        return {False, True}
+    told = (side == "W") == (site.latitude >= 0.0)
+    if not mount.driver.implementation(op.AxisPosition):
+        return {told}
+    here: op.Horizontal = await ask.read(op.AxisPosition())
+    return {told, wrap180(here.alt - 90.0) > 0.0}

@@ -13,7 +13,7 @@ import contextlib
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported
+from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
@@ -24,6 +24,7 @@ from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
+from gateway.mount.safety.admission.ways import Journey, check_ways, paths_of
 from gateway.mount.safety.allow import check_hour_angle, check_shaft
 from gateway.mount.safety.watch import LimitWatch
 
@@ -132,6 +133,8 @@ class Admission:
             return
         try:
             await self._check_axes(there, limits)
+        except WayBlocked:
+            raise
         except (BelowHorizon, TooHigh) as fault:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
@@ -170,12 +173,11 @@ class Admission:
         await self._check_path(limits, goal, (wanted.az, wanted.alt))
 
     async def _check_path(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
-        """Raises NearSun if a path comes too near to the Sun. ``axes`` are the target readings, if they are given.
+        """Raises NearSun if a path comes too near to the Sun, WayBlocked if all lead beyond an altitude limit.
 
-        A path out of the circle around the Sun is clear if it never comes nearer than where it begins. Before the
-        alignment the direction of the tube is unknown, so only the target is checked. A path that leads beyond an
-        altitude limit later on is allowed (a German mount seldom has another) and watched like a motion by hand; if it
-        does so at once, BelowHorizon or TooHigh is raised.
+        ``axes`` are the target readings, if they are given. A path out of the circle around the Sun is clear if it
+        never comes nearer than where it begins. Before the alignment the direction of the tube is unknown, so only the
+        target is checked.
         """
         mount, astrometry = self._mount, self._mount.astrometry
         limit, suns = mount.suns.limit, mount.suns.up()
@@ -189,29 +191,14 @@ class Admission:
             return
         others = await pointing(self._mount, self._ask, self._watch)
         here: op.Equatorial = await self._ask.read(op.Position())
-        german = mount.driver.german is True
-        possible = slew_paths.possible_paths(astrometry, german, status.equatorial, here, goal, axes, others)
+        journey = Journey(status.equatorial, here, others, goal, axes)
         for sun in suns:
             allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
-            if not all(clear(start, turned, place, allowed) for start, turned in possible):
+            if not all(clear(start, turned, place, allowed) for start, turned in paths_of(mount, journey)):
                 raise NearSun("The way there passes too close to the Sun.")
-        forbidden = slew_paths.forbidden_circles(astrometry, limits, status.equatorial, True in others)
-        stretch = mount.timing.reaction * mount.fastest
-        for altitude, place, radius in forbidden:
-            begins = ((start, _first(turned, stretch)) for start, turned in possible)
-            if not any(clear(*path, place, min(radius, separation(*path[0], *place) - 0.01)) for path in begins):
-                limits.check_altitude(altitude)
-        self._watch.path_leaves_limits = not all(
-            clear(*path, place, radius) for _, place, radius in forbidden for path in possible
-        )
+        self._watch.path_leaves_limits = await check_ways(mount, limits, journey)
         self._watch.path_clear = known and not self._watch.path_leaves_limits
-
-
-def _first(turned: Pair, stretch: float) -> Pair:
-    """Limit the turn of each axis to its first ``stretch`` degrees."""
-    first, second = (max(-stretch, min(stretch, degrees)) for degrees in turned)
-    return first, second
 
 
 def needs_alignment(operation: op.Operation, sync_aligns: bool, unaligned: str) -> bool:

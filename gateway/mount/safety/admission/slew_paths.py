@@ -9,7 +9,7 @@ like a German mount's, so that Sun, zenith and nadir are the same for every buil
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from math import copysign, sqrt
 from typing import NamedTuple
 
@@ -22,6 +22,8 @@ from gateway.mount.site.astrometry import SiteAstrometry
 Path = tuple[Pair, Pair]
 #: By how much a sync may have shifted the axis readings of a fork from where it points.
 DISPLACED = 15.0
+#: Degrees from the meridian, and from the pole, within which a German mount may choose either side of the pier.
+EITHER_SIDE = 5.0
 #: Step along a path where it passes close to a circle, degrees; the greatest error is half of it.
 STEP = 0.2
 
@@ -58,6 +60,13 @@ def sun_reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool
     return seen.az, seen.alt
 
 
+def place_at(astrometry: SiteAstrometry, reading: Pair, equatorial: bool) -> op.Equatorial:
+    """Return the place at axis readings in the first way: the counterpart of ``sun_reading``."""
+    if not equatorial:
+        return astrometry.equatorial(op.Horizontal(*reading))
+    return astrometry.from_axes(op.GotoAxes(*reading))
+
+
 def possible_paths(
     astrometry: SiteAstrometry,
     german: bool,
@@ -75,8 +84,23 @@ def possible_paths(
         return [path for other in others for path in _both_directions(_fork(astrometry, here, goal, axes, other))]
     german = german and astrometry.site_clock.site() is not None
     geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE)
-    paths = [_polar(astrometry, geometry, here, goal, axes, other) for other in others]
-    return paths if german else [round_ for path in paths for round_ in _both_directions(path)]
+    if german:
+        flips = sides_at(astrometry, goal) if axes is None else {False}
+        return [_polar(astrometry, geometry, here, goal, axes, other, flip) for other in others for flip in flips]
+    paths = [_polar(astrometry, geometry, here, goal, axes, other, False) for other in others]
+    return [round_ for path in paths for round_ in _both_directions(path)]
+
+
+def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
+    """Return in which of the two ways a German mount may point after a goto: the second, the first, or either.
+
+    The hand control chooses by the hour angle. Near the meridian, also below the pole, that depends on its own clock
+    and settings; near the pole a small error of its alignment is a large hour angle.
+    """
+    hour_angle = _hour_angle(astrometry, goal)
+    if min(abs(hour_angle), 180.0 - abs(hour_angle), 90.0 - abs(goal.dec)) < EITHER_SIDE:
+        return {False, True}
+    return {_geometry(astrometry, Build.GERMAN).other_side(hour_angle)}
 
 
 def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Path:
@@ -97,11 +121,12 @@ def _polar(
     goal: op.Equatorial,
     axes: Pair | None,
     other: bool,
+    flip: bool,
 ) -> Path:
-    """The path of an equatorial mount; a German one goes to the pier side of its target."""
+    """The path of an equatorial mount; ``flip``: a German one will point there in the other of the two ways."""
     begin, end = _hour_angle(astrometry, here), _hour_angle(astrometry, goal)
     if geometry.build is Build.GERMAN:
-        there = axes or geometry.axes(end, goal.dec, geometry.other_side(end))
+        there = axes or geometry.axes(end, goal.dec, flip)
     elif axes is not None:
         there = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
     else:
@@ -145,16 +170,22 @@ def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
     return start[0] + first, start[1] + second
 
 
-def clear(start: Pair, turn: Pair, sun: Pair, limit: float) -> bool:
-    """Whether neither shape of the path from ``start`` by ``turn`` comes nearer to ``sun`` than ``limit`` degrees.
+#: Where the axes are on a path, after so many degrees of the longer turn.
+Shape = Callable[[Pair, Pair, float], Pair]
+#: The relative speed of the two axes is unknown, so a path may have either shape.
+SHAPES: tuple[Shape, ...] = (together, one_rests)
+
+
+def clear(start: Pair, turn: Pair, place: Pair, limit: float, shapes: Iterable[Shape] = SHAPES) -> bool:
+    """Whether no shape of the path from ``start`` by ``turn`` comes nearer to ``place`` than ``limit`` degrees.
 
     Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two.
     """
     length = max(abs(turn[0]), abs(turn[1]))
-    for shape in (together, one_rests):
+    for shape in shapes:
         turned = 0.0
         while True:
-            distance = separation(*shape(start, turn, turned), *sun)
+            distance = separation(*shape(start, turn, turned), *place)
             if distance < limit:
                 return False
             if turned >= length:

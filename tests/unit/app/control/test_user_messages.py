@@ -40,6 +40,12 @@ def test_the_mount_its_site_and_its_clock_are_told() -> None:
     ], [])  # fmt: skip
 
 
+def test_a_german_mount_without_a_limit_of_the_hour_angle_is_told_of() -> None:
+    for mount, config, told in (("cge", {}, 1), ("cge", {"hour_angle_limit": 0.5}, 0), ("cpc", {}, 0)):
+        lines, _ = at_the_start(mount=mount, config=config)
+        assert sum(line.startswith("hour-angle-limit is not set") for line in lines) == told, mount
+
+
 def test_a_mount_that_is_not_aligned_is_told_of() -> None:
     for driven, mount in (("nexstar", "cpc"), ("lx200", "lx200gps")):
         surface = "lx200" if driven == "nexstar" else "nexstar"
