@@ -17,7 +17,7 @@ from gateway.core.waiting import Outcome, cancelled, failed, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import SETTING
-from gateway.mount.motion.apply import apply, equal_pending_halt, interrupted, too_late, without_superseded
+from gateway.mount.motion.apply import equal_pending_halt, interrupted, too_late, without_superseded
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import NOBODY, HostActivity
@@ -75,7 +75,7 @@ class Orders:
     def halt_is_pending(self, operation: op.Operation) -> bool:
         """Remove the pending orders that a halt ends; return whether an equal pending halt serves for this one."""
         reconciler = self._reconciler
-        if self._movement.slewing or self._wanted.value.waiting_gotos:
+        if self._movement.slewing or self._wanted.value.waiting_gotos or self._wanted.value.arrows_wait:
             return False
         wanted = without_superseded(self._wanted.value, operation)
         same = equal_pending_halt(wanted, operation)
@@ -88,10 +88,12 @@ class Orders:
         stops: int | None = None,
         activity: HostActivity | None = None,
         patience: float = inf,
+        asked: float | None = None,
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        ``stops`` is the count of stops when the client asked; the client stops waiting after ``patience`` seconds.
+        The client ``asked`` at this loop time (by default now), when there had been so many ``stops``; it stops waiting
+        after ``patience`` seconds.
         """
         if type(operation) in MAX_AGE:
             if self._context.driver.asleep and (waking := self._reconciler.outcomes_of(op.Wake)):
@@ -100,19 +102,24 @@ class Orders:
         if isinstance(operation, op.Own):
             return cast(_T, await self._own.read(operation))
         try:
-            return cast(_T, await self._order(operation, stops, activity, patience))
+            return cast(_T, await self._order(operation, stops, activity, patience, asked))
         finally:
             if not isinstance(operation, op.Read):
                 self._own.forget()
 
     async def _order(
-        self, operation: op.Operation, stops: int | None, activity: HostActivity | None, patience: float
+        self,
+        operation: op.Operation,
+        stops: int | None,
+        activity: HostActivity | None,
+        patience: float,
+        asked: float | None,
     ) -> Any:
         """Carry out an operation whose answer is not shared between clients."""
         if isinstance(operation, op.AbortMotion):
             return await self._reconciler.stop()
         if isinstance(operation, MOTIONS):
-            value = await _ended(self._take(operation, stops, activity, patience))
+            value = await _ended(self._take(operation, stops, activity, patience, asked))
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self._context.astrometry.from_mount(value.place), value.text, value.reply)
             return value
@@ -126,10 +133,15 @@ class Orders:
         return await self._runner.perform(operation, SETTING)
 
     def begin(
-        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], activity: HostActivity
+        self,
+        operation: op.Operation,
+        stops: int,
+        failed: Callable[[Fault], None],
+        activity: HostActivity,
+        asked: float | None = None,
     ) -> asyncio.Future[None]:
         """Carry out an operation without waiting for it; ``failed`` is called with the Fault if it fails."""
-        motion = self._take(operation, stops, activity) if isinstance(operation, MOTIONS) else None
+        motion = self._take(operation, stops, activity, asked=asked) if isinstance(operation, MOTIONS) else None
 
         async def finish() -> None:
             try:
@@ -146,15 +158,20 @@ class Orders:
     # --- motions ------------------------------------------------------------------------------------------------------
 
     def _take(
-        self, operation: op.Operation, stops: int | None, by: HostActivity | None, patience: float = inf
+        self,
+        operation: op.Operation,
+        stops: int | None,
+        by: HostActivity | None,
+        patience: float = inf,
+        asked: float | None = None,
     ) -> Outcome:
-        """Take a motion order and return its outcome. ``stops`` is the count of stops when the client asked.
+        """Take a motion order and return its outcome. The client ``asked`` at this loop time, after so many ``stops``.
 
-        The client waits for the outcome for ``patience`` seconds: a goto is not begun after that.
+        It waits for the outcome for ``patience`` seconds: a goto is not begun after that.
         """
         reconciler = self._reconciler
-        before, now = self._wanted.value, self._context.now()
-        if reconciler.closed or too_late(before, operation, stops):
+        now = self._context.now()
+        if reconciler.closed or too_late(self._wanted.value, operation, stops):
             return cancelled()
         if isinstance(operation, op.StopAxis) and self._accepts_only_a_stop(operation.axis):
             self._context.note(
@@ -169,14 +186,13 @@ class Orders:
             operation,
             by,
             rank=FIRST if wakes else IN_ORDER,
-            since=now,
+            since=now if asked is None else asked,
             until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
         )
         try:
-            after = apply(before, order, now, self._movement.slewing)
+            return reconciler.order(order)
         except Fault as fault:
             return failed(fault)
-        return reconciler.begin_stop() if after.stops != before.stops else reconciler.take(order, after)
 
     def _accepts_only_a_stop(self, axis: int) -> bool:
         """Whether the mount would ignore the release of an arrow for seconds, in a long operation."""

@@ -43,7 +43,7 @@ def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
             bridge.client().tell(b":RS#" + arrow)
             await asyncio.sleep(5)
             assert not [sent for sent in bridge.sent() if sent.startswith(b"R")]
-            assert any(entry.note == "Move: Mount not aligned." for entry in bridge.entries)
+            assert any(entry.note == "Arrow: Mount not aligned." for entry in bridge.entries)
             assert not bridge.controller.moving
 
     run(program())

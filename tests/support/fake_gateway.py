@@ -17,6 +17,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
+from gateway.mount.motion.wanted import Wanted
 from gateway.mount.policy import Limits
 from gateway.mount.presence import HostActivity, Presence
 from gateway.mount.readings.cache import NOT_CACHED
@@ -34,13 +35,18 @@ class FakeController:
         self.wire_log = WireLog(self.clock)
         self.presence = Presence(self.now)
         self.version = self.stops = 0
-        self.closed = False
-        self.reconciler = self.orders = self.wanted = self.value = self.context = self
+        self.closed = self.slewing = False
+        self.reconciler = self.orders = self.wanted = self.context = self
         self.incoming = IncomingSettings()
         self.fair_scheduler = FairScheduler(self.loop, lambda: False)
         #: Seconds by which the host's clock is ahead of the event loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0
+
+    @property
+    def value(self) -> Wanted:
+        """Return that nothing moves or waits, because everything is done at once."""
+        return Wanted(stops=self.stops)
 
     def clock(self) -> float:
         """Return the host's time."""
@@ -72,6 +78,7 @@ class FakeController:
         stops: int | None = None,
         activity: HostActivity | None = None,
         patience: float = 3.5,
+        asked: float | None = None,
     ) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
@@ -85,7 +92,12 @@ class FakeController:
         self.spawn(self.perform(op.AbortMotion()))
 
     def begin(
-        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], activity: HostActivity
+        self,
+        operation: op.Operation,
+        stops: int,
+        failed: Callable[[Fault], None],
+        activity: HostActivity,
+        asked: float | None = None,
     ) -> asyncio.Task[None]:
         async def finish() -> None:
             try:

@@ -88,7 +88,7 @@ def _wanted(controller: MountController) -> Iterator[str]:
     for order in wanted.pending:
         if not order.follow_up and order.number != wanted.active:
             asked = _asked_by(order.by, controller.now() - order.since)
-            yield f"{type(order.operation).__name__}, not begun yet{asked}"
+            yield f"{order.operation.title()}, not begun yet{asked}"
 
 
 def _goto(controller: MountController, operation: op.Operation) -> str:

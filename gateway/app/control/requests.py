@@ -46,6 +46,16 @@ class ActiveRequest:
         self.pressed: tuple[op.Direction, int] | None = None
 
 
+#: The names of requests for people, if they are not those of their classes.
+TITLES = {"Press": "Arrow", "LetGo": "Release of an arrow", "TellTime": "Time", "TellSite": "Site"}
+
+
+def title(request: object) -> str:
+    """Return the kind of a request in words, to begin a line of the log."""
+    name = type(request).__name__
+    return TITLES.get(name, name)
+
+
 async def of_date(controller: MountController, where: request_types.Where) -> op.Equatorial:
     """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
     if isinstance(where, request_types.Body):
@@ -85,12 +95,12 @@ class RequestHandler:
             return await self._follow(request.number)
         if isinstance(request, request_types.End):
             return await self._cancel(request.number)
-        active = self._remember(request.number, request.who or f"mount-gateway {type(request).__name__.lower()}")
+        active = self._remember(request.number, request.who or f"mount-gateway {title(request).lower()}")
         try:
             return f"{DONE} {await self._do(request, active)}"
         except Fault as fault:
             controller = self._controller
-            controller.wire_log.refused(active.activity.who, f"{type(request).__name__}: {fault}")
+            controller.wire_log.refused(active.activity.who, f"{title(request)}: {fault}")
             return f"{FAILED} {explain(fault, controller.policy.limits)}"
 
     def _remember(self, number: str, who: str) -> ActiveRequest:

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable
 
 from gateway.clients.commands.pushes import Pushes
+from gateway.clients.commands.releases import Releases
 from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.clients.commands.unread import UnreadText
@@ -47,6 +48,7 @@ class CommandProcessor:
         self.framer, self.write = binding.framing(), write
         self.log = ClientLog(name, controller.wire_log)
         self._inbox = Inbox(self.log)
+        self._releases = Releases(controller, binding.surface, self._inbox)
         self.runner = TurnRunner(controller, binding.surface, session, activity, self.log)
         self._cache = self.runner.cache
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
@@ -147,11 +149,15 @@ class CommandProcessor:
 
     def _end_motion(self, frame: bytes, ending: Ending) -> None:
         """End a motion before all waiting commands, and remove those that would begin it."""
-        self._inbox.take_back(ending.takes_back, frame)
-        if isinstance(ending.operation, AbortMotion):
+        now = self.arrival()
+        ends = self._releases.ends(frame, ending, now, self._turn)
+        if ends is None:
+            return
+        self._inbox.take_back(ends.takes_back, frame)
+        if isinstance(ends.operation, AbortMotion):
             self.controller.begin_stop()
         else:
-            self.runner.background.start(ending.operation, self._wanted.value.stops)
+            self.runner.background.start(ends.operation, self._wanted.value.stops, now)
 
     def _log_dropped(self) -> None:
         for why, data in self.framer.dropped.items():

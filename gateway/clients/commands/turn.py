@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from gateway.core.operations import Operation
 from gateway.core.wire_log import ClientLog
+from gateway.mount.motion.taps import LONGEST_HELD
 from gateway.protocols.base.surface import Ending
 from gateway.protocols.base.wants import Handling
 
@@ -35,7 +36,8 @@ class Turn(Struct, eq=False):
 
     ``ending`` is the motion that it ended on arrival. ``reusable``: its reply depends only on the cached
     ``readings``. ``ended_motion``: the last thing it did was to end a motion. ``lasting``: its reply may take until the
-    next command. ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply.
+    next command. ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply. ``held``: seconds
+    after which the arrow that it presses was released, before its turn.
     """
 
     frame: bytes
@@ -49,6 +51,7 @@ class Turn(Struct, eq=False):
     lasting: bool = False
     late: bool = False
     baud: int | None = None
+    held: float | None = None
     timer: asyncio.TimerHandle | None = None
 
 
@@ -78,6 +81,21 @@ class Inbox(deque[Turn]):
             self.take()
             count += 1
         return count
+
+    def release(self, presses: frozenset[bytes], now: float) -> bool:
+        """Note the release of the newest of these presses, and remove those before it. Return whether one waits.
+
+        One that has waited for too long does not count.
+        """
+        waiting = [turn for turn in self if turn.frame in presses]
+        if not waiting or now - waiting[-1].arrived > LONGEST_HELD:
+            return False
+        for turn in waiting[:-1]:
+            if turn.held is None:
+                self.remove(turn)
+        if waiting[-1].held is None:
+            waiting[-1].held = now - waiting[-1].arrived
+        return True
 
     def take_back(self, frames: frozenset[bytes], by: bytes) -> None:
         """Remove the commands that would begin what ``by`` ends."""

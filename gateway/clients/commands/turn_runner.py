@@ -8,6 +8,7 @@ except for those that end a motion.
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from math import inf
 
 from gateway.clients.access import Rights
@@ -15,7 +16,7 @@ from gateway.clients.commands.turn import REFUSE_AFTER, WAIT_FOR_MOUNT, ReplyCac
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
-from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
+from gateway.core.operations import AbortSlew, ClockFromGps, Move, MoveAxis, Operation, Own, Read, StopAxis, Sync
 from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MAX_START_DELAY, STARTED_TOO_LATE
@@ -39,9 +40,9 @@ class BackgroundOperations:
     def __bool__(self) -> bool:
         return bool(self._operations)
 
-    def start(self, operation: Operation, stops: int) -> None:
-        """Start an operation without a reply; a failure goes to the wire log."""
-        controller, name = self._controller, type(operation).__name__
+    def start(self, operation: Operation, stops: int, asked: float) -> None:
+        """Start an operation without a reply, which the client ``asked`` for then; a failure goes to the wire log."""
+        controller = self._controller
         if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or the client is gone
             return
         halts = isinstance(operation, StopAxis | AbortSlew)
@@ -49,11 +50,16 @@ class BackgroundOperations:
             return
         ends = halts or ends_focus(operation)
         if len(self._operations) >= MAX_BACKGROUND and (not ends or operation in self._operations.values()):
-            self._log.note_once(f"commands arrive faster than the mount accepts them: {name} is not carried out")
+            what = operation.title()
+            self._log.note_once(f"commands arrive faster than the mount accepts them: {what}: not carried out")
             return
-        task = controller.begin(operation, stops, lambda fault: self._log.refused(f"{name}: {fault}"), self._activity)
+        failed = partial(self._failed, operation)
+        task = controller.begin(operation, stops, failed, self._activity, asked)
         self._operations[task] = operation
         task.add_done_callback(lambda done: self._operations.pop(done, None))
+
+    def _failed(self, operation: Operation, fault: Fault) -> None:
+        self._log.refused(f"{operation.title()}: {fault}")
 
 
 #: An operation that takes minutes by its manual and ends with the next command: its reply may take until then.
@@ -115,10 +121,12 @@ class TurnRunner:
             answer, fault = None, None
             try:
                 patience = turn.arrived + REFUSE_AFTER - self._controller.now() if self._surface.replies else inf
-                value = await self._controller.perform(self._to_internal(wanted), turn.stops, self._activity, patience)
+                value = await self._controller.perform(
+                    self._to_internal(wanted), turn.stops, self._activity, patience, turn.arrived
+                )
                 answer = self._to_client(wanted, value)
             except Fault as error:
-                words = f"{type(wanted).__name__}: {error}"
+                words = f"{wanted.title()}: {error}"
                 (self._log.note if isinstance(wanted, Read) else self._log.refused)(words)
                 fault = error
             try:
@@ -136,7 +144,9 @@ class TurnRunner:
             return
         turn.ended_motion = isinstance(operation, StopAxis | AbortSlew)
         if turn.ending is None or operation != turn.ending.operation:
-            self.background.start(self._to_internal(operation), turn.stops)
+            self.background.start(self._to_internal(operation), turn.stops, turn.arrived)
+        if turn.held is not None and isinstance(operation, Move | MoveAxis):
+            self.background.start(StopAxis(operation.axis), turn.stops, turn.arrived + turn.held)
 
     def _refused(self, operation: Operation, arrived: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
@@ -144,18 +154,18 @@ class TurnRunner:
         if late > MAX_START_DELAY and (
             isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))
         ):
-            self._log.refused(f"{type(operation).__name__}: {STARTED_TOO_LATE}")
+            self._log.refused(f"{operation.title()}: {STARTED_TOO_LATE}")
             return Busy(STARTED_TOO_LATE)
         refusal = self.rights.refusal(operation)
         if refusal is not None:
-            self._log.refused_once(f"{type(operation).__name__} refused: {refusal.why}")
+            self._log.refused_once(f"{operation.title()} refused: {refusal.why}")
         return None if refusal is None else refusal.fault
 
     def _impossible(self, operation: Operation) -> Fault | None:
         """Return the fault if the operation is impossible now, and log it."""
         fault = self._controller.impossible(operation)
         if fault is not None:
-            self._log.refused(f"{type(operation).__name__}: {fault}")
+            self._log.refused(f"{operation.title()}: {fault}")
         return fault
 
     # --- answers -----------------------------------------------------------------------------------------------------

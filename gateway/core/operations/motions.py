@@ -23,6 +23,8 @@ class Goto(Operation[None], frozen=True):
 class GotoHorizontal(Operation[None], frozen=True):
     """Slew to an azimuth and altitude, degrees; the other fields are as in ``Goto``."""
 
+    called = "Goto"
+
     az: float
     alt: float
     lowest: float | None = None
@@ -32,6 +34,8 @@ class GotoHorizontal(Operation[None], frozen=True):
 
 class GotoAxes(Operation[None], frozen=True):
     """Slew both motor axes to these readings, degrees (azimuth, altitude only on a fork). ``fastest`` as in Goto."""
+
+    called = "Goto"
 
     az: float
     alt: float
@@ -51,6 +55,8 @@ class Move(Operation[None], frozen=True):
     ``lowest`` and ``highest`` narrow the altitude limits during the motion.
     """
 
+    called = "Arrow"
+
     direction: Direction
     rate: Rate
     lowest: float | None = None
@@ -68,6 +74,8 @@ class Move(Operation[None], frozen=True):
 class MoveAxis(Operation[None], frozen=True):
     """Start turning a motor: axis 1 or 2, sense +1 or -1, at a hand rate, until halted."""
 
+    called = "Arrow"
+
     axis: int
     sense: int
     rate: Rate
@@ -76,11 +84,15 @@ class MoveAxis(Operation[None], frozen=True):
 class StopAxis(Operation[None], frozen=True):
     """End the motion of one axis (1 or 2)."""
 
+    called = "Release of an arrow"
+
     axis: int
 
 
 class AbortMotion(Operation[None], frozen=True):
     """End every motion and goto; tracking stays as it was."""
+
+    called = "Stop"
 
 
 class Pulse(Operation[Pulsed | None], frozen=True):
@@ -93,6 +105,8 @@ class Pulse(Operation[Pulsed | None], frozen=True):
 class PulseAxis(Operation[Pulsed | None], frozen=True):
     """Guide with a motor: axis 1 or 2, sense +1 or -1, for some milliseconds; rate as a fraction of sidereal."""
 
+    called = "Pulse"
+
     axis: int
     sense: int
     ms: int
@@ -102,12 +116,16 @@ class PulseAxis(Operation[Pulsed | None], frozen=True):
 class AbortSlew(Operation[None], frozen=True):
     """End the goto under way; motion by hand continues."""
 
+    called = "End of a goto"
+
 
 class SetTracking(Operation[None], frozen=True):
     """Turn tracking off, or on in ``mode``, by default the mount's own mode.
 
     ``heard``: look at what the mount reports afterwards. Raises Refused then if it has not changed.
     """
+
+    called = "Tracking"
 
     survives_abort = True
 
@@ -118,6 +136,8 @@ class SetTracking(Operation[None], frozen=True):
 
 class TrackRate(Operation[None], frozen=True):
     """Set the drive rate: ``sidereal``, ``solar``, ``lunar``, or a multiple of sidereal."""
+
+    called = "Tracking rate"
 
     survives_abort = True
 
@@ -135,6 +155,8 @@ class Home(Operation[None], frozen=True):
 
 class SetHome(Operation[None], frozen=True):
     """Store the present position as home; a mount with marks on its axes may turn to search for them."""
+
+    called = "Home position"
 
 
 class Unpark(Operation[None], frozen=True):
@@ -160,6 +182,8 @@ class PassThrough(Operation[Values | None], frozen=True):
 
     Only if client and mount speak the same protocol. ``fields`` are the request's field values, in order.
     """
+
+    called = "Command of the mount's own"
 
     command: str
     fields: Fields = ()

@@ -6,6 +6,7 @@ a plain ``Operation`` the type is not known.
 
 from __future__ import annotations
 
+import re
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
@@ -27,9 +28,18 @@ Fields = tuple[tuple[str, object], ...]
 
 
 class Operation(Struct, Generic[AnswerT], frozen=True):
-    """Base of all operations. One that ``survives_abort`` is no motion: a stop leaves it alone."""
+    """Base of all operations. One that ``survives_abort`` is no motion: a stop leaves it alone.
+
+    ``called`` is the name for people, if it is not the words of the class name.
+    """
 
     survives_abort: ClassVar[bool] = False
+    called: ClassVar[str] = ""
+
+    @classmethod
+    def title(cls) -> str:
+        """Return the kind of the operation in words, to begin a line of the log: ``Goto``, ``Release of an arrow``."""
+        return cls.called or re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).capitalize()
 
 
 class Read(Operation[AnswerT], frozen=True):

@@ -83,6 +83,8 @@ class DriverRunner:
         #: The number of exchanges of the last operation, and the loop time at which it sent the first of its last
         #: ``Driver.position_reads`` requests: a position read cannot be older than that.
         self.exchanges, self.asked_at = 0, 0.0
+        #: The loop time at which the last command was written to the line.
+        self.sent_at = 0.0
 
     async def perform(self, operation: Operation, priority: int) -> Any:
         """Have the driver carry out an operation and return its answer. Raises Fault."""
@@ -108,6 +110,7 @@ class DriverRunner:
                 self._gate.admit(command, priority)
             reply, times = await self._verifier.exchange(command, priority)
             late = late or now() - began > MAX_START_DELAY
+            self.sent_at = self._context.link.transaction.wrote
             if driver.asleep:
                 self._gate.answered(command)
             exchanges += times

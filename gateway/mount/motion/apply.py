@@ -8,12 +8,14 @@ way, ends all of it. The exception is the release of an arrow that the same host
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
 from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import ENDS, GOTOS, RESTARTED_AFTER_END, axis_moved, ends_focus, survives_abort
+from gateway.mount.motion.taps import ended, released, waits_for, without_presses
 from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
 from gateway.protocols.base.driver import Schedule
 
@@ -33,7 +35,7 @@ def stopped(wanted: Wanted) -> Wanted:
         for order in wanted.pending
         if survives_abort(order.operation) or (order.urgent and order.number == wanted.active)
     )
-    return replace(wanted, pending=pending, pulses=(), pressed=(), owed=True, stops=wanted.stops + 1)
+    return replace(wanted, pending=pending, pulses=(), pressed=(), taps=(), owed=True, stops=wanted.stops + 1)
 
 
 def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Order | None:
@@ -104,7 +106,8 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
         case op.AbortSlew():
             return isinstance(other, GOTOS)
         case op.Move() | op.MoveAxis() | op.TrackRate():
-            return not active and (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
+            held = not active and order.held is None
+            return held and (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
     return False
 
 
@@ -134,12 +137,15 @@ def next_operation(wanted: Wanted, now: float) -> Order | None:
 
 
 def next_moment(wanted: Wanted) -> float | None:
-    """Return the loop time at which the next order is due; None if nothing waits."""
-    return min((due_at(wanted, order) for order in wanted.pending), default=None)
+    """Return the loop time at which the next order is due; None if nothing waits but for another order."""
+    moment = min((due_at(wanted, order) for order in wanted.pending), default=inf)
+    return moment if moment < inf else None
 
 
 def due_at(wanted: Wanted, order: Order) -> float:
     """Return the loop time from which an order may be carried out."""
+    if wanted.taps and waits_for(wanted, axis_moved(order.operation)):
+        return inf
     if order.follow_up or not wanted.pulses:
         return order.at
     axis = pulse_axis(order)
@@ -167,7 +173,9 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Append the goto in place of postponed gotos and waiting pulses, and count it: later arrows are newer."""
+    """Append the goto in place of postponed gotos, arrows and pulses, and count it: later arrows are newer."""
+    if any(isinstance(one.operation, op.Move | op.MoveAxis) for one in wanted.pending):
+        wanted = without_presses(wanted)
     pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _replaced_by_goto(one))
     return _append(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
 
@@ -191,7 +199,11 @@ def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Apply the halt of one axis, which may end a whole goto."""
+    """Apply the halt of one axis, which may end a whole goto, or be the release of an arrow that is still to move."""
+    if order.ends_tap:
+        return ended(wanted, order)
+    if not wanted.waiting_gotos and (wanted.by_hand or not slewing) and (tapped := released(wanted, order)) is not None:
+        return tapped
     axis = axis_ended(order.operation)
     press = next(
         (one for one in wanted.pressed if order.by is not None and (one.who, one.axis) == (order.by.who, axis)), None

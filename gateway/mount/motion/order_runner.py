@@ -19,6 +19,7 @@ from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import MOTION, SETTING, STOP
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done
+from gateway.mount.motion.taps import LONGEST_WAIT, TapDropped
 from gateway.mount.motion.wanted import IN_ORDER, Order
 from gateway.mount.readings.client_readings import ClientReadings
 from gateway.mount.safety.admission.motions import Admission
@@ -31,7 +32,8 @@ async def _no_announcement() -> None:
 
 
 class OrderRunner:
-    """``admitted`` is the number of the last order that was admitted.
+    """``admitted`` is the number of the last order that was admitted, ``sent`` the loop time of the last command of
+    the last one that was carried out.
 
     ``announce`` is awaited before anything is sent that sets the mount moving, so that the marker on disk and the
     watchdog know of the motion should this process be killed. The application sets it.
@@ -41,7 +43,7 @@ class OrderRunner:
         self._context, self._driver, self._movement = context, context.driver, context.movement
         self._follow_ups, self._runner, self._admission = follow_ups, runner, admission
         self.announce: Callable[[], Awaitable[None]] = _no_announcement
-        self.admitted = 0
+        self.admitted, self.sent = 0, 0.0
 
     async def carry_out(self, order: Order, stop: Callable[[], Awaitable[None]]) -> tuple[op.Operation, Any]:
         """Carry out an order; return the operation as admitted, and its answer. ``stop`` ends motion. Raises Fault."""
@@ -52,6 +54,8 @@ class OrderRunner:
             return operation, await self._runner.drive(steps, STOP if order.urgent else MOTION)
         arrow = isinstance(operation, op.Move | op.MoveAxis) and order.rank == IN_ORDER
         since = order.since if arrow else None
+        if order.held is not None and self._context.now() - order.since > LONGEST_WAIT:
+            raise TapDropped
         operation = await self._in_time(order)
         self.admitted = order.number
         if isinstance(operation, MOVING):
@@ -59,7 +63,9 @@ class OrderRunner:
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
         priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.keeps_repeating else STOP
-        return operation, await self._runner.drive(self._driver.perform(operation), priority, since)
+        answer = await self._runner.drive(self._driver.perform(operation), priority, since)
+        self.sent = self._runner.sent_at
+        return operation, answer
 
     async def check_other_axis(self, stop: Callable[[], object]) -> None:
         """After the end of one axis, check that the other may move on alone; if not, call ``stop``."""

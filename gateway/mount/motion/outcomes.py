@@ -15,6 +15,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import BY_HAND, ENDS, GOTOS, MOVING
 from gateway.mount.motion.apply import pulse_axis
+from gateway.mount.motion.taps import begin
 from gateway.mount.motion.wanted import (
     FIRST,
     RESUMED,
@@ -80,20 +81,25 @@ def may_have_begun(order: Order, error: BaseException) -> bool:
     return unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
 
 
-def acknowledged(wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float) -> Wanted:
+def acknowledged(
+    wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float, sent: float = 0.0
+) -> Wanted:
     """Return what is wanted once the mount has acknowledged an operation, in the form in which it was admitted.
 
-    ``speed`` is that of a motion by hand, degrees a second.
+    ``speed`` is that of a motion by hand, degrees a second; it was ``sent`` at this loop time.
     """
     match operation:
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
             void = {other.number for other in wanted.pending if other.unless == order.number or pulse_axis(other)}
             pending = tuple(other for other in wanted.pending if other.number not in void)
-            motion, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
-            return replace(wanted, motion=motion, homed=homed, slews=wanted.slews + 1, pulses=(), pending=pending)
+            slew, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
+            moved = replace(wanted, motion=slew, homed=homed, slews=wanted.slews + 1, pulses=(), taps=())
+            return replace(moved, pending=pending)
         case op.Move() | op.MoveAxis():
             wanted = replace(_without_pulses(wanted, operation.axis), homed=False)
-            return _with(wanted, operation.axis, AxisMotion(operation, order.by, now, speed))
+            motion = AxisMotion(operation, order.by, now, speed, order.since, max(sent, order.since))
+            moved = _with(wanted, operation.axis, motion)
+            return moved if order.held is None else begin(moved, motion, operation.axis, order.held)
         case op.StopAxis() if order.follow_up:
             return wanted
         case op.StopAxis():
@@ -138,6 +144,7 @@ def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
     by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
     if isinstance(wanted.motion, Slew) and motion is None:
         return wanted
+    wanted = replace(wanted, taps=tuple(tap for tap in wanted.taps if tap.axis != axis))
     return replace(wanted, motion=by_hand if by_hand.first or by_hand.second else NotOrdered())
 
 

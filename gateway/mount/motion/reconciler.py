@@ -23,20 +23,12 @@ from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import equal_pending_halt, next_moment, next_operation, planned, stopped
+from gateway.mount.motion.apply import apply, equal_pending_halt, next_moment, next_operation, planned, stopped
 from gateway.mount.motion.order_runner import OrderRunner
-from gateway.mount.motion.outcomes import (
-    Done,
-    Wait,
-    can_be_postponed,
-    client_disconnected,
-    may_have_begun,
-    may_wait,
-    postponed,
-    why_wait,
-)
+from gateway.mount.motion.outcomes import Done, Wait, can_be_postponed, client_disconnected, may_wait
 from gateway.mount.motion.stopping import StopSender
-from gateway.mount.motion.wanted import RESUMED, NotOrdered, Order, Wanted
+from gateway.mount.motion.taps import TapDropped, dropped, serves_as_well
+from gateway.mount.motion.wanted import RESUMED, NotOrdered, Order, Tap, Wanted
 from gateway.protocols.base.driver import Schedule
 
 #: Seconds between two attempts to halt a focuser whose mount does not reply.
@@ -86,8 +78,14 @@ class Reconciler:
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def take(self, order: Order, after: Wanted) -> Outcome:
-        """Take an order; ``after`` is what is wanted with it. Return its outcome, or that of an equal pending halt."""
+    def order(self, order: Order) -> Outcome:
+        """Take an order, and return its outcome, or that of an equal pending halt. Raises Fault if it is refused."""
+        late = dropped(self.wanted, order) if isinstance(order.operation, op.StopAxis) else None
+        if late is not None and (outcome := self._outcomes.pop(late.number, None)) is not None:
+            outcome.set_exception(TapDropped())
+        after = apply(self.wanted, order, self._loop.time(), self._movement.slewing)
+        if after.stops != self.wanted.stops:
+            return self.begin_stop()
         asked = any(one.number == order.number for one in after.pending)
         if asked:
             self._outcomes[order.number] = waiting.new_outcome()
@@ -158,14 +156,22 @@ class Reconciler:
         """Replace what is wanted, settle the outcomes of orders that are no longer wanted, and cancel work on them."""
         before = self.wanted
         self._put(wanted)
+        for tap in wanted.taps:
+            if tap not in before.taps:
+                self._loop.call_at(tap.until, self._end_tap, tap)
+                self._link.queue.expect_urgent(tap.until)
         if before.pending is not wanted.pending:
             left = {order.number for order in wanted.pending}
             for order in before.pending:
                 if order.number not in left and (outcome := self._outcomes.pop(order.number, None)) is not None:
-                    # The release of an arrow that a goto has ended already is done; any other order is cancelled.
-                    outcome.set_result(None) if order.unless else outcome.cancel()
+                    outcome.set_result(None) if serves_as_well(order, wanted) else outcome.cancel()
             if self._work is not None and (wanted.active != self._active or self._active not in left):
                 self._work.cancel()
+
+    def _end_tap(self, tap: Tap) -> None:
+        """End the motion of an arrow that was released a while ago, unless something else has ended it."""
+        if tap in self.wanted.taps and not self.closed:
+            self.order(Order(next(self.numbers), op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True))
 
     def _start_next(self) -> None:
         """Begin the order that is due, unless another is being carried out; if none is due, set a timer."""
@@ -187,13 +193,13 @@ class Reconciler:
             self._timer = self._loop.call_at(moment, self._start_next)
 
     def _why_wait(self, order: Order) -> Wait | None:
-        return why_wait(order, self._loop.time(), self._link.occupied, self._context.incoming)
+        return outcomes.why_wait(order, self._loop.time(), self._link.occupied, self._context.incoming)
 
     def _postpone(self, order: Order, wait: Wait) -> None:
         """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
         now = self._loop.time()
         if may_wait(order, now, wait.longest) and not client_disconnected(order):
-            self._want(postponed(self.wanted, order, now))
+            self._want(outcomes.postponed(self.wanted, order, now))
             return
         if not client_disconnected(order) and (outcome := self._outcomes.pop(order.number, None)) is not None:
             outcome.set_exception(wait.refusal or Busy())
@@ -207,7 +213,7 @@ class Reconciler:
             if order.rank == RESUMED and not self.closed:
                 self._was_interrupted(order, outcome)
             elif outcome is not None:
-                outcome.cancel()
+                outcome.set_result(None) if serves_as_well(order, self.wanted) else outcome.cancel()
                 self._want(outcomes.removed(self.wanted, order))
         elif (error := work.exception()) is not None:
             self._has_failed(order, error, outcome)
@@ -218,14 +224,10 @@ class Reconciler:
             self._has_succeeded(order, operation, value)
         self._start_next()
 
-    def _keep_outcome(self, order: Order, outcome: Outcome | None) -> None:
-        """Keep the outcome: the order is not decided yet."""
-        if outcome is not None:
-            self._outcomes[order.number] = outcome
-
     def _was_interrupted(self, order: Order, outcome: Outcome | None) -> None:
         """Leave the order pending: it is begun again after the end. A motion by hand may have begun already."""
-        self._keep_outcome(order, outcome)
+        if outcome is not None:
+            self._outcomes[order.number] = outcome
         if isinstance(order.operation, op.Move | op.MoveAxis):
             self._takes_effect(order, order.operation)
 
@@ -238,20 +240,21 @@ class Reconciler:
             and may_wait(order, now)
             and self._link.worked_after(order.since)
         ):  # the mount began a long operation while this order was prepared
-            self._keep_outcome(order, outcome)
-            self._want(postponed(self.wanted, order, now))
+            if outcome is not None:
+                self._outcomes[order.number] = outcome
+            self._want(outcomes.postponed(self.wanted, order, now))
             return
         if outcome is not None:
             outcome.set_exception(error)
         if order.rank < 0:  # no longer wanted
             return
         self._want(outcomes.failed(self.wanted, order))
-        half_begun = may_have_begun(order, error) or self._may_have_interrupted(order)
+        half_begun = outcomes.may_have_begun(order, error) or self._may_have_interrupted(order)
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
             self._end_focus_again(order)
         elif order.follow_up:
-            self._context.note(f"{type(order.operation).__name__}: {error}")
+            self._context.note(f"{order.operation.title()}: {error}")
         if (not_ended or half_begun) and isinstance(error, Fault):  # something may move that should not
             self.begin_stop()
 
@@ -281,7 +284,7 @@ class Reconciler:
         before = self.wanted
         self.begins.emit(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
-        self._want(outcomes.acknowledged(before, order, operation, self._loop.time(), speed))
+        self._want(outcomes.acknowledged(before, order, operation, self._loop.time(), speed, self._orders.sent))
         self.done.emit(Done(operation, before))
         if isinstance(operation, op.StopAxis) and self.wanted.by_hand:
             self._context.tasks.spawn(self._orders.check_other_axis(self.begin_stop))

@@ -30,8 +30,10 @@ class Order(Struct, frozen=True):
     ``number`` is its sequence number, ``by`` the client's connection, ``since`` the loop time of its arrival, ``at``
     the one from which it is due, ``until`` the one at which the client stops waiting for the outcome. A ``follow_up``
     is the gateway's own order, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts
-    commands. ``unless`` is the number of a goto: once that has begun, this order is void. A halt has three more fields:
-    whether it ``overtakes`` waiting orders, how many equal halts it ``repeats``, and ``Wanted.asked`` at its arrival.
+    commands. ``unless`` is the number of a goto: once that has begun, this order is void. ``held`` is how many seconds
+    an arrow was held that was released before its motion has begun; None while it is held. A halt has four more fields:
+    whether it ``overtakes`` waiting orders, how many equal halts it ``repeats``, ``Wanted.asked`` at its arrival, and
+    whether it ``ends_tap``, an arrow that was released earlier.
     """
 
     number: int
@@ -48,6 +50,8 @@ class Order(Struct, frozen=True):
     overtakes: bool = False
     repeats: int = 0
     asked: int = 0
+    held: float | None = None
+    ends_tap: bool = False
 
     @property
     def keeps_repeating(self) -> bool:
@@ -56,12 +60,17 @@ class Order(Struct, frozen=True):
 
 
 class AxisMotion(Struct, frozen=True):
-    """The motion by hand of one axis: its operation, the client's connection, its start, and degrees a second."""
+    """The motion by hand of one axis: its operation, the client's connection, its start, and degrees a second.
+
+    It was ``asked`` for and ``sent`` at these loop times.
+    """
 
     operation: op.Move | op.MoveAxis
     by: HostActivity | None
     since: float
     speed: float
+    asked: float = 0.0
+    sent: float = 0.0
 
 
 class ByHand(Struct, frozen=True):
@@ -100,6 +109,14 @@ class GuidePulse(Struct, frozen=True):
     until: float
 
 
+class Tap(Struct, frozen=True):
+    """A motion by hand whose arrow was released before it began: its axis, the client, and when it is to end."""
+
+    axis: int
+    by: HostActivity | None
+    until: float
+
+
 class Press(Struct, frozen=True):
     """An arrow of an axis that a host has pressed, and how many gotos had been ordered by then."""
 
@@ -130,6 +147,7 @@ class Wanted(Struct, frozen=True):
     pending: tuple[Order, ...] = ()
     pulses: tuple[GuidePulse, ...] = ()
     pressed: tuple[Press, ...] = ()
+    taps: tuple[Tap, ...] = ()
     halted: tuple[Halted, ...] = ()
     owed: bool = False
     homed: bool = False
@@ -154,6 +172,11 @@ class Wanted(Struct, frozen=True):
     def waiting_gotos(self) -> list[Order]:
         """The gotos that were ordered and that the mount has not acknowledged."""
         return [order for order in self.pending if isinstance(order.operation, GOTOS)]
+
+    @property
+    def arrows_wait(self) -> bool:
+        """Whether a motion by hand was ordered that the mount has not acknowledged."""
+        return any(isinstance(order.operation, op.Move | op.MoveAxis) for order in self.pending)
 
 
 class WantedState:

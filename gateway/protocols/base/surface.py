@@ -15,7 +15,7 @@ import msgspec
 
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
-from gateway.core.motion_kinds import begins_motion, may_begin_motion
+from gateway.core.motion_kinds import GOTOS, begins_motion, may_begin_motion
 from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
@@ -76,6 +76,14 @@ class Surface:
         return Ending(
             self._operation(session, row, {}) if command.urgent == "axis" else AbortMotion(),
             self.protocol.taken_back_by(command),
+        )
+
+    def begins_goto(self, frame: bytes) -> bool:
+        """Whether a command may begin a goto."""
+        found = self.protocol.find(frame)
+        row = self.protocol.surface.get(found[0].name) if found is not None else None
+        return row is not None and any(
+            issubclass(operations.named(name) or Operation, GOTOS) for name in row.operations
         )
 
     def handle(self, session: Session, frame: bytes) -> Handling:

@@ -103,7 +103,7 @@ def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -
             for stop in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x25\0\0\0\0"):
                 assert await client.ask(stop, 1.0) == b"#"
             assert await client.ask(b"Kx") == b"x#"
-            assert "MoveAxis: No answer from mount." in notes(bridge)
+            assert "Arrow: No answer from mount." in notes(bridge)
             before = len(bridge.sent())
             cable.plug()
             await asyncio.sleep(30.0)

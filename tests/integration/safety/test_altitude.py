@@ -155,7 +155,7 @@ def test_a_motion_out_of_a_forbidden_place_goes_on() -> None:
             client.tell(b":RM#:Ms#")
             await asyncio.sleep(3)
             assert altitude(bridge) > 44.9
-            assert "Move: Object Below Lower Limit." in notes(bridge)
+            assert "Arrow: Object Below Lower Limit." in notes(bridge)
             client.tell(b":Mn#")
             await asyncio.sleep(5)
             client.tell(b":Qn#")
@@ -245,7 +245,7 @@ def test_axis_gotos_of_a_german_mount_are_checked_by_where_they_point() -> None:
             assert await client.ask(b"b00000000,D0000000") == b"#"  # declination -67.5
             await asyncio.sleep(1)
             assert await client.ask(b"L") == b"0#"
-            assert "GotoAxes: Object Below Horizon." in notes(bridge)
+            assert "Goto: Object Below Horizon." in notes(bridge)
 
     run(program())
 

@@ -51,7 +51,7 @@ def test_two_axes_together_lead_farther_than_each_of_them(driven: str, model: st
             client.tell(b":RS#:Mw#:Ms#")
             low, _ = await polled(bridge, client, b":GR#", 10.0)
             assert low >= lowest - 0.1, low
-            assert any(note.startswith("Move: Object Below") for note in notes(bridge))
+            assert any(note.startswith("Arrow: Object Below") for note in notes(bridge))
             assert not bridge.controller.moving
 
     run(program())

@@ -41,7 +41,7 @@ def test_a_rate_that_cannot_run_is_refused_and_not_told(model: str, version: str
             client.tell(b":TS#:T+#:TM#:TQ#")
             assert await client.ask(b":GT#", until=b"#") == b"60.1#"
             assert [one for one in bridge.sent()[before:] if one[:1] in b"PT"] == []
-            assert any("TrackRate" in entry.note for entry in bridge.entries)
+            assert any("Tracking rate" in entry.note for entry in bridge.entries)
 
     run(program())
 

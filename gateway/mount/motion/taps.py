@@ -1,0 +1,182 @@
+"""A tap on an arrow: its release was read before its motion has begun, and ends it after the time it was held.
+
+Once a motion has begun, its release ends it at once; only a short one keeps its length. One that has not begun is
+carried out all the same, and ended when it has lasted as long as the arrow was held, but not before the mount has
+acknowledged it. A tap that has waited
+too long is dropped. Taps follow one another; only a stop, a goto or a halt by somebody else cancels them. Pure
+functions over frozen values; times are seconds of the loop's clock.
+"""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from gateway.core import operations as op
+from gateway.core.errors import Busy
+from gateway.core.motion_kinds import ENDS, axis_moved
+from gateway.mount.motion.wanted import FIRST, AxisMotion, ByHand, Order, Tap, Wanted
+from gateway.mount.presence import HostActivity
+
+#: A press that has waited longer than this for its turn is dropped with its release, and one that was held longer.
+LONGEST_WAIT, LONGEST_HELD = 1.5, 1.0
+#: A motion that has begun, a moment after the press, lasts this part of the time for which its arrow was held, if that
+#: was LONGEST_HELD at most, and all of it if it was no longer than SHORT.
+PART, SHORT = 0.75, 0.3
+
+
+class TapDropped(Busy):
+    """The mount was busy for so long that a tap would come too late."""
+
+    words = "The mount was busy: this tap came too late to be carried out."
+
+
+def released(wanted: Wanted, release: Order) -> Wanted | None:
+    """Return what is wanted after the release of an arrow whose motion is to last a while longer.
+
+    None if the release ends something at once.
+    """
+    axis = axis_of(release)
+    waiting = unbegun(wanted, release)
+    if waiting:
+        return _held_until(wanted, waiting, release) if over(wanted, axis) and not _late(waiting[-1], release) else None
+    if any(one.held is not None and _arrow_of(release, one) for one in wanted.pending):
+        return wanted  # a program that releases an arrow twice
+    begun = motion_of(wanted, axis)
+    if begun is None or over(wanted, axis) or not _same(begun.by, release.by):
+        return None
+    held = release.since - begun.asked
+    if held > LONGEST_HELD:
+        return None
+    # A release may have waited since it was read: then its motion had not begun.
+    least = held if release.since < begun.since else max(min(held, SHORT), held * PART)
+    return begin(wanted, begun, axis, least) if begun.sent + least > release.since else None
+
+
+def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
+    """Return what is wanted once it is known for how long the newest arrow was held, and another one before it that is
+    being carried out.
+    """
+    newest = waiting[-1]
+    first = waiting[0] if waiting[0].number == wanted.active else newest
+    spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
+    taps = {one.number: replace(one, held=max(0.0, end.since - one.since)) for one, end in spans}
+    kept = (one for one in wanted.pending if one not in waiting or one.number in taps)
+    return _joined(replace(wanted, pending=tuple(taps.get(one.number, one) for one in kept)), taps[spans[-1][0].number])
+
+
+def _joined(wanted: Wanted, tap: Order) -> Wanted:
+    """Join a tap with an equal one before it that has not ended, so that a slow line carries out both in time."""
+    axis, begun = axis_of(tap), motion_of(wanted, axis_of(tap))
+    others = tuple(one for one in wanted.pending if one is not tap)
+    before = next((one for one in reversed(others) if _arrow_of(tap, one) and one.number < tap.number), None)
+    if before is not None:
+        held = (before.held or 0.0) + (tap.held or 0.0)
+        if before.operation == tap.operation and tap.number != wanted.active and held <= LONGEST_HELD:
+            joined = replace(before, held=held, since=tap.since)
+            return replace(wanted, pending=tuple(joined if one is before else one for one in others))
+    elif (
+        begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
+    ):
+        longer = [replace(one, until=one.until + (tap.held or 0.0)) for one in wanted.taps if one.axis == axis]
+        if _same(begun.by, tap.by) and longer[0].until - begun.sent <= LONGEST_HELD:
+            taps = (*(one for one in wanted.taps if one.axis != axis), *longer)
+            return replace(wanted, pending=others, taps=taps)
+    return wanted
+
+
+def serves_as_well(order: Order, wanted: Wanted) -> bool:
+    """Whether something else does what an order was for that is no longer pending.
+
+    What removes a halt ends its motion, too. An arrow was replaced by the same client's next one, or joined with one.
+    """
+    if isinstance(order.operation, ENDS):
+        return True
+    axis = axis_moved(order.operation)
+    begun = motion_of(wanted, axis or 0)
+    joined = order.held is not None and begun is not None and _same(begun.by, order.by)
+    return axis is not None and (joined or any(_arrow_of(order, one) for one in wanted.pending))
+
+
+def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
+    """Note that the mount has acknowledged the motion of an arrow that was released after ``held`` seconds."""
+    others = tuple(tap for tap in wanted.taps if tap.axis != axis)
+    return replace(wanted, taps=(*others, Tap(axis, motion.by, motion.sent + held)))
+
+
+def ended(wanted: Wanted, end: Order) -> Wanted:
+    """Add the end of a tap, which cancels no order that came after the tap; a goto on its way serves as the end."""
+    gotos = [one.number for one in wanted.waiting_gotos if one.number == wanted.active]
+    end = replace(end, rank=FIRST, overtakes=True, asked=wanted.asked, unless=gotos[0] if gotos else 0)
+    return replace(wanted, pending=(*wanted.pending, end))
+
+
+def dropped(wanted: Wanted, release: Order) -> Order | None:
+    """Return the press that its release drops, because it has waited and was held too long; None if there is none."""
+    waiting = unbegun(wanted, release)
+    if waiting and over(wanted, axis_of(release)) and _late(waiting[-1], release):
+        return waiting[-1]
+    return None
+
+
+def without_presses(wanted: Wanted) -> Wanted:
+    """Remove the arrows that wait for their turn; one that is being carried out stays."""
+    waiting = [one for one in wanted.pending if axis_moved(one.operation) and one.number != wanted.active]
+    tapped = {(one.by.who, axis_moved(one.operation)) for one in waiting if one.by is not None and one.held is not None}
+    return replace(
+        wanted,
+        pending=tuple(one for one in wanted.pending if one not in waiting),
+        pressed=tuple(one for one in wanted.pressed if (one.who, one.axis) not in tapped),
+    )
+
+
+def unbegun(wanted: Wanted, release: Order) -> list[Order]:
+    """Return the arrows of an axis that this client holds and whose motion has not begun, in their order."""
+    return [one for one in wanted.pending if one.held is None and _arrow_of(release, one)]
+
+
+def holder(wanted: Wanted, axis: int) -> HostActivity | None:
+    """Return the client that has pressed the newest arrow of an axis and has not released it."""
+    for one in reversed(wanted.pending):
+        if axis_moved(one.operation) == axis and one.held is None:
+            return one.by
+    begun = motion_of(wanted, axis)
+    return None if begun is None or over(wanted, axis) else begun.by
+
+
+def over(wanted: Wanted, axis: int) -> bool:
+    """Whether nothing moves the axis by hand, or what moves it is ending: as a tap, or by a halt on its way."""
+    return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.owed or waits_for(wanted, axis)
+
+
+def _halted(wanted: Wanted, axis: int) -> bool:
+    return any(one.operation == op.StopAxis(axis) and not one.follow_up for one in wanted.pending)
+
+
+def waits_for(wanted: Wanted, axis: int | None) -> bool:
+    """Whether a tap on this axis has begun and not ended: the next motion by hand waits for it."""
+    return any(tap.axis == axis for tap in wanted.taps)
+
+
+def motion_of(wanted: Wanted, axis: int) -> AxisMotion | None:
+    """Return the motion by hand of an axis that the mount has acknowledged."""
+    motion = wanted.motion
+    return None if not isinstance(motion, ByHand) else motion.first if axis == 1 else motion.second
+
+
+def axis_of(order: Order) -> int:
+    """Return the axis of an arrow, or of its release."""
+    return getattr(order.operation, "axis", 0)
+
+
+def _late(press: Order, release: Order) -> bool:
+    return release.since - press.since > LONGEST_HELD
+
+
+def _arrow_of(order: Order, one: Order) -> bool:
+    """Whether ``one`` is an arrow of the axis and the client of another arrow, or of a release."""
+    return axis_moved(one.operation) == axis_of(order) and _same(one.by, order.by)
+
+
+def _same(press: HostActivity | None, release: HostActivity | None) -> bool:
+    """Whether both are of one host: some programs open a connection for every command."""
+    return press is not None and release is not None and press.who == release.who

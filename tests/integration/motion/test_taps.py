@@ -1,0 +1,221 @@
+"""Taps on an arrow: each moves the mount by its own length, whatever the line and the protocol, and none is refused."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.virtual_time import run
+from tests.support.sampling import as_a_rule
+from tests.support.taps import FACES, LATENCIES, LENGTHS, MOUNTS, Axes, at_keypad, judged, stage, tap
+from tests.support.truth import moving
+
+FIRST, SECOND = "127.0.0.1", "10.0.0.9"
+
+
+@pytest.mark.parametrize("face", FACES)
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_tap_moves_as_far_as_at_the_keypad(mount: str, face: str) -> None:
+    grid = [(latency, seconds) for latency in LATENCIES for seconds in LENGTHS]
+    for latency, seconds in grid[:: as_a_rule(4, whole=1)]:
+        assert not (why := run(judged(face, mount, seconds, latency))), (latency, seconds, why)
+
+
+def refusals(own: Stage) -> list[str]:
+    return [notice.text for notice in own.controller.wire_log.recent]
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("face", ["lx200", "nexstar"])
+def test_taps_in_a_row_each_count(face: str, latency: float) -> None:
+    """Three north, one south, and the next one begins before the one before has ended."""
+
+    async def program() -> None:
+        single = abs((await tap(face, "cpc", 0.12, latency)).moved)
+        async with stage(face, "cpc", latency) as own:
+            one, axes, client = FACES[face], Axes(own), own.client()
+            client.tell(one.before)
+            await asyncio.sleep(1.0)
+            await axes.begin()
+            for press in (one.press, one.press, one.opposite, one.press):
+                client.tell(press)
+                await asyncio.sleep(0.12)
+                client.tell(one.release)
+                await asyncio.sleep(0.13)
+            await asyncio.sleep(3.0)
+            assert refusals(own) == []
+            assert abs(abs(axes.moved) - 2.0 * single) <= 4.0 * latency / 2.0 + 0.001
+            assert not moving(own.sim)
+
+    run(program())
+
+
+@pytest.mark.parametrize("latency", [0.1, 0.15, 0.3])
+@pytest.mark.parametrize("face", ["lx200", "nexstar"])
+def test_a_slow_line_joins_taps_of_one_direction(face: str, latency: float) -> None:
+    async def program() -> None:
+        keypad = await at_keypad("cpc", 0.12, 1.0)
+        async with stage(face, "cpc", latency) as own:
+            one, axes, client = FACES[face], Axes(own), own.client()
+            client.tell(one.before)
+            await asyncio.sleep(1.0)
+            await axes.begin()
+            for _ in range(5):
+                client.tell(one.press)
+                await asyncio.sleep(0.12)
+                client.tell(one.release)
+                await asyncio.sleep(0.13)
+            await asyncio.sleep(3.0)
+            assert refusals(own) == []
+            assert 2.5 * keypad <= abs(axes.moved) <= 5.0 * (keypad + 0.1 + 2.0 * latency)
+            assert not moving(own.sim)
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    "end", [b":Q#", b":Qe#:Qw#:Qn#:Qs#", b":Qn#:Qs#:Qe#:Qw#", ":Mn# of another", ":Qn# of another"]
+)
+@pytest.mark.parametrize("tapped", [True, False])
+def test_a_stop_cancels_what_has_not_begun(end: bytes | str, tapped: bool) -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.3) as own:
+            axes, client, other = Axes(own), own.client(FIRST), own.client(SECOND)
+            client.tell(b":RM#")
+            await asyncio.sleep(1.0)
+            await axes.begin()
+            client.tell(b":Mn#")
+            await asyncio.sleep(0.1)
+            if tapped:
+                client.tell(b":Qn#")
+                await asyncio.sleep(0.02)
+            if isinstance(end, bytes):
+                client.tell(end)
+            else:
+                other.tell(b":Qn#" if end.startswith(":Q") else b":Q#")
+            await asyncio.sleep(3.0)
+            assert abs(axes.moved) < 0.003
+            assert not own.controller.wanted.by_hand
+            assert not any("Release" in text for text in refusals(own))
+
+    run(program())
+
+
+def test_the_fourth_release_ends_what_moves() -> None:
+    """RTS2 stops by the releases of all four arrows: each acts when it is read."""
+
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.1) as own:
+            client = own.client()
+            client.tell(b":RM#:Mn#:Me#")
+            await asyncio.sleep(2.0)
+            assert moving(own.sim)
+            for release in (b"#:Qe#", b"#:Qw#", b"#:Qn#", b"#:Qs#"):
+                client.tell(release)
+                await asyncio.sleep(0.01)
+            await asyncio.sleep(1.2)
+            assert not moving(own.sim)
+
+    run(program())
+
+
+def test_a_goto_cancels_a_tap_that_has_not_begun() -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.3) as own:
+            client = own.client()
+            begun: list[op.Operation] = []
+            own.controller.reconciler.begins.connect(begun.append)
+            here: op.Equatorial = await own.controller.read(op.Position())
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(0.05)
+            client.tell(b":Mn#")
+            await asyncio.sleep(0.05)
+            client.tell(b":Qn#")
+            await own.controller.perform(op.Goto(here.ra, here.dec - 3.0))
+            await asyncio.sleep(8.0)
+            assert not any(isinstance(one, op.Move) and one.axis == 2 for one in begun)
+            assert any(isinstance(one, op.Goto) for one in begun)
+
+    run(program())
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_a_tap_that_comes_too_late_is_dropped_and_told(times: int) -> None:
+    """It was held for longer than a tap may wait, and the mount has not begun to move."""
+
+    async def program() -> None:
+        async with stage("lx200", "cgem", 0.6) as own:
+            axes, client = Axes(own), own.client()
+            client.tell(b":RM#")
+            await asyncio.sleep(2.0)
+            await axes.begin()
+            client.tell(b":Mn#")
+            await asyncio.sleep(1.1)
+            client.tell(b":Qn#" * times)
+            await asyncio.sleep(5.0)
+            assert abs(axes.moved) < 0.01
+            assert refusals(own) == ["Arrow: The mount was busy: this tap came too late to be carried out."]
+
+    run(program())
+
+
+def test_a_tap_that_waits_for_an_answer_before_it_is_carried_out_in_its_turn() -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.2) as own:
+            axes, client = Axes(own), own.client()
+            await asyncio.sleep(12.0)  # nothing is known of the mount any more
+            await axes.begin()
+            client.tell(b":RM#:GW#:Mn#")
+            await asyncio.sleep(0.1)
+            client.tell(b":Qn#")
+            await asyncio.sleep(3.0)
+            assert b"T" in client.heard
+            assert abs(axes.moved) > 0.03
+            assert refusals(own) == []
+            assert not moving(own.sim)
+
+    run(program())
+
+
+def test_a_short_press_that_has_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -> None:
+    async def program(seconds: float) -> float:
+        async with stage("lx200", "cpc", 0.05) as own:
+            axes, client = Axes(own), own.client()
+            client.tell(b":RM#")
+            await asyncio.sleep(1.0)
+            await axes.begin()
+            client.tell(b":Mn#")
+            await asyncio.sleep(seconds)
+            assert 2 in own.controller.wanted.by_hand
+            client.tell(b":Qn#")
+            return await axes.rest(1.0)
+
+    assert run(program(0.28)) > 0.3
+    assert run(program(1.2)) <= 0.35
+
+
+def test_a_connection_for_every_command_taps_as_well() -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.15) as own:
+            axes = Axes(own)
+
+            async def send(data: bytes) -> None:
+                client: Visitor = own.client(SECOND)
+                client.tell(data)
+                await asyncio.sleep(0.02)
+                client.close()
+
+            await send(b":RM#")
+            await asyncio.sleep(1.0)
+            await axes.begin()
+            await send(b":Mn#")
+            await asyncio.sleep(0.08)
+            await send(b":Qn#")
+            await asyncio.sleep(3.0)
+            assert abs(axes.moved) >= await at_keypad("cpc", 0.1, 1.0) / 2.0
+            assert not moving(own.sim)
+
+    run(program())
