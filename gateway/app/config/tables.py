@@ -100,7 +100,15 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     surface: list[SurfaceConfig] = []
     console: ConsoleConfig = field(default_factory=ConsoleConfig)
     mqtt: MqttConfig | None = None
-    wait: Annotated[bool, key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
+    wait: Annotated[
+        bool | None,
+        key(
+            "keep looking for a mount that does not answer; programs can connect meanwhile. false: give up after a few "
+            "seconds (default: after 40 s, because some hand controls take 25 s to start)",
+            "true|false",
+            True,
+        ),
+    ] = None
     discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, Alpaca, mDNS)")] = True
     watchdog: Annotated[
         bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")

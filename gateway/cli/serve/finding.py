@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 #: Seconds until the first bytes (a hand control's worst case), until the first valid reply once bytes came, and until
 #: the mount is identified.
 FIRST_WORD, FIRST_SENSE, FIND_MOUNT = 4.0, 10.0, 20.0
+#: Seconds from the start until the gateway gives up a port that opens and stays silent: some hand controls take 25 s to
+#: start.
+GIVE_UP = 40.0
+#: Seconds after which a mount that has reported its position is served though it is not identified yet: one whose model
+#: the user has named, and any other.
+NAMED, UNNAMED = 3.0, 4.5
 #: The default rate of every mount, baud.
 USUAL = 9600
 #: With --wait, seconds that the ready lines wait for the identification of the mount.
@@ -32,13 +38,17 @@ SAID_AFTER = 1.0
 async def serve(
     gateway: Gateway,
     patient: bool,
+    longest: float,
     start_sky: Callable[[], None],
     ready: Callable[[Gateway], None],
     warn: Callable[[str], None],
 ) -> None:
-    """Wait for one mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``."""
+    """Wait for one mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``.
+
+    A silent port is given up after ``longest`` seconds, and not before a few.
+    """
     if not patient:
-        await _find(gateway, warn)
+        await _find(gateway, warn, longest)
     start_sky()
     found = not patient or await gateway.wait_identified(QUICK)
     ready(gateway)
@@ -48,30 +58,52 @@ async def serve(
         warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
 
 
-async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
-    """Wait for the mount and return whether it answers; give up early if there is little hope."""
-    line, now = gateway.controller.line, asyncio.get_running_loop().time
-    began, said = now(), False
-    while now() < began + FIND_MOUNT:
+async def _found(gateway: Gateway, warn: Callable[[str], None], silence: float = FIRST_WORD) -> bool:
+    """Wait for the mount and return whether it answers; give up early if there is little hope.
+
+    A port may be silent for ``silence`` seconds.
+    """
+    line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
+    began, said, soon = now(), silence != FIRST_WORD, NAMED if gateway.mount.model else UNNAMED
+    heard = began if line.transaction.heard_ever else None
+    while not (position.is_set() and now() > began + soon):
         if await gateway.wait_identified(0.1):
             return True
-        hope = FIRST_SENSE if line.transaction.heard_ever else FIRST_WORD
-        if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):
+        if heard is None and line.transaction.heard_ever:
+            heard = now()
+        hope = silence if heard is None else FIND_MOUNT if line.answers else FIRST_SENSE
+        if line.reason.startswith(CANNOT_OPEN) or now() > (heard or began) + hope:
             break
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
             warn(waiting_message(gateway))
-    return gateway.controller.context.found.is_set()  # a device that reports a position is a mount
+    return position.is_set()  # a device that reports a position is a mount
 
 
-async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
+async def _find(gateway: Gateway, warn: Callable[[str], None], longest: float = GIVE_UP) -> None:
     """Wait for the mount. Raises UserError that says what was found instead."""
+    began, line = asyncio.get_running_loop().time(), gateway.controller.line
     if await _found(gateway, warn):
         return
-    line, words = gateway.controller.line, not_found_message(gateway)
+    if not line.transaction.heard_ever and not line.reason.startswith(CANNOT_OPEN):
+        await line.close()
+        await _check_for_another(gateway)
+        left = began + longest - asyncio.get_running_loop().time()
+        if left > 0 and not _unsupported(gateway.mount.where):
+            warn(not_found_message(gateway, longest))
+            line.start()
+            if await _found(gateway, warn, left):
+                return
+    words = not_found_message(gateway)
     if line.reason.startswith(CANNOT_OPEN):
         raise UserError(f"{gateway.title}: {line.reason}; {_port_advice(gateway, line.reason)}")
     await line.close()
+    await _check_for_another(gateway)
+    raise UserError(words)
+
+
+async def _check_for_another(gateway: Gateway) -> None:
+    """Look for a mount of another protocol or rate on the port, which must be closed. Raises UserError if one is."""
     from gateway.diagnostics.detect import who_answers
 
     found = await who_answers(gateway.mount.where, gateway.config.baud)
@@ -81,7 +113,12 @@ async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
         )
     if found and found != gateway.mount.protocol:
         raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
-    raise UserError(words)
+
+
+def _unsupported(where: str) -> str:
+    from gateway.diagnostics.detect.ports import unsupported_device
+
+    return unsupported_device(where)
 
 
 async def _answers_at(where: str, baud: int) -> bool:
@@ -112,18 +149,25 @@ def waiting_message(gateway: Gateway) -> str:
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.first_answer_seconds[gateway.mount.model is None]
     if gateway.controller.context.found.is_set():
-        return (
-            f"{gateway.title}: a mount answers, and programs get its position; it may take {takes} s to report its "
-            "model"
-        )
+        return f"{gateway.title}: a mount answers, and programs get its position; its model may take some seconds more"
     return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest} may take {takes} s"
 
 
-def not_found_message(gateway: Gateway) -> str:
-    """Return why no mount was found, and what to do; suspect the cable only if no byte was received."""
+def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
+    """Return why no mount was found, and what to do; suspect the cable only if no byte was received.
+
+    With ``longest`` the gateway goes on asking until so many seconds after its start.
+    """
     transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     rest = f"{look}, --wait keeps trying"
+    if not transaction.heard_ever and (what := _unsupported(where)):
+        return f"{gateway.title}: no mount answers; {what}"
+    if not transaction.heard_ever and longest:
+        return (
+            f"{gateway.title}: no mount answers yet (is it switched on, and the cable in the hand control?); the "
+            f"gateway asks for {longest:.0f} s, because some hand controls take 25 s to start; --no-wait gives up now"
+        )
     if not transaction.heard_ever:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"
     asked, came = transaction.trouble

@@ -25,7 +25,7 @@ from gateway.cli.serve.console_and_broker import (
     open_broker,
     open_console,
 )
-from gateway.cli.serve.finding import serve
+from gateway.cli.serve.finding import GIVE_UP, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import before_suspension, unless, until_signal
 from gateway.core.errors import Fault
@@ -124,7 +124,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             screen.say(banner)
         status_tasks = start_status_updates(gateways, screen)
         broker = open_broker(config, access, gateways, screen)
-        patient = config.wait or len(gateways) > 1
+        patient, longest = config.wait or len(gateways) > 1, 0.0 if config.wait is False else GIVE_UP
 
         def sky_ready() -> None:
             garbage.started()
@@ -147,7 +147,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
                 notify("READY=1")
 
         await unless(
-            done, asyncio.gather(*(serve(gateway, patient, start_sky, ready, screen.warn) for gateway in gateways))
+            done, asyncio.gather(*(serve(one, patient, longest, start_sky, ready, screen.warn) for one in gateways))
         )
         garbage.started()
         if not done.is_set():

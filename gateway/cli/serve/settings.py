@@ -126,7 +126,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
     elif isinstance(key.default, bool) and key.several:
         group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.shown}", help=words)
-    elif isinstance(key.default, bool):
+    elif isinstance(key.default, bool) or key.right == "true or false":
         group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
     elif key.flag:
         group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)

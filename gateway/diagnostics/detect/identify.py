@@ -1,7 +1,6 @@
 """Identify a mount with the driver and the mount link that the gateway would use for it.
 
-How the gateway would carry out each operation on that mount follows from the driver's rows and the commands that this
-version has.
+What is listed as answered was asked and answered here; what the mount's model should have is in the tables.
 """
 
 from __future__ import annotations
@@ -9,7 +8,8 @@ from __future__ import annotations
 import asyncio
 import statistics
 import time
-from typing import NamedTuple, TypeVar
+from collections.abc import Iterable
+from typing import TypeVar
 
 from msgspec import Struct
 
@@ -18,27 +18,33 @@ from gateway.app.config import Endpoint, MountConfig
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import Values
-from gateway.core.wire_log import WireLog
+from gateway.core.wire_log import WireLog, show
 from gateway.diagnostics.detect.port_listener import PortListener
 from gateway.mount.link.driver_runner import run_driver
 from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
-from gateway.protocols.registry import PROTOCOLS
 
 #: Timeout of the whole identification, seconds; a mount that answers needs less than two.
 LONGEST = 20.0
 #: The timeout of a query that some mounts do not answer: so many times the longest reply time so far, but at least so
 #: many seconds. A telescope that answers in 30 ms does not need the 1.5 s that an unknown device gets.
 TIMES, AT_LEAST = 4.0, 0.6
-POSITIONS = 2
+SITE, STATUS = "site", "alignment and tracking"
+#: What a mount is asked once it is known, and what that is called; nothing that would move or change something.
+QUESTIONS: tuple[tuple[str, op.Operation[object]], ...] = (
+    ("coordinates", op.Position()),
+    (STATUS, op.GetStatus()),
+    (SITE, op.GetSite()),
+    ("clock", op.GetClock()),
+)
 
 _T = TypeVar("_T")
 
 
 class Mount(Struct, frozen=True):
     """A mount that was found. ``latency`` is its median reply time in seconds; ``equinox`` is ``jnow`` or ``j2000``
-    according to its version; ``aligned`` is None if it did not say; ``ways`` tell how the gateway would carry out
-    operations."""
+    according to its version; ``aligned`` is None if it did not say. ``answers``: what it was asked for -> the commands
+    that it answered, empty if it answered none."""
 
     protocol: str
     product: str
@@ -51,7 +57,7 @@ class Mount(Struct, frozen=True):
     equatorial: bool | None
     tells_model: bool
     tells_place: bool
-    ways: dict[str, str]
+    answers: dict[str, str]
 
 
 class _Talk:
@@ -60,6 +66,8 @@ class _Talk:
     def __init__(self, driver: Driver, line: MountLink) -> None:
         self.driver, self.line = driver, line
         self.took: list[float] = []
+        #: The commands that were answered, in order.
+        self.answered: list[str] = []
 
     async def perform(self, operation: op.Operation[_T]) -> _T:
         """Return the operation's answer. Raises Fault."""
@@ -71,6 +79,7 @@ class _Talk:
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
             self.took.append(self.line.transaction.times.last_rtt)
+            self.answered.append(ask.command)
         return answer
 
 
@@ -84,13 +93,18 @@ async def identify(protocol: str, ear: PortListener, model: str | None = None, v
     try:
         async with asyncio.timeout(LONGEST):
             identity: op.Identity = await talk.perform(op.GetIdentity())
-            status: op.Status | None = await _maybe(talk, op.GetStatus())
-            for _ in range(POSITIONS):
-                await _maybe(talk, op.Position())
+            answers: dict[str, str] = {}
+            told: dict[str, object] = {}
+            for name, operation in QUESTIONS:
+                talk.answered.clear()
+                told[name] = await _maybe(talk, operation)
+                answers[name] = _written(driver, talk.answered) if told[name] is not None else ""
+            await _maybe(talk, op.Position())  # once more, for the usual time of an answer
     except TimeoutError:
         raise NoAnswer from None
     finally:
         await line.close()
+    status = told[STATUS]
     return Mount(
         protocol=protocol,
         product=identity.product,
@@ -99,12 +113,11 @@ async def identify(protocol: str, ear: PortListener, model: str | None = None, v
         motors=identity.motors,
         latency=statistics.median(talk.took),
         equinox=driver.equinox,
-        aligned=status.aligned if status else None,
-        equatorial=status.equatorial if status else None,
+        aligned=status.aligned if isinstance(status, op.Status) else None,
+        equatorial=status.equatorial if isinstance(status, op.Status) else None,
         tells_model=identity.model in driver.protocol.models,
-        tells_place=driver.gps
-        or any(driver.supports(name) for name in ("w", "Gt") if name in driver.protocol.commands),
-        ways=ways(driver),
+        tells_place=driver.gps or bool(answers[SITE]),
+        answers=answers,
     )
 
 
@@ -116,33 +129,7 @@ async def _maybe(talk: _Talk, operation: op.Operation[_T]) -> _T | None:
         return None
 
 
-class Row(NamedTuple):
-    """``none`` is shown for a mount that has none of the commands that its protocol offers for the operation."""
-
-    name: str
-    operation: type[op.Operation]
-    none: str
-
-
-ROWS = (
-    Row("coordinates", op.Position, ""),
-    Row("tracking", op.SetTracking, "left to the mount"),
-    Row("sync", op.Sync, "the gateway's offset"),
-    Row("arrows", op.Move, "small gotos"),
-    Row("site", op.GetSite, "its GPS unit, or --site"),
-    Row("clock", op.GetClock, "its GPS unit or this computer's"),
-)
-
-
-def ways(driver: Driver) -> dict[str, str]:
-    """Return what each row's operation is done by: commands, or their substitute. The mount must be identified."""
-    found = {}
-    for row in ROWS:
-        way = driver.implementation(row.operation)
-        if way is not None:
-            first = PROTOCOLS[driver.protocol.name].capabilities.get(row.name, {})
-            known = [name for name in first if name in way.commands and driver.supports(name)]
-            found[row.name] = first[known[0]] if known else row.none
-    if not getattr(driver, "tells_status", True):
-        found["tracking"] = "left to the mount"  # a Meade without :GW# would lose its alignment over :AL#
-    return found
+def _written(driver: Driver, names: Iterable[str]) -> str:
+    """Return commands as the manual writes them, without their arguments; by name where that cannot be printed."""
+    written = {name: show(driver.protocol.commands[name].request.prefix) for name in names}
+    return " ".join(dict.fromkeys(name if "\\" in text else text for name, text in written.items()))

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from msgspec import Struct
 
 from gateway.app.config.endpoints import Endpoint, parse_endpoint, suggest_address
+from gateway.app.state.mount_claim import address
 from gateway.core.errors import UserError
-from gateway.protocols.registry import mounts
+from gateway.protocols.registry import PROTOCOLS, mounts
 
 #: The folder in which Linux keeps names of USB ports that do not depend on the socket.
 LASTING = Path("/dev/serial/by-id")
+#: The port of a simulated mount, of which every gateway has its own.
+SIMULATED = "sim"
 
 
 class SerialPortInfo(Struct, frozen=True):
@@ -63,6 +67,32 @@ def lasting_name(device: str, folder: Path = LASTING) -> str:
         return device
     real = os.path.realpath(device)
     return next((str(link) for link in links if os.path.realpath(link) == real), device)
+
+
+def serving_gateway(url: str) -> int | None:
+    """Return the process id of the gateway that has the mount on this port; None if none of this user's has it."""
+    from gateway.app.reach import Scope, search
+    from gateway.system.files import directory
+    from gateway.system.processes import is_gateway
+
+    network = address(url)
+    for _, gateway in search(Scope(directory(None))).gateways:
+        where = gateway.mount.partition("@")[2]
+        same = address(where) == network if network else os.path.realpath(where) == os.path.realpath(url)
+        if same and where != SIMULATED and is_gateway(gateway.pid):
+            return gateway.pid
+    return None
+
+
+def unsupported_device(where: str) -> str:
+    """Return what usually listens at a network address, if that is a device that no gateway can use; else nothing."""
+    try:
+        url = urlsplit(where)
+        names = (url.hostname, str(url.port)) if url.scheme == "socket" else ()
+    except ValueError:
+        return ""
+    known = {name: words for spec in PROTOCOLS.values() for name, words in spec.unsupported_at.items()}
+    return next((known[name] for name in names if name in known), "")
 
 
 def holder(url: str) -> str:

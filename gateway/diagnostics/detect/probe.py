@@ -2,9 +2,10 @@
 
 First wait for silence: a command that another program left incomplete must time out before more bytes could complete
 it, and a device that sends by itself is no mount. Then send ``Kx``, which a hand control echoes as ``x#`` and an LX200
-ignores. Then send the single byte 0x06, which a Meade answers with one letter and which is no command of a hand
-control. Nothing that begins with ``:`` is sent unless the user has named the protocol, because a hand control would
-take parts of it for commands: ``:GR#`` contains an ``R``, which is a goto.
+ignores. Then send ``#`` and the single byte 0x06, which a Meade answers with one letter and which is no command of a
+hand control; the ``#`` is for controllers that take the ``K`` for the beginning of a command. Nothing that begins with
+``:`` is sent unless the user has named the protocol, because a hand control would take parts of it for commands:
+``:GR#`` contains an ``R``, which is a goto.
 """
 
 from __future__ import annotations

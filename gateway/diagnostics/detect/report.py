@@ -10,7 +10,8 @@ import shlex
 from collections.abc import Sequence
 
 from gateway.diagnostics.detect.identify import Mount
-from gateway.diagnostics.detect.scan_port import BUSY, MUTE, UNOPENED, USUAL, Finding
+from gateway.diagnostics.detect.ports import unsupported_device
+from gateway.diagnostics.detect.scan_port import BUSY, MUTE, SERVED, UNOPENED, USUAL, Finding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
@@ -25,6 +26,7 @@ WORDS = {
     "stranger": "something answers here, but not as a mount does",
     "garbled": "something answers here, unintelligibly at every rate: no mount",
     "busy": "not examined",
+    "served": "a mount that a gateway has already",
     "unopened": "cannot be opened",
     "vanished": "the port vanished while it was looked at",
     "mute": "a mount",
@@ -48,6 +50,7 @@ SILENT = (
 )
 OF_OTHERS = {
     BUSY: "{port} is in use: end that program, or have it connect to the gateway in place of the port",
+    SERVED: "{port}: mount-gateway status shows this mount, and the addresses where programs connect to its gateway",
     UNOPENED: "{port} cannot be opened: mount-gateway detect without a port looks at all that there are",
     MUTE: "{port}: switch the mount off and on, and look again",
     "echo": "{port} hears itself: take out a loopback plug, or look whether the cable is the mount's own",
@@ -80,9 +83,11 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
     motors = f"motors {', '.join(dict.fromkeys(mount.motors))}; " if mount.motors else ""
     version = "tells no version" if mount.version == UNTOLD else f"version {mount.version}"
     model = f"model {mount.model}" if mount.tells_model else "a model it cannot tell"
+    mute = [name for name, words in mount.answers.items() if not words]
     return [
         f"{mount.product}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
-        "; ".join(f"{name}: {words}" for name, words in mount.ways.items()),
+        f"it answered: {'; '.join(f'{name} ({words})' for name, words in mount.answers.items() if words)}",
+        *([f"it does not tell: {', '.join(mute)}"] if mute else []),
         f"equinox: {EQUINOX[mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
         *hints(mount),
         "for programs on this computer:",
@@ -169,7 +174,7 @@ def values(finding: Finding, network: bool = False) -> dict[str, object]:
             "protocol": mount.protocol, "product": mount.product, "version": mount.version,
             "model": mount.model if mount.tells_model else None, "motors": list(mount.motors),
             "aligned": mount.aligned, "equatorial": mount.equatorial, "equinox": mount.equinox,
-            "latency": round(mount.latency, 4), "ways": mount.ways,
+            "latency": round(mount.latency, 4), "answers": mount.answers,
             "endpoint": endpoint(finding), "run": command(finding), "run_network": command(finding, network=True),
             "toml": toml(finding, network),
         }  # fmt: skip
@@ -184,7 +189,8 @@ def next_steps(findings: Sequence[Finding]) -> list[str]:
         return list(NO_PORT)
     steps: list[str] = []
     silent = [finding.place.url for finding in findings if finding.state == "silent"]
-    if silent:
+    steps += filter(None, map(unsupported_device, silent))
+    if silent and not steps:
         specs = [spec for spec in reversed(PROTOCOLS.values()) if spec.make_driver is not None]
         cables = "; ".join(f"{spec.makers[0].title()}: {spec.cable}" for spec in specs if spec.makers and spec.cable)
         deaf = [spec.detect_warning for spec in specs if spec.detect_warning]

@@ -15,7 +15,7 @@ from msgspec import Struct
 from gateway.core.errors import Fault
 from gateway.diagnostics.detect.identify import Mount, identify
 from gateway.diagnostics.detect.port_listener import PortListener, Tunable
-from gateway.diagnostics.detect.ports import SerialPortInfo, holder
+from gateway.diagnostics.detect.ports import SerialPortInfo, holder, serving_gateway
 from gateway.diagnostics.detect.probe import AT_9600, ELSEWHERE, Patience, Verdict, overhear, probe
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.wires import SerialTransport
@@ -29,13 +29,15 @@ OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
 EAVESDROP = 1.6
 #: Verdicts after which other rates are tried.
 OPEN = (Verdict.SILENT, Verdict.GARBLED, Verdict.TALKER)
-BUSY = "busy"
+#: Another program has the port; and that program is a gateway.
+BUSY, SERVED = "busy", "served"
 UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
 class Finding(Struct, frozen=True):
-    """The result for one port. ``state`` is a verdict, or why there is none: ``busy``, ``unopened``, ``vanished``, or
-    ``mute`` (it speaks a mount's protocol but could not be identified). ``reason`` says more; it took ``seconds``."""
+    """The result for one port. ``state`` is a verdict, or why there is none: ``served``, ``busy``, ``unopened``,
+    ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified). ``reason`` says more; it took
+    ``seconds``."""
 
     place: SerialPortInfo
     state: str
@@ -55,6 +57,8 @@ async def look(
     place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = ELSEWHERE
 ) -> Finding:
     """Examine one port; problems with it are part of the result. ``wire`` replaces the port of a pyserial URL."""
+    if wire is None and (process := serving_gateway(place.url)):
+        return Finding(place, SERVED, reason=f"mount-gateway, process {process}")
     who = holder(place.url) if wire is None else ""
     if who:
         return Finding(place, BUSY, reason=f"in use by {who}")

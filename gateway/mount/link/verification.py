@@ -87,7 +87,7 @@ class ReplyVerifier:
             mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
             if mute and not command.raw:
                 break  # the driver asked for this answer by ``patience``
-            if command.unverified:
+            if command.unverified(reply.values) if callable(command.unverified) else command.unverified:
                 break
             took = reply.came - reply.asked
             if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.typical_rtt:

@@ -35,7 +35,8 @@ class Send(NamedTuple):
                other commands are refused as busy, and no reply at the end is a fault of the line
     prompt     it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
     raw        return the bytes of the reply too, as the field ``raw``
-    unverified accept the first reply without verification: nothing depends on it
+    unverified accept the first reply without verification, because nothing depends on it; or if this function of its
+               fields is true
     once       accept the reply as it is: it concerns the command just before it, or only the client that asked
     """
 
@@ -45,7 +46,7 @@ class Send(NamedTuple):
     long: bool = False
     prompt: bool = False
     raw: bool = False
-    unverified: bool = False
+    unverified: bool | Callable[[Mapping[str, object]], bool] = False
     once: bool = False
 
 

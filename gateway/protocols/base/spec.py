@@ -168,13 +168,12 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     questions: tuple[Question, ...] = ()
     #: Other states that an answer to a question may show, with their descriptions.
     states: Mapping[str, str] = {}
-    #: The abilities that ``detect`` reports (coordinates, tracking, sync, arrows, site, clock), each with a mapping
-    #: command -> words; the first command that the mount supports decides.
-    capabilities: Mapping[str, Mapping[str, str]] = {}
     night: NightRows = NightRows()
     #: Where to plug in the cable; which mount may not hear the questions that are sent to every port (at ``{port}``).
     cable: str = ""
     detect_warning: str = ""
+    #: Host or port at which a device of this maker usually listens that cannot be used -> what it is, and what to do.
+    unsupported_at: Mapping[str, str] = {}
     #: The source for the statement that mounts of a version use J2000.
     j2000_by: str = "its maker"
     #: What the user should know of a mount of an unknown model, given its version.

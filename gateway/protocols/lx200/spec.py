@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 NAME, DEFAULT_MODEL = "lx200", "autostar"
 ACK, POSITION = b"\x06", b"#:GR#"
+#: ACK to an unknown device: the # ends what it may have read before, because some answer ACK outside a command only.
+ACK_ALONE = b"#\x06"
 #: A single letter is an answer to ACK only if nothing follows it for this many seconds.
 LONE = 0.1
 _POSITION = re.compile(rb"\d\d:\d\d(\.\d|:\d\d)#")
@@ -126,18 +128,10 @@ SPEC = ProtocolSpec(
     },
     recognises=_recognises,
     questions=(
-        Question(2, ACK, _answered_ack),
+        Question(2, ACK_ALONE, _answered_ack),
         Question(3, POSITION, lambda heard, still: NAME if _POSITION.fullmatch(heard) else None, named=True),
     ),
     states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
-    capabilities={
-        "coordinates": {"GR": ":GR# :GD#"},
-        "tracking": {"AP": ":AL# and back"},
-        "sync": {"CM": ":CM#"},
-        "arrows": {"Mn": ":Mn# :Ms# :Me# :Mw#"},
-        "site": {"Gt": ":Gt# :Gg#"},
-        "clock": {"GL": ":GL# :GC# :GG#"},
-    },
     night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
     detect_warning="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",

@@ -130,6 +130,11 @@ def _unknown_model(version: str) -> str:
     return "an unknown model is driven as an alt-az fork"
 
 
+AUX = (
+    "port 2000 and the address 1.2.3.4 are those of Celestron's Wi-Fi adapters, which speak Celestron's AUX protocol: "
+    "that is not supported; use the cable in the base of the hand control"
+)
+
 SPEC = ProtocolSpec(
     name=NAME,
     title="NexStar",
@@ -157,16 +162,9 @@ SPEC = ProtocolSpec(
     recognises=lambda sent: UNMARKED,
     shared_openings=ANY_ECHO,
     questions=(Question(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, late=True),),
-    capabilities={
-        "coordinates": {"e": "precise (e, r)", "E": "16 bits (E, R)"},
-        "tracking": {"T": "T"},
-        "sync": {"s": "s"},
-        "arrows": {"slew_azm_pos": "P"},
-        "site": {"w": "w"},
-        "clock": {"i": "i", "h": "h"},
-    },
     night=NightRows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
     cable="plug the cable into the base of the hand control, not into the port marked PC on the mount",
+    unsupported_at=dict.fromkeys(("2000", "1.2.3.4"), AUX),
     j2000_by="Celestron's own driver",
     unknown_model=_unknown_model,
     slowest="a hand control",

@@ -180,7 +180,7 @@ class Stranger:
     def taken_for_a_hand_control(self) -> str:
         """The one line that a gateway ends with."""
         with self.socket:
-            return refused("run", "--mount", self.mount, "--surface", "lx200@tcp://127.0.0.1:0")
+            return refused("run", "--no-wait", "--mount", self.mount, "--surface", "lx200@tcp://127.0.0.1:0")
 
 
 @pytest.fixture

@@ -93,9 +93,104 @@ def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None
         bridge.controller.start()
         await asyncio.sleep(1.0)
         assert waiting_message(gateway_of(bridge, "lx200@-")) == (
-            "lx200@-: a mount answers, and programs get its position; it may take 9 s to report its model"
+            "lx200@-: a mount answers, and programs get its position; its model may take some seconds more"
         )
         await bridge.controller.close()
+
+    run(program())
+
+
+@pytest.mark.parametrize(("named", "seconds"), [(True, 4.0), (False, 9.0)])
+def test_the_first_position_of_a_slow_classic(named: bool, seconds: float) -> None:
+    """Half a second for each answer, and no answer to what a classic does not know."""
+
+    async def program() -> None:
+        now = asyncio.get_running_loop().time
+        bridge = Bridge("lx200", driven="lx200", latency=0.5, named=named)
+        began, said = now(), list[str]()
+        bridge.controller.start()
+        assert await finding._found(gateway_of(bridge, "lx200:lx200@-" if named else "lx200@-"), said.append)
+        assert await bridge.client().ask(b":GR#", until=b"#")
+        assert now() - began < seconds - 0.3  # the process has to start, too
+        await bridge.controller.close()
+
+    run(program())
+
+
+class Slow:
+    """A port that opens and is silent; its hand control starts after some seconds."""
+
+    def __init__(self, bridge: Bridge, after: float) -> None:
+        self.said: list[str] = []
+        self._wire: Any = bridge.controller.line.wire
+        self._feed, self._from = self._wire._feed, asyncio.get_running_loop().time() + after
+        self._wire._feed = self._answer
+
+    def _answer(self, data: bytes) -> bytes:
+        return bytes(self._feed(data)) if asyncio.get_running_loop().time() > self._from else b""
+
+
+async def nobody(where: str, baud: int) -> None:
+    await asyncio.sleep(4.5)
+
+
+def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def program() -> None:
+        bridge, now = Bridge("gt", "101.0"), asyncio.get_running_loop().time
+        began, slow = now(), Slow(bridge, 25.0)
+        bridge.controller.start()
+        await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.said.append)
+        assert 25.0 < now() - began < 30.0
+        assert slow.said[-1] == (
+            "nexstar@/dev/ttyUSB0: no mount answers yet (is it switched on, and the cable in the hand control?); the "
+            "gateway asks for 40 s, because some hand controls take 25 s to start; --no-wait gives up now"
+        )
+        assert await bridge.client().ask(b":GR#", until=b"#")
+        await bridge.controller.close()
+
+    monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)
+    run(program())
+
+
+@pytest.mark.parametrize(("longest", "least", "most"), [(finding.GIVE_UP, 40.0, 50.0), (0.0, 8.0, 15.0)])
+def test_a_port_that_stays_silent_is_given_up(
+    longest: float, least: float, most: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def program() -> None:
+        bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
+        began, slow = now(), Slow(bridge, 1000.0)
+        bridge.controller.start()
+        with pytest.raises(UserError, match=r"no mount answers .* --wait keeps trying"):
+            await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.said.append, longest)
+        assert least < now() - began < most
+        assert len(slow.said) == (2 if longest else 1)
+        await bridge.controller.close()
+
+    monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)
+    run(program())
+
+
+def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def program() -> None:
+        now = asyncio.get_running_loop().time
+
+        async def meade(where: str, baud: int) -> str | None:
+            return "lx200" if where == "/dev/ttyUSB0" else None
+
+        monkeypatch.setattr("gateway.diagnostics.detect.who_answers", meade)
+        for at, answer, words in (
+            ("nexstar@/dev/ttyUSB0", b"", "the mount speaks lx200; write lx200@/dev/ttyUSB0"),
+            ("nexstar@socket://1.2.3.4:2000", b"", "Celestron's AUX protocol: that is not supported"),
+            ("nexstar@/dev/ttyUSB1", b"hello", "something is there, and no NexStar was found"),
+        ):
+            bridge, began = Bridge("cpc"), now()
+            wire: Any = bridge.controller.line.wire
+            wire._feed = lambda data, answer=answer: answer
+            bridge.controller.start()
+            with pytest.raises(UserError, match=words):
+                await finding._find(gateway_of(bridge, at), list[str]().append)
+            assert now() - began < 12.0
+            await bridge.controller.close()
 
     run(program())
 

@@ -6,11 +6,13 @@ form; the driver then does without them, and does not ask again until the line i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from gateway.astro.spherical import fold_declination
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Send, Steps
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask, ask_unless
 
 #: The timeout of a question that may stay unanswered: TIMES the usual reply time, and at least so many seconds.
 TIMES, AT_LEAST = 2.0, 0.6
@@ -97,13 +99,18 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 
+def _is_low(answer: Mapping[str, object]) -> bool:
+    length = answer.get("length")
+    return isinstance(length, int) and length < HIGH
+
+
 def high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply."""
     for attempt in range(3):
         if attempt:
             yield from ask(mount, "U")
-        answer = yield from ask(mount, "GR")
-        mount.low = answer["length"] < HIGH
+        answer = yield from ask_unless(mount, "GR", {}, _is_low)  # only its length counts then
+        mount.low = _is_low(answer)
         if not mount.low:
             break
     return answer

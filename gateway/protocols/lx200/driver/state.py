@@ -226,7 +226,18 @@ def rate_command(rate: Rate) -> str:
 
 
 def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
-    """Send a command; retry a few times if the telescope is busy (NAK), unless the command begins a motion by hand.
+    """Send a command with these values, as ``ask_unless`` does."""
+    return (yield from ask_unless(mount, command, values, False))
+
+
+def ask_unless(
+    mount: Lx200Driver,
+    command: str,
+    values: Mapping[str, object],
+    unverified: Callable[[Mapping[str, object]], bool] | bool,
+) -> Steps:
+    """Send a command, and verify the reply unless it may be ``unverified`` (see ``Send``). Retry a few times if the
+    telescope is busy (NAK), unless the command begins a motion by hand.
 
     Raises Unsupported if the model lacks it, Busy while it seeks its home, and Refused if a sleeping mount would move.
     """
@@ -239,7 +250,7 @@ def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
         raise Refused("The mount is asleep: wake it first.")
     patience = row.long or (OWN_PATIENCE if row.may_be_silent else None)
     asked, once = {**values, "low": mount.low}, command in ONCE
-    send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once)
+    send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once, unverified=unverified)
     for _ in range(0 if row.by_hand else BUSY_RETRIES):
         try:
             return (yield send)

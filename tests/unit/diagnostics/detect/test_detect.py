@@ -22,7 +22,7 @@ from tests.support.uart import Device, UartWire
 EVENING = 1768514400.0
 AT_9600, ELSEWHERE = 6.5, 20.0
 #: What a line may be asked before it has said what it is.
-HARMLESS = [b"Kx", b"\x06"]
+HARMLESS = [b"Kx", b"#\x06"]
 GPS = b"$GPRMC,220000.00,A,4500.0,N,01000.0,E,0.0,0.0,150126,,,A*5F\r\n"
 
 MEADES = ("autostar", "lx200", "lx200-16", "lx200gps")
@@ -90,7 +90,7 @@ def test_every_mount_is_found_at_9600(what: str) -> None:
     if protocol == "lx200":
         assert finding.mount.model == model
         assert wire.sent()[:2] == HARMLESS
-        assert all(data[:1] == b":" or data == b"\x06" for data in wire.sent()[2:])
+        assert all(data[:1] == b":" or data in (b"\x06", b"#\x06") for data in wire.sent()[2:])
     else:
         assert finding.mount.version == HAND_CONTROLS[model]
         assert wire.sent()[0] == b"Kx"
@@ -115,22 +115,62 @@ def test_the_manuals_56700_is_57600() -> None:
     assert (finding.mount is not None, finding.baud) == (True, 57600)
 
 
-@each(("what", "equinox", "ways"), [
-    ("nexstar:nexstar-gps/1.2", "j2000", {"coordinates": "16 bits (E, R)", "sync": "the gateway's offset",
-                                          "arrows": "small gotos", "tracking": "left to the mount"}),
-    ("nexstar:cge/3.01", "j2000", {"coordinates": "precise (e, r)", "sync": "the gateway's offset", "tracking": "T"}),
-    ("nexstar:6-8se/4.21", "jnow", {"coordinates": "precise (e, r)", "sync": "s", "tracking": "T", "site": "w"}),
-    ("nexstar:6-8se/starsense-1.20", "jnow", {"sync": "s", "clock": "h"}),
-    ("nexstar:gt/101.0", "j2000", {"coordinates": "16 bits (E, R)"}),
-    ("lx200:lx200", "jnow", {"coordinates": ":GR# :GD#", "tracking": "left to the mount"}),
-    ("lx200:lx200gps", "jnow", {"tracking": ":AL# and back"}),
+MEADES_OWN = {"coordinates": ":GR# :GD#", "site": ":Gt# :Gg#", "clock": ":GG# :GC# :GL#"}
+
+
+@each(("what", "equinox", "answers"), [
+    ("nexstar:nexstar-gps/1.2", "j2000", {"coordinates": "E", "alignment and tracking": "J", "site": "", "clock": ""}),
+    ("nexstar:cge/3.01", "j2000", {"coordinates": "e", "site": "w", "clock": "h"}),
+    ("nexstar:6-8se/4.21", "jnow", {"coordinates": "e", "alignment and tracking": "J t", "site": "w", "clock": "h"}),
+    ("nexstar:gt/101.0", "j2000", {"coordinates": "E", "site": "", "clock": ""}),
+    ("lx200:lx200", "jnow", {**MEADES_OWN, "alignment and tracking": "ACK"}),
+    ("lx200:lx200gps", "jnow", {**MEADES_OWN, "alignment and tracking": ":GW#"}),
 ])  # fmt: skip
-def test_it_is_told_how_the_gateway_will_go_about_it(what: str, equinox: str, ways: dict[str, str]) -> None:
+def test_it_is_told_what_the_mount_answered(what: str, equinox: str, answers: dict[str, str]) -> None:
     finding, _ = seen(lambda: mount(what).feed)
     assert finding.mount is not None
     assert finding.mount.equinox == equinox
-    assert ways.items() <= finding.mount.ways.items()
+    assert answers.items() <= finding.mount.answers.items()
     assert "j2000" in block(finding) or equinox == "jnow"
+    assert ("it does not tell: site, clock" in block(finding)) is (answers.get("site") == "")
+
+
+def test_only_what_was_answered_is_listed() -> None:
+    """An LX200-type device whose model would have a site and a clock, but which only tells where it points."""
+
+    def device() -> Device:
+        sim = mount("lx200:lx200gps")
+        return lambda data: b"" if data[:2] == b":G" and data[2:3] not in (b"R", b"D", b"V") else bytes(sim.feed(data))
+
+    finding, _ = seen(device)
+    assert finding.mount is not None
+    assert {name for name, words in finding.mount.answers.items() if words} == {"coordinates", "alignment and tracking"}
+    assert "it does not tell: site, clock" in block(finding)
+
+
+def test_a_controller_that_reads_the_k_as_a_command_is_found() -> None:
+    """It reads from any letter to the next ``#``, and answers ACK only between two commands."""
+
+    def device() -> Device:
+        sim, command = mount("lx200:lx200gps"), bytearray()
+
+        def feed(data: bytes) -> bytes:
+            told = b""
+            for byte in data:
+                if byte == 6 and not command:
+                    told += b"P"
+                elif byte == ord("#"):
+                    told += bytes(sim.feed(bytes(command) + b"#")) if command[:1] == b":" else b""
+                    command.clear()
+                else:
+                    command.append(byte)
+            return told
+
+        return feed
+
+    for place in (SerialPortInfo("-", "-"), named("lx200@/dev/ttyUSB0")):
+        finding, _ = seen(device, place=place)
+        assert finding.mount is not None, finding
 
 
 def test_a_slow_hand_control_is_waited_for() -> None:
@@ -174,7 +214,7 @@ def test_half_a_command_is_not_completed() -> None:
 def test_a_silent_port_is_sent_two_harmless_questions_at_every_rate() -> None:
     finding, wire = seen(lambda: silent)
     assert finding.state == "silent"
-    assert wire.sent() == [b"Kx", b"\x06"] * 11
+    assert wire.sent() == [b"Kx", b"#\x06"] * 11
     assert [baud for baud, _ in wire.log[::2]] == [
         9600,
         19200,
@@ -195,7 +235,7 @@ def test_a_silent_port_is_sent_two_harmless_questions_at_every_rate() -> None:
 def test_a_network_address_has_no_other_rates() -> None:
     finding, wire = seen(lambda: silent, place=SerialPortInfo("socket://127.0.0.1:4030", "-"))
     assert (finding.state, finding.baud) == ("silent", None)
-    assert wire.sent() == [b"Kx", b"\x06"]
+    assert wire.sent() == [b"Kx", b"#\x06"]
     assert finding.seconds < AT_9600
 
 
@@ -210,7 +250,7 @@ def test_an_echo_is_not_a_mount() -> None:
     (b"D", "downloader"),
 ])  # fmt: skip
 def test_a_stranger_that_answers_is_left_alone(answer: bytes, state: str) -> None:
-    finding, wire = seen(lambda: lambda data: answer if data == b"\x06" else b"")
+    finding, wire = seen(lambda: lambda data: answer if data in (b"\x06", b"#\x06") else b"")
     assert finding.state == state
     assert wire.sent() == HARMLESS
     assert finding.mount is None
@@ -219,7 +259,7 @@ def test_a_stranger_that_answers_is_left_alone(answer: bytes, state: str) -> Non
 def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
     async def program() -> None:
         def prompt(data: bytes) -> bytes:
-            if data != b"\x06":
+            if data != b"#\x06":
                 return b""
             asyncio.get_running_loop().call_later(0.15, wire.say, b"assword:")
             return b"P"
@@ -232,7 +272,7 @@ def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
 
 
 def test_who_answers_unintelligibly_may_do_so_at_another_rate() -> None:
-    finding, wire = seen(lambda: lambda data: b"\x15" if data == b"\x06" else b"")
+    finding, wire = seen(lambda: lambda data: b"\x15" if data in (b"\x06", b"#\x06") else b"")
     assert finding.state == "garbled"
     assert set(wire.sent()) == set(HARMLESS)
     assert {baud for baud, _ in wire.log} == {9600, *OTHERS}
@@ -279,12 +319,12 @@ def test_a_stray_byte_at_opening_is_no_talk() -> None:
 def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
     def device() -> Device:
         sim = mount("lx200:lx200")
-        return lambda data: b"" if data == b"\x06" else bytes(sim.feed(data))
+        return lambda data: b"" if data in (b"\x06", b"#\x06") else bytes(sim.feed(data))
 
     assert seen(device)[0].state == "silent"
     finding, wire = seen(device, place=named("lx200:lx200@/dev/ttyUSB0"))
     assert finding.mount is not None
-    assert wire.sent()[:3] == [b"Kx", b"\x06", b"#:GR#"]
+    assert wire.sent()[:3] == [b"Kx", b"#\x06", b"#:GR#"]
     assert command(finding) == (
         "mount-gateway run --mount lx200:lx200@/dev/ttyUSB0 --surface nexstar@tcp://127.0.0.1:4030"
     )

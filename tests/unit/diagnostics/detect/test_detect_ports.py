@@ -134,7 +134,7 @@ def test_a_mount_at_another_rate_is_found(found: dict[str, Any]) -> None:
 
 def test_a_silent_port_hears_the_harmless_questions_only(found: dict[str, Any]) -> None:
     assert found["silent"].state == "silent"
-    assert found["heard"]["silent"] == b"Kx\x06" * 11
+    assert found["heard"]["silent"] == b"Kx#\x06" * 11
 
 
 @pytest.mark.parametrize(("what", "state"), [
@@ -311,7 +311,7 @@ def test_a_receiver_at_another_rate_reads_something_else() -> None:
     assert misread(b"\x06", 4800, 9600) == b"x"  # 0 0110 0000 1, each bit twice: 0 0001 1110, and no stop bit
     assert misread(b"\x00", 9600, 19200)[:1] == b"\x00"
     for rate in (1200, 4800, 19200, 38400):
-        assert misread(b"Kx\x06:GR#", rate, 9600) not in (b"Kx\x06:GR#", b"")
+        assert misread(b"Kx#\x06:GR#", rate, 9600) not in (b"Kx#\x06:GR#", b"")
 
 
 def test_a_terminals_rate_is_read_even_without_a_name() -> None:

@@ -18,6 +18,7 @@ from gateway.diagnostics.detect.identify import Mount
 from gateway.diagnostics.detect.report import block, next_steps, toml, values
 from gateway.transport.wires import group_of
 from tests.support.each import each
+from tests.support.process import Running
 
 PORT = "/dev/ttyUSB0"
 
@@ -57,6 +58,9 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
             ["switch the mount on", "base of the hand control", "lx200@/dev/ttyUSB0"],
         ),
         (Finding(SerialPortInfo(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: end that program"]),
+        (Finding(SerialPortInfo(PORT, PORT), "served"), ["mount-gateway status shows this mount"]),
+        (Finding(SerialPortInfo("socket://192.168.1.9:2000", PORT), "silent"), ["AUX protocol: that is not supported"]),
+        (Finding(SerialPortInfo("socket://1.2.3.4:4030", PORT), "silent"), ["AUX protocol: that is not supported"]),
         (Finding(SerialPortInfo(PORT, PORT), "unopened"), ["mount-gateway detect without a port"]),
         (Finding(SerialPortInfo(PORT, PORT), "echo"), ["loopback plug"]),
         (Finding(SerialPortInfo(PORT, PORT), "garbled"), ["another cable"]),
@@ -76,6 +80,19 @@ def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     assert "plug the USB adapter in" in told.err and "socket://192.168.1.50:4030" in told.err
     assert main(["detect", "--json"]) == 1
     assert capsys.readouterr() == ("[]\n", "")
+
+
+def test_a_mount_that_a_gateway_has_is_not_touched(started: list[Running], capsys: pytest.CaptureFixture[str]) -> None:
+    sim = Running("sim", "nexstar:cpc", "--at", "tcp://127.0.0.1:0")
+    started.append(sim)
+    port = sim.ready().replace("tcp://", "socket://")
+    serving = Running("run", "--mount", f"nexstar@{port}", "--surface", "lx200@tcp://127.0.0.1:0")
+    started.append(serving)
+    serving.ready()
+    assert main(["detect", port]) == 1
+    told = capsys.readouterr()
+    assert f"a mount that a gateway has already: mount-gateway, process {serving.process.pid}" in told.out
+    assert f"  - {port}: mount-gateway status shows this mount" in told.err and "end that program" not in told.err
 
 
 def test_a_port_that_may_not_be_opened_says_what_to_type(
