@@ -17,7 +17,7 @@ from gateway.mount.policy import Hold, Policy
 from gateway.mount.readings.cache import POLL_PERIOD, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
-from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance
+from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance, TubeFrame
 from gateway.mount.site.pending_settings import IncomingSettings
 from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
@@ -44,7 +44,10 @@ class Context:
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.client_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
         self.hold, self.synced = Hold(), SyncTotal()
-        self.suns = SunAvoidance(policy.limits.sun, sky, self.sources, self.settled, self.note_once)
+        self.frame = TubeFrame(self.cache, driver, self.synced, self.sources)
+        self.suns = SunAvoidance(
+            policy.limits.sun, self.astrometry, self.sources, self.now, self.frame, self.settled, self.note_once
+        )
 
     @property
     def timing(self) -> StopTiming:

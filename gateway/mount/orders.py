@@ -24,7 +24,7 @@ from gateway.mount.presence import NOBODY, HostActivity
 from gateway.mount.readings.cache import MAX_AGE
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
-from gateway.mount.site.astrometry import PLACES
+from gateway.mount.site.places import PLACES
 from gateway.mount.site.settings import SiteAndClock
 
 _T = TypeVar("_T")

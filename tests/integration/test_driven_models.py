@@ -12,7 +12,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.site.astrometry import PLACES
+from gateway.mount.site.places import PLACES
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
 from tests.support.operations_matrix import CHECKS, outcomes

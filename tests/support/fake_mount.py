@@ -21,7 +21,8 @@ from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, SyncTooFar, Unsupported
 from gateway.mount.policy import Limits
-from gateway.mount.site.astrometry import PLACES, SiteAstrometry
+from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.places import PLACES
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, ReuseLastReading

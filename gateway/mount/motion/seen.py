@@ -25,7 +25,8 @@ NEVER = -1e9
 class PositionSample(Struct, frozen=True):
     """A position of the mount: altitude and hour angle (None without a site), distances from each possible Sun.
 
-    ``lifting`` is the motion by hand of the second axis at that time.
+    ``lifting`` is the motion by hand of the second axis at that time. Distances from Suns can be compared within one
+    ``era`` (`SunAvoidance`).
     """
 
     at: float
@@ -34,6 +35,7 @@ class PositionSample(Struct, frozen=True):
     hour_angle: float | None = None
     suns: tuple[float, ...] = ()
     lifting: op.Move | op.MoveAxis | None = None
+    era: int = 0
 
 
 class Changes(Struct, frozen=True):

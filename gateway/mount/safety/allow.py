@@ -84,11 +84,15 @@ def altitude(view: View) -> Verdict:
 
 
 def near_sun(view: View) -> Verdict:
-    """Forbid coming nearer to a Sun than the limit, measured from ``farthest``, so that slow approaches count too."""
+    """Forbid coming nearer to a Sun than the limit, measured from ``farthest``, so that slow approaches count too.
+
+    Suns of other sources end only the arrows of programs, because a wrong source must not end a motion that is right.
+    """
     before, last, soonest = view.seen.before, view.seen.last, ALLOWED
     if before is None or last is None:
         return ALLOWED
-    for number, (then, now) in enumerate(zip(before.suns, last.suns, strict=True)):
+    count = len(last.suns) if view.moving.by_hand else view.own_suns
+    for number, (then, now) in enumerate(zip(before.suns[:count], last.suns[:count], strict=True)):
         rate = _rate(view, number)
         if now >= view.sun + view.margin(rate):
             soon = view.allowed_within(now - view.sun, rate, "the Sun") if now < then else ALLOWED

@@ -1,14 +1,17 @@
-"""The altitude from the axis reading: on an alt-azimuth NexStar it overrules the calculated altitude.
+"""Altitude and azimuth from the axis readings: on an alt-azimuth NexStar they overrule the calculated ones.
 
-The axis reading is right whatever the mount believes about the sky: a sync, a wrong alignment, and a wrong site or
+The axis readings are right whatever the mount believes about the sky: a sync, a wrong alignment, and a wrong site or
 clock change what right ascension and declination mean, but they do not move the tube. If the altitude that is
-calculated from them differs from the axis reading by more than an alignment explains, it is corrected.
+calculated from them differs from the axis reading by more than an alignment explains, it is corrected; the azimuth, by
+which the Sun is avoided, as well.
 """
 
 from __future__ import annotations
 
-from math import asin, degrees, radians, sin
+from collections.abc import Iterator
+from math import asin, cos, degrees, radians, sin
 
+from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
@@ -16,6 +19,8 @@ from gateway.mount.readings.reader import Reader
 
 #: Degrees by which alignment, cone error and refraction may let an axis reading differ from the calculated altitude.
 TOLERANCE = 1.0
+#: Degrees: above this altitude a small error on the sky is a large one in azimuth, so that nothing can be said of it.
+TOO_HIGH = 80.0
 #: Seconds of motion by which the two may also differ: they are read one after the other, and motors accelerate.
 READ_APART = 0.3
 #: Seconds between two readings of the axes: while the mount moves, and while it rests with a difference.
@@ -43,21 +48,40 @@ def corrected(tilt: float | None, difference: float, speed: float, speed_factor:
     return new if abs(new) > TOLERANCE else 0.0
 
 
-class AltitudeAxis:
-    """Compares the altitude axis of one mount with the calculated altitude.
+def corrected_azimuth(
+    turn: float | None, difference: float, altitude: float, speed: float, speed_factor: float = 1.0
+) -> float | None:
+    """Return the new correction of the calculated azimuth, like ``corrected``; None if it is not known.
 
-    ``tilt`` is the difference in degrees, None until both are known. ``synced`` is whether the mount was synced since.
+    What counts is the difference on the sky, which is smaller the higher the tube points. There a difference that is
+    known is kept unless this reading contradicts it.
+    """
+    across, before = cos(radians(altitude)), turn or 0.0
+    high = altitude > TOO_HIGH
+    off = abs(wrap180(difference)) * across
+    if off <= TOLERANCE * speed_factor + speed * READ_APART and (speed or not before or high):
+        return None if high and not before else before
+    new = wrap180(before + difference)
+    return new if abs(new) * across > TOLERANCE else None if high else 0.0
+
+
+class AltitudeAxis:
+    """Compares the two axes of one mount with the calculated altitude and azimuth.
+
+    ``tilt`` is the difference of the altitude in degrees, None until both are known; ``turn`` that of the azimuth, None
+    if it is not known. ``synced`` is whether the mount was synced since.
     """
 
     def __init__(self, mount: Context) -> None:
         self._mount = mount
         self.tilt: float | None = None
+        self.turn: float | None = None
         self.synced = False
         self._status: op.Status | None = None
 
     @property
     def available(self) -> bool:
-        """Whether the axis gives the altitude: on an aligned alt-azimuth mount whose axes can be read.
+        """Whether the axes give the direction: on an aligned alt-azimuth mount whose axes can be read.
 
         A change of the tracking mode invalidates the cached status; until it has been read again the last one counts.
         """
@@ -71,13 +95,14 @@ class AltitudeAxis:
 
     def interval(self, moves: bool) -> float | None:
         """Return how often to read the axes, seconds; None if that is not needed."""
-        if not (moves or self.tilt is None or self.tilt) or not self.available:
+        if not (moves or self.tilt is None or self.tilt or self.turn) or not self.available:
             return None
         return IN_MOTION if moves or self.tilt is None else AT_REST
 
     def forget(self, synced: bool = False) -> None:
-        """Forget the difference after a sync, a change of site or clock, or on a mount that is not alt-azimuth."""
-        self.tilt, self.synced = None, self.synced or synced
+        """Forget the differences after a sync, a change of site or clock, or on a mount that is not alt-azimuth."""
+        self.tilt, self.turn, self.synced = None, None, self.synced or synced
+        self._mount.frame.measured = None
 
     async def current_tilt(self, ask: Reader) -> float:
         """Return the tilt in degrees. After a sync, at rest, read the mount first to measure it again. Raises Fault."""
@@ -87,28 +112,45 @@ class AltitudeAxis:
             await ask.read_now(op.AxisPosition())
         return self.tilt or 0.0
 
-    def take_reading(self, axes: op.Horizontal, seen: Seen, now: float, moves: bool) -> float | None:
-        """Take an axis reading and return by how much the tilt changed; None if the status must be read again first.
+    def take_reading(self, axes: op.Horizontal, seen: Seen, now: float, moves: bool) -> tuple[float, float] | None:
+        """Take an axis reading and return by how many degrees the differences of azimuth and altitude have changed.
 
-        The status may be too old: on a mount that was put on a wedge meanwhile, the axes give no altitude.
+        None if the status must be read again first: it may be too old, and on a mount that was put on a wedge meanwhile
+        the axes give neither.
         """
-        last, before = seen.last, self.tilt or 0.0
+        last, before, turned = seen.last, self.tilt or 0.0, self.turn or 0.0
         if last is None or last.altitude is None or not self.available:
-            return 0.0
+            return 0.0, 0.0
+        there = self._mount.astrometry.horizon(last.place)
         if moves:
-            calculated = last.altitude + _climb(seen) * (now - last.at)
+            drift, climb = _rates(self._mount, seen)
+            calculated, azimuth = last.altitude + climb * (now - last.at), there.az + drift * (now - last.at)
         else:
-            calculated = (self._mount.astrometry.altitude(last.place.ra, last.place.dec) or 0.0) + before
+            calculated, azimuth = there.alt + before, there.az
         speed, speed_factor = (seen.across, self._mount.driver.speed_factor) if moves else (0.0, 1.0)
         tilt = corrected(self.tilt, altitude_of(axes.alt) - calculated, speed, speed_factor)
-        if tilt != before and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
+        read, height = fold_declination(axes.az, axes.alt)  # an axis beyond the zenith points the other way
+        turn = corrected_azimuth(self.turn, wrap180(read - azimuth - turned), height, speed, speed_factor)
+        change = wrap180((turn or 0.0) - turned), tilt - before
+        if any(change) and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
             return None
-        self.tilt, self.synced = tilt, False
-        return tilt - before
+        self.tilt, self.turn, self.synced = tilt, turn, False
+        self._mount.frame.measured = turn, tilt
+        return change
+
+    def words(self, turned: float, tilted: float) -> Iterator[str]:
+        """Yield what to tell the user of these changes."""
+        reads, told = "axis reads {:+.1f} degrees from the", "that position, site and clock give"
+        if tilted:
+            yield f"the altitude {reads.format(self.tilt)} altitude {told}; the altitude limits use the axis"
+        if turned:
+            yield f"the azimuth {reads.format(self.turn or 0.0)} azimuth {told}; the Sun is avoided by the axis"
 
 
-def _climb(seen: Seen) -> float:
+def _rates(mount: Context, seen: Seen) -> tuple[float, float]:
+    """Return how fast azimuth and altitude change between the last two positions, degrees a second."""
     before, last = seen.before, seen.last
     if before is None or last is None or before.altitude is None or last.altitude is None:
-        return 0.0
-    return (last.altitude - before.altitude) / seen.elapsed
+        return 0.0, 0.0
+    then, now = (mount.astrometry.horizon(one.place).az for one in (before, last))
+    return wrap180(now - then) / seen.elapsed, (last.altitude - before.altitude) / seen.elapsed

@@ -35,8 +35,9 @@ ALLOWED = Verdict()
 class View(Struct, frozen=True):
     """The state of a mount that the rules judge.
 
-    ``sun`` is the smallest allowed distance from the Sun, degrees. ``side`` is the side of the pier (E, W) that the
-    tube is on. ``german`` and ``side`` are None if unknown. ``astray``: the goto may pass a limit on its path.
+    ``sun`` is the smallest allowed distance from the Sun, degrees. The first ``own_suns`` of those seen are shown by
+    the mount's own coordinates or axes, the others by other sources of site and time. ``side`` is the side of the pier
+    (E, W) that the tube is on. ``german`` and ``side`` are None if unknown. ``astray``: the goto may pass a limit.
     """
 
     seen: Seen
@@ -48,6 +49,7 @@ class View(Struct, frozen=True):
     german: bool | None = None
     side: str | None = None
     astray: bool = False
+    own_suns: int = 1
 
     @property
     def on_checked_path(self) -> bool:

@@ -165,7 +165,7 @@ class LimitWatch:
             last = self._sample(last.at, last.place)
             self.seen = fold.first(self.seen, last)
         sample = self._sample(now, place, last)
-        if last is None or now < self._coasts_until or len(last.suns) != len(sample.suns):
+        if last is None or now < self._coasts_until or last.era != sample.era:
             self.seen = fold.first(self.seen, sample)
             return
         status = self._mount.cache.value(op.GetStatus)
@@ -183,7 +183,7 @@ class LimitWatch:
         self._apply(verdict)
 
     def check_altitude_axis(self, axes: op.Horizontal) -> None:
-        """Take an axis reading, which is the altitude on an alt-azimuth mount."""
+        """Take an axis reading: azimuth and altitude on an alt-azimuth mount."""
         now, last = self._mount.now(), self.seen.last
         if last is None or last.altitude is None or now < self._coasts_until:
             return
@@ -192,13 +192,11 @@ class LimitWatch:
         )
         if change is None:
             self._reader.shared(op.GetStatus())
-        elif change:
-            tilt = self.altitude_axis.tilt
-            self._mount.note(
-                f"the altitude axis reads {tilt:+.1f} degrees from the altitude that position, "
-                "site and clock give; the altitude limits use the axis"
-            )
-            self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
+        elif any(change):
+            self._astray = self._astray or self._mount.movement.slewing  # its path was checked without this
+            for word in self.altitude_axis.words(*change):
+                self._mount.note(word)
+            self.seen = fold.first(self.seen, self._sample(last.at, last.place))
 
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
@@ -209,7 +207,7 @@ class LimitWatch:
             altitude += self.altitude_axis.tilt or 0.0
             hour_angle = astrometry.sidereal_time() - here.ra
         suns = tuple(mount.suns.distances(here))
-        return PositionSample(now, place, altitude, hour_angle, suns, mount.wanted.by_hand.get(2))
+        return PositionSample(now, place, altitude, hour_angle, suns, mount.wanted.by_hand.get(2), mount.suns.era)
 
     def _update_state(self, now: float, status: op.Status | None) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
@@ -243,8 +241,10 @@ class LimitWatch:
         status = mount.cache.value(op.GetStatus)
         watches = self._limits.hour_angle is not None and status is not None and status.equatorial
         side = self._side() if watches and mount.driver.german and not moving.slewing else None
-        german, limit = mount.driver.german, mount.suns.limit
-        return View(self.seen, self._limits, mount.timing, moving, limit, status, german, side, self._astray)
+        german, suns = mount.driver.german, mount.suns
+        return View(
+            self.seen, self._limits, mount.timing, moving, suns.limit, status, german, side, self._astray, suns.own
+        )
 
     def _side(self) -> str | None:
         """Return the pier side from the cache, and start a new read if it is old."""

@@ -1,4 +1,4 @@
-"""Astronomy from site and clock, without asking the mount: positions, axis readings, planets, and the Sun to avoid.
+"""Astronomy from site and clock, without asking the mount: positions, axis readings, and every Sun to avoid.
 
 Without a site, operations that need one raise ``Unsupported``, and the Sun counts as up.
 """
@@ -6,24 +6,31 @@ Without a site, operations that need one raise ``Unsupported``, and the Sun coun
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from gateway.astro.axes import Build, Geometry
+from gateway.astro.axes import Build, Geometry, Pair
 from gateway.astro.ephemeris.sky import Sky
-from gateway.astro.spherical import separation, wrap360
+from gateway.astro.spherical import fold_declination, separation, wrap360
 from gateway.core import operations as op
-from gateway.core.errors import BelowHorizon, Unsupported
-from gateway.mount.site.site_clock import COMPUTER, BestSources, SiteClock
+from gateway.core.errors import Unsupported
+from gateway.mount.readings.cache import ReadingsCache
+from gateway.mount.safety.sync_sum import SyncTotal
+from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, SiteClock, Time
+from gateway.protocols.base.driver import Driver
 
-DAY = 86400.0
-#: Seconds; the Sun moves a twenty-thousandth of a degree a second against the stars, so a position is good for a
-#: minute.
-CACHE_FOR = 60.0
+#: Seconds for which the place of the Sun is good, and those of several: over another site they move against the stars.
+CACHE_FOR, CACHE_SHORTLY = 60.0, 5.0
+#: Degrees: Suns nearer to each other are one. One that has moved farther has jumped, with a clock or a site.
+SAME, JUMPS = 0.5, 0.1
 #: Degrees; a Sun this low may still shine into a tube: refraction, its disk, and a horizon below eye level.
 SUN_IS_UP = -1.0
+
+
+#: Degrees by which the tube may be off from where the mount believes to point: so much is alignment and refraction.
+OFF = 1.0
 
 
 class SiteAstrometry:
@@ -88,89 +95,205 @@ class SiteAstrometry:
         return op.Equatorial(*self.sky.to_of_date(seen.ra, seen.dec, self.site_clock.unix()))
 
 
-class SunAvoidance:
-    """The Sun while it is up. ``limit`` is the smallest allowed distance, degrees; 0 turns Sun avoidance off.
+class Shift(NamedTuple):
+    """By how many degrees the tube is off from where the mount believes to point: its axes tell, or syncs turned it.
 
-    If the mount's date and this computer's differ by more than a day, it is unknown which is right, so the Sun of both
-    dates is avoided. Until the mount reports a date this computer's is used, and the log warns of it; if this computer
-    has lost its clock, a client's.
+    In azimuth and altitude, or if ``polar`` in hour angle and declination.
+    """
+
+    first: float
+    second: float
+    polar: bool
+
+
+class Frame(NamedTuple):
+    """What the mount's coordinates hang on: whether its first axis is ``polar``, and how far the tube may be off.
+
+    ``measured`` is how far it is off if its axes tell.
+    """
+
+    polar: bool = False
+    shifts: tuple[Shift, ...] = ()
+    measured: Shift | None = None
+
+
+_POLAR, _ALTAZ = Frame(True), Frame(False)
+
+
+class TubeFrame:
+    """Tells, when called, what the mount's coordinates hang on, and how far the tube may be off from them.
+
+    ``measured`` is by how many degrees the axes read more than the calculated azimuth (None: unknown) and altitude; it
+    is None if they do not tell (``safety/altitude_axis.py``). Axes that cannot be read are off by what syncs turned.
+    """
+
+    def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:
+        self._cache, self._driver, self._synced, self._sources = cache, driver, synced, sources
+        self.measured: tuple[float | None, float] | None = None
+        self._polar = False
+
+    def __call__(self) -> Frame:
+        status, total = self._cache.value(op.GetStatus), self._synced.value
+        turned = total.turned or (total.east, total.north)
+        self._polar = self._polar if status is None else status.equatorial
+        if not (any(turned) or any(self.measured or ())):
+            return _POLAR if self._polar else _ALTAZ
+        polar = self._polar or self._driver.emulates_sync
+        if self.measured is not None and not self._polar:
+            first, second = self.measured
+            shift = Shift(-turned[0] if first is None else first, second, False)
+        else:
+            place = self._sources.site() if polar else None
+            sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
+            shift = Shift(sense * turned[0], sense * turned[1], polar)
+        if max(abs(shift.first), abs(shift.second)) <= OFF:
+            return _POLAR if self._polar else _ALTAZ
+        if polar and self._driver.german and abs(shift.second) > OFF:  # the other way on the other side of the pier
+            return Frame(self._polar, (shift, shift._replace(second=-shift.second)))
+        return Frame(self._polar, (shift,), None if shift.polar or self.measured is None else shift)
+
+
+class Sun(NamedTuple):
+    """A Sun to avoid, in the mount's own coordinates (equinox of date), and the site and time by which it is there.
+
+    ``own``: the mount's own coordinates or axes show it, so it ends every motion. With a ``shift`` it counts for the
+    tube, not for where the mount believes to point.
+    """
+
+    ra: float
+    dec: float
+    own: bool
+    time: Time
+    site: Site | None = None
+    shift: Shift | None = None
+
+
+class SunAvoidance:
+    """Every Sun to avoid while it is up. ``limit`` is the smallest allowed distance, degrees; 0 turns it off.
+
+    The mount's right ascension and declination may be right although its clock is wrong (it is aligned on stars), so
+    the Sun is avoided there. Or they are as wrong as its site and clock, by which it turns them into axis positions: so
+    the Sun is also avoided where each source of site and time puts it over the horizon (or, for a polar axis, in hour
+    angle), and the tube counts where the mount really puts it.
     """
 
     def __init__(
-        self, limit: float, sky: Sky, sources: BestSources, settled: asyncio.Event, note_once: Callable[[str], None]
+        self,
+        limit: float,
+        astrometry: SiteAstrometry,
+        sources: BestSources,
+        now: Callable[[], float],
+        frame: Callable[[], Frame],
+        settled: asyncio.Event,
+        note_once: Callable[[str], None],
     ) -> None:
-        self.limit, self._sky, self._sources, self._settled, self._note_once = limit, sky, sources, settled, note_once
-        self._key: tuple[object, ...] = ()
-        self._up: list[op.Equatorial] = []
+        self.limit, self._astrometry, self._sky, self._sources = limit, astrometry, astrometry.sky, sources
+        self._now, self._frame_now, self._settled, self._note_once = now, frame, settled, note_once
+        self.frame, self._until = _ALTAZ, float("-inf")
+        self._up: list[Sun] = []
+        #: How many of them are the mount's ``own``; they come first.
+        self.own = 0
+        #: Changes when distances from now on cannot be compared with those before: a clock has jumped, the Sun rose.
+        self.era = 0
+        sources.changed.connect(self._outdated)
 
-    def up(self) -> list[op.Equatorial]:
-        """Return the positions (equinox of date) of every Sun to be avoided now."""
+    def _outdated(self, _: None) -> None:
+        self._until = float("-inf")
+
+    def up(self) -> list[Sun]:
+        """Return every Sun to be avoided now."""
         if not self.limit:
             return []
-        best, host, site = self._sources.best_time(), self._sources.host(), self._sources.site()
-        if best.source == COMPUTER and self._settled.is_set():  # before that the mount may still report one
-            self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
-        key = best.unix // CACHE_FOR, host // CACHE_FOR, site
-        if key != self._key:
-            self._key = key
-            moments = [best.unix]
-            if abs(best.unix - host) > DAY:
-                moments.append(host)
-                self._note_once("WARNING: the mount's date differs from this computer's: the Sun is avoided by both")
-            self._up = [place for place in (self._place(unix, site) for unix in moments) if place is not None]
+        now, frame = self._now(), self._frame_now()
+        if now >= self._until or frame != self.frame:
+            suns = self._suns(frame)
+            self._until, self.frame = now + (CACHE_FOR if len(suns) < 2 else CACHE_SHORTLY), frame
+            if not _continues(self._up, suns):
+                self.era += 1
+            self._up, self.own = suns, sum(sun.own for sun in suns)
+            if self._settled.is_set() and self._sources.best_time().source == COMPUTER:  # before, it may still tell one
+                self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
         return self._up
 
-    def _place(self, unix: float, site: op.Place | None) -> op.Equatorial | None:
-        """Return the Sun's position at ``unix``; None if it is down. Without a site it counts as up."""
-        sky = self._sky
-        ra, dec = sky.sun(unix)
-        if site is not None and sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < SUN_IS_UP:
-            return None
-        return op.Equatorial(ra, dec)
+    def tube(self, seen: op.Equatorial, shift: Shift | None) -> op.Equatorial:
+        """Return where the tube is, in the mount's coordinates, while the mount believes to point at ``seen``."""
+        if shift is None:
+            return seen
+        if shift.polar:
+            return op.Equatorial(*fold_declination(seen.ra - shift.first, seen.dec + shift.second))
+        here = self._astrometry.horizon(seen)
+        there = fold_declination(here.az + shift.first, here.alt + shift.second)
+        return self._astrometry.equatorial(op.Horizontal(*there))
+
+    def believed(self, tube: op.Equatorial, shift: Shift) -> op.Equatorial:
+        """Return where the mount believes to point when the tube is there: the inverse of ``tube``."""
+        return self.tube(tube, shift._replace(first=-shift.first, second=-shift.second))
+
+    def distance(self, seen: op.Equatorial, sun: Sun) -> float:
+        """Return how far the tube is from a Sun while the mount believes to point at ``seen``, degrees."""
+        tube = self.tube(seen, sun.shift)
+        return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
     def distances(self, seen: op.Equatorial) -> list[float]:
-        """Return the distances of a position from every Sun to be avoided, degrees."""
-        return [separation(seen.ra, seen.dec, sun.ra, sun.dec) for sun in self.up()]
+        """Return the distances from every Sun to be avoided, degrees; those from the mount's own come first."""
+        return [self.distance(seen, sun) for sun in self.up()]
+
+    def _suns(self, frame: Frame, ahead: float = 0.0) -> list[Sun]:
+        """Return the Suns to avoid in ``ahead`` seconds, the mount's own first. Without a site they count as up."""
+        sky, sites = self._sky, self._sources.sites()
+        times = [time._replace(unix=time.unix + ahead) for time in self._sources.times()]
+        places = [sky.sun(time.unix) for time in times]
+        if not sites:
+            return _different([Sun(*place, time is times[0], time) for place, time in zip(places, times, strict=True)])
+        up = [one for time, place in zip(times, places, strict=True) for one in self._risen(sites, time, place)]
+        if not up:
+            return []
+        own = up[0] if up[0].time is times[0] and up[0].site is sites[0] else None
+        found = [Sun(*places[0], own is not None, up[0].time, up[0].site)]
+        for time, place in zip(times[1:], places[1:], strict=True):
+            found += [Sun(*place, False, time, one.site) for one in up if one.time is time][:1]
+        for one in up:
+            for shift in frame.shifts or ((None,) if one is not own else ()):
+                there = self._in_own_coordinates(one, frame.polar, sites[0].place, times[0].unix)
+                found.append(Sun(*there, one is own, one.time, one.site, shift))
+        return _different(sorted(found, key=lambda sun: not sun.own))
+
+    def _risen(self, sites: list[Site], time: Time, place: Pair) -> Iterator[_Risen]:
+        """Yield the sites over whose horizon a Sun is up at a time."""
+        for site in sites:
+            over = self._sky.horizon(*place, site.place.latitude, site.place.longitude, time.unix)
+            if over[1] >= SUN_IS_UP:
+                yield _Risen(time, site, place, over)
+
+    def _in_own_coordinates(self, one: _Risen, polar: bool, here: op.Place, unix: float) -> Pair:
+        """Return where the mount, by its own site ``here`` and time, points the axes at a Sun of another source."""
+        if not polar:
+            return self._sky.equatorial(*one.over, here.latitude, here.longitude, unix)
+        turned = self._sky.sidereal_time(one.time.unix, one.site.place.longitude)
+        return one.place[0] + self._sky.sidereal_time(unix, here.longitude) - turned, one.place[1]
 
 
-# --- operations that are answered from site and clock alone -----------------------------------------------------------
+class _Risen(NamedTuple):
+    """A Sun that is up by a source of time and site: right ascension and declination, azimuth and altitude there."""
+
+    time: Time
+    site: Site
+    place: Pair
+    over: Pair
 
 
-def of_date(astrometry: SiteAstrometry, wanted: op.ToEquinoxOfDate) -> op.Equatorial:
-    """Convert a J2000 position to the equinox of date: precession and nutation."""
-    return op.Equatorial(*astrometry.sky.to_of_date(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
+def _different(suns: list[Sun]) -> list[Sun]:
+    """Return the Suns that are not at the place of an earlier one."""
+    kept: list[Sun] = []
+    for sun in suns:
+        if not any(sun.shift == one.shift and separation(*sun[:2], *one[:2]) < SAME for one in kept):
+            kept.append(sun)
+    return kept
 
 
-def of_catalog(astrometry: SiteAstrometry, wanted: op.ToJ2000) -> op.Equatorial:
-    """Convert a position of date to J2000."""
-    return op.Equatorial(*astrometry.sky.to_j2000(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
-
-
-def zenith(astrometry: SiteAstrometry, wanted: op.Zenith) -> op.Equatorial:
-    """Return the zenith as a J2000 position."""
-    return of_catalog(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
-
-
-def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
-    """Return a geocentric position: parallax (0.5' for Venus at its nearest) is below the error of the series."""
-    seen = astrometry.sky.planet(wanted.name, astrometry.site_clock.unix())
-    if seen is None:
-        raise Unsupported("The positions of the planets are not available yet.")
-    return op.Equatorial(*seen)
-
-
-def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:
-    """Return the Moon, or a point on it. Raises BelowHorizon if the centre of the Moon is below the horizon."""
-    site, unix = astrometry.place(), astrometry.site_clock.unix()
-    ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
-    if astrometry.sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
-        raise BelowHorizon("The Moon is below the horizon.")
-    if wanted.latitude is not None and wanted.longitude is not None:
-        ra, dec = astrometry.sky.on_moon(unix, site.latitude, site.longitude, wanted.latitude, wanted.longitude)
-    return op.Equatorial(ra, dec)
-
-
-PLACES: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
-    op.ToEquinoxOfDate: of_date, op.ToJ2000: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet,
-    op.MoonPlace: on_moon,
-}  # fmt: skip
+def _continues(before: list[Sun], now: list[Sun]) -> bool:
+    """Whether distances from the Suns can be compared with those a moment ago: only the sky has turned."""
+    return len(before) == len(now) and all(
+        then.own == sun.own and then.shift == sun.shift and separation(*then[:2], *sun[:2]) < JUMPS
+        for then, sun in zip(before, now, strict=True)
+    )

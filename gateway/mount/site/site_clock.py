@@ -238,8 +238,8 @@ class BestSources:
 
     def __init__(self, site_clock: SiteClock) -> None:
         self._site_clock = site_clock
-        #: UTC by this computer's clock.
-        self.host = site_clock.host
+        #: Emitted when one of them may have changed.
+        self.changed = site_clock.changed
 
     def sites(self) -> list[Site]:
         """Return every known site, best first."""

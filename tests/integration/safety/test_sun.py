@@ -227,10 +227,10 @@ def test_both_suns_count_when_the_dates_differ() -> None:
             reply = await client.ask(august, until=b"#" if days else b"110")
             client.tell(august)
             await asyncio.sleep(1)
-            assert notes(bridge).count("WARNING: the mount's date differs from this computer's") == (1 if days else 0)
+            assert notes(bridge).count("WARNING: the clocks of the mount and of this computer differ") == bool(days)
             return reply
 
-    assert run(program(60.0)) == NO
+    assert run(program(60.0)).startswith(NO[:-1])
     assert run(program(0.0)) == b"110"
     assert EVENING < MARCH < JUNE
 

@@ -16,13 +16,15 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Fault, NearSun, PastMeridian
+from gateway.core.errors import Fault, PastMeridian
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.admission.contradictions import too_near
 from gateway.mount.safety.allow import leaving, meridian_known, past_meridian
 from gateway.mount.safety.stop_timing import MIN_INTERVAL
 from gateway.mount.safety.watch import LimitWatch
+from gateway.mount.site.astrometry import Sun
 
 #: Degrees of axis motion between two points of a stretch that are checked.
 STEP = 2.0
@@ -36,13 +38,14 @@ class Start(NamedTuple):
     """Where a stretch begins.
 
     ``tilt`` is by how many degrees the altitude axis differs from the calculated altitude. ``side`` is the side of the
-    pier (E, W) that the tube is on, None if it is unknown or there is no pier.
+    pier (E, W) that the tube is on, None if it is unknown or there is no pier. ``suns`` are those to avoid.
     """
 
     seen: op.Equatorial
     status: op.Status
     tilt: float = 0.0
     side: str | None = None
+    suns: tuple[Sun, ...] = ()
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
@@ -79,9 +82,10 @@ def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatoria
     before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
     if leaving(limits, before, after):
         limits.check_altitude(after)
-    for now, then in zip(mount.suns.distances(seen), mount.suns.distances(soon), strict=True):
-        if then < mount.suns.limit and then < now:
-            raise NearSun
+    for sun in start.suns:
+        then = mount.suns.distance(soon, sun)
+        if then < mount.suns.limit and then < mount.suns.distance(seen, sun):
+            raise too_near(mount.sources, sun)
     if limits.hour_angle is not None and start.status.equatorial and meridian_known(mount.driver.german, start.side):
         sidereal = mount.astrometry.sidereal_time()
         now, then = (past_meridian(sidereal - place.ra, start.side) for place in (seen, soon))
@@ -118,10 +122,14 @@ class HandAdmission:
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
-        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit."""
+        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit.
+
+        Of the Suns only those count that the mount's own coordinates or axes show: a wrong clock must not end guiding.
+        """
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
+            start = start._replace(suns=tuple(sun for sun in start.suns if sun.own))
             await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
@@ -175,7 +183,8 @@ class HandAdmission:
         watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
         axis = self._watch.altitude_axis
-        return Start(seen, status, await axis.current_tilt(self._ask) if axis.available else 0.0, side)
+        tilt = await axis.current_tilt(self._ask) if axis.available else 0.0
+        return Start(seen, status, tilt, side, tuple(mount.suns.up()))
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""

@@ -17,7 +17,7 @@ from gateway.core.errors import Fault, NearSun, Unsupported
 from gateway.core.operations import Equatorial, GetStatus, Park, Place
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits, check_own_park
-from gateway.mount.site.astrometry import SUN_IS_UP
+from gateway.mount.site.astrometry import Sun
 from gateway.mount.site.site_clock import BestSources, Site, Time
 
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
@@ -38,27 +38,28 @@ class Contradiction(NamedTuple):
 
 
 def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial, doubted: bool) -> None:
-    """Check a goto to ``goal`` by every source that contradicts the best one.
+    """Check the altitude of a goto to ``goal`` by every source that contradicts the best one, if it is ``doubted``.
 
-    The altitude is checked only if ``doubted``. Raises BelowHorizon, TooHigh or NearSun with the sources in words;
-    NearSun also if the time is unknown.
+    Raises BelowHorizon or TooHigh with the sources in words; NearSun if the time is unknown.
     """
     sites, times = sources.sites(), sources.times()
     if limits.sun > 0.0 and time_unknown(times[0]):
         raise NearSun(UNKNOWN_TIME)
-    for place, unix, words in contradictions(sites, times):
+    for place, unix, words in contradictions(sites, times) if doubted else ():
         if place is None:
             continue
-        altitude = sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1]
-        sun = sky.sun(unix)
-        risen = sky.horizon(*sun, place.latitude, place.longitude, unix)[1] >= SUN_IS_UP
         try:
-            if doubted:
-                limits.check_altitude(altitude)
-            if risen and separation(goal.ra, goal.dec, *sun) < limits.sun:
-                raise NearSun
+            limits.check_altitude(sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1])
         except Fault as fault:
             raise type(fault)(f"{fault} {words[0].upper()}{words[1:]}.") from None
+
+
+def too_near(sources: BestSources, sun: Sun, words: str | None = None) -> NearSun:
+    """Return the refusal of a motion towards a Sun, in these ``words``; if other sources show it, they are named."""
+    sites, times = sources.sites(), sources.times()
+    told = [*sites[:1], *([sun.site] if sun.site is not None else [])], [times[0], sun.time]
+    why = [found.words for found in contradictions(*told)]
+    return NearSun(" ".join([words or NearSun.words, *(f"{one[0].upper()}{one[1:]}." for one in why)]))
 
 
 def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradiction]:

@@ -11,9 +11,8 @@ import asyncio
 import contextlib
 
 from gateway.astro.axes import Pair
-from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported, WayBlocked
+from gateway.core.errors import BelowHorizon, Fault, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
@@ -21,12 +20,13 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
-from gateway.mount.safety.admission.contradictions import check_contradictions
+from gateway.mount.safety.admission.contradictions import check_contradictions, too_near
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.admission.ways import Journey, check_ways, paths_of
 from gateway.mount.safety.allow import check_hour_angle, check_shaft
 from gateway.mount.safety.watch import LimitWatch
+from gateway.mount.site.astrometry import Shift
 
 #: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
 SITE_TIMEOUT = 4.0
@@ -173,16 +173,21 @@ class Admission:
         await self._check_path(limits, goal, (wanted.az, wanted.alt))
 
     async def _check_path(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
-        """Raises NearSun if a path comes too near to the Sun, WayBlocked if all lead beyond an altitude limit.
+        """Raises NearSun if a path comes too near to a Sun, WayBlocked if all lead beyond an altitude limit.
 
-        ``axes`` are the target readings, if they are given. A path out of the circle around the Sun is clear if it
+        ``axes`` are the target readings, if they are given. A path out of the circle around a Sun is clear if it
         never comes nearer than where it begins. Before the alignment the direction of the tube is unknown, so only the
         target is checked.
         """
         mount, astrometry = self._mount, self._mount.astrometry
+        if self._watch.altitude_axis.synced and self._watch.altitude_axis.available:
+            await self._watch.altitude_axis.current_tilt(self._ask)
         limit, suns = mount.suns.limit, mount.suns.up()
-        if any(separation(goal.ra, goal.dec, sun.ra, sun.dec) < limit for sun in suns):
-            raise NearSun
+        tube = mount.suns.frame.measured
+        believed = goal if axes is None or tube is None else mount.suns.believed(goal, tube)
+        for sun in suns:
+            if mount.suns.distance(believed, sun) < limit:
+                raise too_near(mount.sources, sun)
         status = await self._status()
         # The hour angle on the way is not examined, and without a site nothing is.
         known = status.aligned and mount.sources.site() is not None and limits.hour_angle is None
@@ -191,13 +196,18 @@ class Admission:
             return
         others = await pointing(self._mount, self._ask, self._watch)
         here: op.Equatorial = await self._ask.read(op.Position())
-        journey = Journey(status.equatorial, here, others, goal, axes)
+
+        def journey(shift: Shift | None) -> Journey:
+            """The journey of the tube, which may be off from where the mount believes to point."""
+            start, end = mount.suns.tube(here, shift), mount.suns.tube(believed, shift)
+            return Journey(status.equatorial, start, others, end, axes if tube is None or shift == tube else None)
+
         for sun in suns:
-            allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
+            allowed = min(limit, mount.suns.distance(here, sun) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
-            if not all(clear(start, turned, place, allowed) for start, turned in paths_of(mount, journey)):
-                raise NearSun("The way there passes too close to the Sun.")
-        self._watch.path_leaves_limits = await check_ways(mount, limits, journey)
+            if not all(clear(start, turned, place, allowed) for start, turned in paths_of(mount, journey(sun.shift))):
+                raise too_near(mount.sources, sun, "The way there passes too close to the Sun.")
+        self._watch.path_leaves_limits = await check_ways(mount, limits, journey(tube))
         self._watch.path_clear = known and not self._watch.path_leaves_limits
 
 

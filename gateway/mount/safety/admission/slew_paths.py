@@ -17,7 +17,7 @@ from gateway.astro.axes import Build, Geometry, Pair
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.mount.policy import Limits
-from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.astrometry import SiteAstrometry, Sun
 
 Path = tuple[Pair, Pair]
 #: By how much a sync may have shifted the axis readings of a fork from where it points.
@@ -52,8 +52,9 @@ def forbidden_circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bo
     return [circle for circle in (high, low) if circle.radius > 0.0]
 
 
-def sun_reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) -> Pair:
-    """Return the axis readings at which this mount points at the Sun in the first way."""
+def sun_reading(astrometry: SiteAstrometry, there: op.Equatorial | Sun, equatorial: bool) -> Pair:
+    """Return the axis readings at which this mount points at a Sun, or at a place, in the first way."""
+    sun = op.Equatorial(there.ra, there.dec)
     if equatorial:
         return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
     seen = astrometry.horizon(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)

@@ -1,0 +1,50 @@
+"""Operations that are answered from site and clock alone: equinoxes, the zenith, planets, places on the Moon."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, Unsupported
+from gateway.mount.site.astrometry import SiteAstrometry
+
+
+def of_date(astrometry: SiteAstrometry, wanted: op.ToEquinoxOfDate) -> op.Equatorial:
+    """Convert a J2000 position to the equinox of date: precession and nutation."""
+    return op.Equatorial(*astrometry.sky.to_of_date(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
+
+
+def of_catalog(astrometry: SiteAstrometry, wanted: op.ToJ2000) -> op.Equatorial:
+    """Convert a position of date to J2000."""
+    return op.Equatorial(*astrometry.sky.to_j2000(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
+
+
+def zenith(astrometry: SiteAstrometry, wanted: op.Zenith) -> op.Equatorial:
+    """Return the zenith as a J2000 position."""
+    return of_catalog(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
+
+
+def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
+    """Return a geocentric position: parallax (0.5' for Venus at its nearest) is below the error of the series."""
+    seen = astrometry.sky.planet(wanted.name, astrometry.site_clock.unix())
+    if seen is None:
+        raise Unsupported("The positions of the planets are not available yet.")
+    return op.Equatorial(*seen)
+
+
+def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:
+    """Return the Moon, or a point on it. Raises BelowHorizon if the centre of the Moon is below the horizon."""
+    site, unix = astrometry.place(), astrometry.site_clock.unix()
+    ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
+    if astrometry.sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
+        raise BelowHorizon("The Moon is below the horizon.")
+    if wanted.latitude is not None and wanted.longitude is not None:
+        ra, dec = astrometry.sky.on_moon(unix, site.latitude, site.longitude, wanted.latitude, wanted.longitude)
+    return op.Equatorial(ra, dec)
+
+
+PLACES: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
+    op.ToEquinoxOfDate: of_date, op.ToJ2000: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet,
+    op.MoonPlace: on_moon,
+}  # fmt: skip

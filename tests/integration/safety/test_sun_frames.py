@@ -1,0 +1,261 @@
+"""The Sun by both frames: where the mount believes the sky to be, and where its axes and every other clock put it.
+
+Judged by where the tube truly points. On 2026-03-20 at 14:30 UTC the Sun is at azimuth 235, altitude 30 over 45 N 10 E.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NearSun
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.mechanics.truth import Truth, truth_of
+from tests.integration.safety.test_altitude import notes
+from tests.support.in_process_gateway import Bridge
+from tests.support.truth import sampled
+
+#: 2026-03-20 14:30 UTC, in the afternoon, and 02:00 UTC, at night.
+DAY, NIGHT = 1774017000.0, 1773972000.0
+LIMIT = 20.0
+NEXSTARS = [("cpc", "4.21", "nexstar"), ("evolution", "5.31", "nexstar")]
+MEADES = [("lx200gps", None, "lx200"), ("autostar", None, "lx200")]
+
+
+class Nearest:
+    """The least true distance from the Sun."""
+
+    def __init__(self) -> None:
+        self.distance = 180.0
+
+    def keep(self, seen: Truth) -> None:
+        self.distance = min(self.distance, seen.sun_distance)
+
+
+async def goes(bridge: Any, operation: op.Operation, seconds: float = 60.0) -> tuple[Fault | None, float]:
+    """Give an order and wait for the end of the motion -> why it was refused, and how near the tube came to the Sun."""
+    nearest, fault = Nearest(), None
+    async with sampled(bridge.sim, nearest.keep):
+        try:
+            await bridge.controller.perform(operation)
+        except Fault as refused:
+            fault = refused
+        for _ in range(round(seconds)):
+            await asyncio.sleep(1.0)
+            if not bridge.controller.movement.anything:
+                break
+        await asyncio.sleep(2.0)
+    return fault, nearest.distance
+
+
+async def believed(bridge: Any, az: float, alt: float) -> op.Equatorial:
+    """Right ascension and declination that the mount puts at an azimuth and altitude."""
+    return bridge.controller.astrometry.equatorial(op.Horizontal(az, alt))
+
+
+async def to(bridge: Any, az: float, alt: float) -> tuple[Fault | None, float]:
+    place = await believed(bridge, az, alt)
+    return await goes(bridge, op.Goto(place.ra, place.dec))
+
+
+async def sync(bridge: Any, az: float, alt: float) -> None:
+    place = await believed(bridge, az, alt)
+    await bridge.controller.perform(op.Sync(place.ra, place.dec))
+    await asyncio.sleep(1.0)
+
+
+# --- syncs: the mount believes to point elsewhere -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("mount", "version", "driven"), NEXSTARS + MEADES)
+def test_a_sync_near_the_zenith_does_not_bring_the_tube_to_the_sun(
+    mount: str, version: str | None, driven: str
+) -> None:
+    """3.6 degrees on the sky turn the azimuth by 180: what is opposite to the Sun then is the Sun."""
+
+    async def program() -> None:
+        async with Bridge(mount, version, driven=driven, start=DAY, config={"sync_limit": 180.0}) as bridge:
+            assert (await to(bridge, 55.0, 88.2))[0] is None
+            await sync(bridge, 235.0, 88.2)
+            fault, nearest = await to(bridge, 55.0, 30.0)
+            assert isinstance(fault, NearSun)
+            assert nearest > LIMIT
+            fault, nearest = await to(bridge, 325.0, 50.0)  # the tube goes to azimuth 145
+            assert fault is None
+            assert nearest > LIMIT
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "version", "driven"), NEXSTARS + MEADES)
+def test_what_was_synced_by_night_counts_by_day(mount: str, version: str | None, driven: str) -> None:
+    """A plate solver near the zenith: half a degree on the sky, and 60 degrees of azimuth."""
+
+    async def program() -> None:
+        async with Bridge(mount, version, driven=driven, start=NIGHT) as bridge:
+            assert (await to(bridge, 100.0, 89.5))[0] is None
+            await sync(bridge, 160.0, 89.5)
+            await bridge.controller.perform(op.SetTracking(on=False))
+            await asyncio.sleep(DAY - NIGHT)
+            fault, nearest = await to(bridge, 295.0, 30.0)  # the tube would go to azimuth 235
+            assert nearest > LIMIT - 1.0
+            assert isinstance(fault, NearSun) or "stopped at the Sun" in "\n".join(notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("mount", "version", "driven", "mode"),
+    [("cge", "4.21", "nexstar", "eq-north"), ("cgem", "5.31", "nexstar", "eq-north"), ("cpc", "4.21", "nexstar", "eq")],
+)
+@pytest.mark.parametrize("latitude", [45.0, -33.0])
+def test_a_polar_mount_that_was_synced_keeps_away_from_where_the_sun_is_then(
+    mount: str, version: str, driven: str, mode: str, latitude: float
+) -> None:
+    async def program() -> None:
+        simulated = {} if mount != "cpc" else {"wedge": True}
+        async with Bridge(
+            mount, version, driven=driven, start=DAY, site=(latitude, 10.0), simulated=simulated
+        ) as bridge:
+            sun = bridge.controller.suns.up()[0]
+            assert (await goes(bridge, op.Goto(sun.ra + 60.0, sun.dec + 20.0)))[0] is None
+            await bridge.controller.perform(op.Sync(sun.ra + 74.0, sun.dec + 20.0))
+            await asyncio.sleep(1.0)
+            fault, nearest = await goes(bridge, op.Goto(sun.ra + 25.0, sun.dec))  # the tube would go 11 degrees from it
+            assert isinstance(fault, NearSun)
+            assert nearest > LIMIT
+
+    run(program())
+
+
+# --- clocks and sites -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("mount", "version", "driven"), MEADES)
+@pytest.mark.parametrize("hours", [-3.0, 2.0, -6.0])
+def test_a_clock_that_a_program_sets_does_not_bring_the_tube_to_the_sun(
+    mount: str, version: str | None, driven: str, hours: float
+) -> None:
+    async def program() -> None:
+        async with Bridge(mount, version, driven=driven, start=DAY) as bridge:
+            sun = bridge.controller.suns.up()[0]
+            assert (await to(bridge, 120.0, 40.0))[0] is None
+            await bridge.controller.perform(op.SetClock(bridge.clock() + hours * 3600.0, 0.0))
+            await asyncio.sleep(5.0)
+            fault, nearest = await goes(bridge, op.Goto(sun.ra + hours * 15.0, sun.dec))
+            assert isinstance(fault, NearSun)
+            assert f"The clocks of the mount and of this computer differ by {abs(hours):.1f} hours" in str(fault)
+            assert nearest > LIMIT
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "version", "driven"), MEADES)
+def test_a_site_with_the_wrong_sign_does_not_bring_the_tube_to_the_sun(
+    mount: str, version: str | None, driven: str
+) -> None:
+    async def program() -> None:
+        config = {"site": (20.0, 60.0)}
+        async with Bridge(
+            mount, version, driven=driven, start=DAY - 4 * 3600.0, site=(20.0, 60.0), config=config
+        ) as bridge:
+            sun = bridge.controller.suns.up()[0]
+            assert (await to(bridge, 120.0, 60.0))[0] is None
+            await bridge.controller.perform(op.SetSite(20.0, -60.0))
+            await asyncio.sleep(5.0)
+            fault, nearest = await goes(bridge, op.Goto(sun.ra - 120.0, sun.dec))
+            assert isinstance(fault, NearSun)
+            assert "The mount stands at 20.0 N 60.0 W, the configuration says 20.0 N 60.0 E" in str(fault)
+            assert nearest > LIMIT
+
+    run(program())
+
+
+def test_a_mount_aligned_on_stars_with_a_wrong_clock_keeps_away_from_the_sun_on_its_own_sky() -> None:
+    """Its right ascension is right, so the Sun is where its coordinates say, whatever any clock says."""
+
+    async def program() -> None:
+        async with Bridge("cge", start=DAY, host_ahead=0.0) as bridge:
+            sun = bridge.controller.suns.up()[0]
+            bridge.site_clock.take_mount_clock(op.Moment(bridge.clock() + 7200.0, 0.0))
+            fault, nearest = await goes(bridge, op.Goto(sun.ra + 5.0, sun.dec))
+            assert isinstance(fault, NearSun)
+            assert nearest > LIMIT
+
+    run(program())
+
+
+# --- what another source ends, and what not -------------------------------------------------------------------------
+
+
+async def away(bridge: Any, degrees: float, hours: float) -> op.Equatorial:
+    """A place so many degrees east of where a clock that is ``hours`` ahead puts the Sun on the mount's sky."""
+    sun = bridge.controller.suns.up()[0]
+    return op.Equatorial(sun.ra - hours * 15.0 + degrees, sun.dec)
+
+
+@pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
+def test_another_clocks_sun_ends_an_arrow_and_neither_tracking_nor_the_keypad(mount: str, driven: str) -> None:
+    """This computer's clock is two and a half hours behind the true time, which the mount has."""
+
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, start=DAY, host_ahead=-2.5 * 3600.0) as bridge:
+            place, client = await away(bridge, 30.0, -2.5), bridge.client()
+            fault, _ = await goes(bridge, op.Goto(place.ra, place.dec))
+            assert fault is None
+            client.tell(b":RS#:Mw#")
+            for _ in range(40):
+                client.tell(b":GR#")
+                await asyncio.sleep(0.25)
+            assert not bridge.controller.movement.anything
+            assert "stopped at" in "\n".join(notes(bridge)), "an arrow of a program"
+            here = await bridge.controller.perform(op.Position())
+            assert LIMIT - 1.0 < wrap180(here.ra - (await away(bridge, 0.0, -2.5)).ra) < 30.0
+
+    run(program())
+
+
+@pytest.mark.parametrize("ahead", [-2.5, -2.0])
+def test_tracking_guiding_and_the_keypad_go_on_where_another_clock_sees_the_sun(ahead: float) -> None:
+    async def program() -> None:
+        async with Bridge("cpc", start=DAY) as bridge:
+            place, mechanics = await away(bridge, 10.0, ahead), bridge.sim.mechanics
+            assert (await goes(bridge, op.Goto(place.ra, place.dec)))[0] is None
+            bridge.site_clock.host = lambda: bridge.clock() + ahead * 3600.0  # it jumps
+            client = bridge.client()
+            for turn in range(200):
+                client.tell(b":GR#")
+                await asyncio.sleep(1.0)
+                if turn == 50:
+                    await bridge.controller.perform(op.Pulse(op.Direction.WEST, 1000))
+                if turn == 100:
+                    mechanics.set_rate(bridge.clock(), 1, 1.0)
+                if turn == 105:
+                    mechanics.resume(bridge.clock())
+            assert bridge.sim.tracking
+            assert "Sun" not in "\n".join(notes(bridge))
+            place = await away(bridge, 5.0, ahead)
+            assert isinstance((await goes(bridge, op.Goto(place.ra, place.dec)))[0], NearSun)
+
+    run(program())
+
+
+def test_what_is_under_way_goes_on_when_a_clock_jumps() -> None:
+    async def program() -> None:
+        async with Bridge("cpc", start=DAY) as bridge:
+            place = await away(bridge, 4.0, -2.5)
+            await bridge.controller.perform(op.Goto(place.ra, place.dec))
+            await asyncio.sleep(2.0)
+            bridge.site_clock.host = lambda: bridge.clock() - 2.5 * 3600.0
+            for _ in range(60):
+                await asyncio.sleep(1.0)
+            here = await bridge.controller.perform(op.Position())
+            assert abs(wrap180(here.ra - place.ra)) < 0.1
+            assert "stopped" not in "\n".join(notes(bridge))
+            assert truth_of(bridge.sim).sun_distance > LIMIT
+
+    run(program())
