@@ -124,7 +124,7 @@ class AcceptorFactory:
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
         self._shared, self._clock, self._warn, self._web = shared, clock, warn, web
-        self._j2000 = EquinoxConverter(sky, controller.site_clock.unix)
+        self._j2000 = EquinoxConverter(sky, controller.sources.unix)
         #: The bindings of all surfaces with their protocols, and those that present the mount itself.
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         self.own: list[SurfaceBinding] = []

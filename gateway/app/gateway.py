@@ -28,7 +28,7 @@ from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.mount_claim import claim
-from gateway.app.state.store import PreviousRun, StateStore, restore, selected_site
+from gateway.app.state.store import PreviousRun, StateStore, restore
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.any_protocol.web import Web
@@ -162,7 +162,7 @@ class Gateway:
         driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time)
         driver.speed_factor = config.speed if self.mount.where == "sim" else 1.0
         shared = Shared(to_shared(self.previous_run.kept)) if self.store is None else self.store.shared
-        site = op.Place(*config.site) if config.site else selected_site(shared.settings)
+        site = op.Place(*config.site) if config.site else None
         site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config, self.rules), self.wire_log, line, self.sky, site_clock)

@@ -14,11 +14,13 @@ from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.policy import Hold, Policy
+from gateway.mount.presence import Program
 from gateway.mount.readings.cache import POLL_PERIOD, ReadingsCache
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance, TubeFrame
 from gateway.mount.site.pending_settings import IncomingSettings
+from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
 
@@ -39,15 +41,18 @@ class Context:
         self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(), WantedState()
         self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings(policy.rules)
-        #: Astronomy with the best site and clock, for limits and horizon coordinates; and with those that clients see.
+        #: Astronomy with the best site and clock, for limits and horizon coordinates.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
-        self.client_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
         self.hold, self.synced = Hold(), SyncTotal()
         self.frame = TubeFrame(self.cache, driver, self.synced, self.sources)
         self.suns = SunAvoidance(
             policy.limits.sun, self.astrometry, self.sources, self.now, self.frame, self.settled, self.note_once
         )
+
+    def astrometry_for(self, program: Program) -> SiteAstrometry:
+        """Return astronomy with the site and clock that this program reads."""
+        return SiteAstrometry(self.astrometry.sky, ReadBy(self.site_clock, program), self.astrometry.equinox)
 
     @property
     def timing(self) -> StopTiming:

@@ -21,7 +21,8 @@ from gateway.mount.motion.order_runner import Consequences, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
-from gateway.mount.presence import Presence
+from gateway.mount.presence import NOBODY, Presence, Program
+from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.client_readings import ClientReadings
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
@@ -30,6 +31,7 @@ from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
+from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
 from gateway.protocols.base.driver import FollowUps
@@ -113,7 +115,7 @@ class MountController:
     def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
         if self.context.policy.equinox == "auto":
-            self.astrometry.equinox = self.context.client_astrometry.equinox = self.driver.equinox
+            self.astrometry.equinox = self.driver.equinox
 
     # --- start and end --------------------------------------------------------------------------------------------
 
@@ -161,11 +163,15 @@ class MountController:
         """The number of stops so far: a motion that a client asked for before the last stop is not begun."""
         return self.wanted.value.stops
 
-    def peek(self, operation: op.Operation[_T]) -> _T:
+    def peek(self, operation: op.Operation[_T], program: Program = NOBODY) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
-        answer: object = (
-            self.own.peek(operation) if isinstance(operation, op.Own) else self.client_readings.peek(operation)
-        )
+        answer: object
+        if isinstance(operation, op.Own):
+            answer = self.own.peek(operation, program)
+        elif type(operation) in MAX_AGE:
+            answer = self.client_readings.peek(operation)
+        elif (answer := ReadBy(self.site_clock, program).answer(type(operation))) is None:
+            answer = NOT_CACHED
         return cast(_T, answer)
 
     def begin_stop(self) -> None:

@@ -102,6 +102,7 @@ class Identification:
         self._context.known.set()
         await self.learn(op.GetStatus())
         await self.learn(op.GetSite())
+        self._context.site_clock.mount_asked()
         if self._has_wrong_hemisphere():
             await self.learn(op.GetStatus())
         await self.learn(op.GetClock())
@@ -125,7 +126,7 @@ class Identification:
 
     def _has_wrong_hemisphere(self) -> bool:
         """Whether its status was read as northern tracking before the mount reported a southern site."""
-        place, status = self._context.site_clock.site(), self._cache.value(op.GetStatus)
+        place, status = self._context.sources.site(), self._cache.value(op.GetStatus)
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH
         return north and place is not None and place.latitude < 0.0
 

@@ -59,7 +59,8 @@ class Orders:
             return NoAnswer()
         if (driver.asleep or driver.powerless) and not self._wanted.waking and begins_motion(operation):
             return Asleep()
-        if link.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
+        calculates = link.occupied or (self._context.incoming.sending is op.SetClock and self._context.incoming.waits)
+        if calculates and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
             return Busy()
         try:
             if isinstance(operation, MOTIONS):
@@ -100,7 +101,7 @@ class Orders:
                 await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
             return cast(_T, await self._reader.answer(operation))
         if isinstance(operation, op.Own):
-            return cast(_T, await self._own.read(operation))
+            return cast(_T, await self._own.read(operation, activity.program if activity is not None else NOBODY))
         try:
             return cast(_T, await self._order(operation, stops, activity, patience, asked))
         finally:
@@ -123,10 +124,11 @@ class Orders:
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self._context.astrometry.from_mount(value.place), value.text, value.reply)
             return value
+        program = activity.program if activity is not None else NOBODY
         if type(operation) in PLACES:
-            return PLACES[type(operation)](self._context.client_astrometry, operation)
+            return PLACES[type(operation)](self._context.astrometry_for(program), operation)
         if (setting := self._settings.handlers.get(type(operation))) is not None:
-            return await setting(operation, activity.program if activity is not None else NOBODY)
+            return await setting(operation, program)
         handler = self._handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
@@ -179,7 +181,7 @@ class Orders:
             )
             return reconciler.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._context.driver.asleep  # earlier orders would get no reply
-        if isinstance(operation, GOTOS) and by is not None and self._context.site_clock.half is not None:
+        if isinstance(operation, GOTOS) and by is not None and self._context.site_clock.programs.half:
             self._settings.complete(by.program)
         order = Order(
             next(reconciler.numbers),

@@ -19,7 +19,7 @@ from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
 from gateway.mount.motion.wanted import Wanted
 from gateway.mount.policy import Limits
-from gateway.mount.presence import HostActivity, Presence
+from gateway.mount.presence import NOBODY, HostActivity, Presence, Program
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.mount.site.pending_settings import IncomingSettings
 from gateway.protocols.base.session import Shared
@@ -58,7 +58,7 @@ class FakeController:
     def halt_is_pending(self, operation: op.Operation) -> None:
         """Do nothing: no stop is ever under way here, because each is done at once."""
 
-    def peek(self, operation: op.Operation) -> Any:
+    def peek(self, operation: op.Operation, program: Program = NOBODY) -> Any:
         if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
             return self.mount.perform(operation)
         return NOT_CACHED

@@ -14,7 +14,7 @@ from gateway.app.status import Rate, State, StatusLine, format_position
 from gateway.core import operations as op
 from gateway.mount.motion.wanted import ByHand, Slew
 from gateway.mount.presence import HostActivity
-from gateway.mount.safety.admission.contradictions import site_text
+from gateway.mount.safety.admission.contradictions import contradictions, site_text
 
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController
@@ -58,9 +58,10 @@ def collect_state(controller: MountController, name: str, mount: str, programs: 
 
 
 def site(controller: MountController) -> str:
-    """Return the site in use and its source; empty if no site is known."""
+    """Return the site in use, its source and what contradicts it; empty if no site is known."""
     sites = controller.sources.sites()
-    return f"{site_text(sites[0].place)}, told by {sites[0].source}" if sites else ""
+    doubts = "".join(f"; {found.words}" for found in contradictions(sites, controller.sources.times()[:1]))
+    return f"{site_text(sites[0].place)}, told by {sites[0].who.rstrip(',')}{doubts}" if sites else ""
 
 
 def clock(controller: MountController) -> str:
@@ -70,7 +71,8 @@ def clock(controller: MountController) -> str:
         moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
     except (OverflowError, OSError, ValueError):  # a mount may report any year
         return ""
-    return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.source}"
+    doubts = "".join(f"; {found.words}" for found in contradictions([], controller.sources.times()))
+    return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.who}{doubts}"
 
 
 def _wanted(controller: MountController) -> Iterator[str]:

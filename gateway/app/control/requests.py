@@ -137,10 +137,10 @@ class RequestHandler:
             case request_types.Track():
                 return await self._track(request, active)
             case request_types.TellTime():
-                await self._controller.perform(op.SetClock(request.unix, request.offset))
+                await self._controller.perform(op.SetClock(request.unix, request.offset), None, active.activity)
                 return "the time is set"
             case request_types.TellSite():
-                await self._controller.perform(op.SetSite(request.latitude, request.longitude))
+                await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return "the site is set"
             case request_types.Unpark():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -18,6 +19,7 @@ from msgspec import Meta, Struct
 
 from gateway.core.operations import Values
 from gateway.mount.safety.sync_sum import SyncSum
+from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
 from gateway.system.files import flush_folder
 
@@ -46,6 +48,8 @@ class SavedState(Struct, omit_defaults=True):
     mount: Values = {}
     #: How far all syncs since the mount's alignment have moved the sky in total.
     synced: SyncSum = SyncSum()
+    #: The site that a program has set last, if the mount tells none of its own.
+    site_of_program: SiteOfProgram | None = None
 
 
 class MarkerContent(Struct):
@@ -72,7 +76,10 @@ def encode(kept: SavedState) -> bytes:
 def read_state(path: Path) -> SavedState:
     """Read a state file; a missing one is an empty state. Raises OSError, and ValueError for an invalid file."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=SavedState)
+        kept = msgspec.json.decode(path.read_bytes(), type=SavedState)
+        written = datetime.fromtimestamp(path.stat().st_mtime, UTC)
+        kept.site_of_program = site_of_program(kept, f"{written:%Y-%m-%d}")
+        return kept
     except FileNotFoundError:
         return SavedState(FORMAT)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
@@ -139,7 +146,20 @@ def to_shared(kept: SavedState) -> MountSettings:
     )
 
 
-def from_shared(shared: MountSettings, mount: Values, synced: SyncSum = SyncSum()) -> SavedState:
+def site_of_program(kept: SavedState, written: str = "") -> SiteOfProgram | None:
+    """Return the site that a program has set in the run that saved this state.
+
+    An earlier version stored the number of the site alone; ``written`` is then the date of the file.
+    """
+    named = kept.sites.get(str(kept.site or 0), UNNAMED)
+    if kept.site_of_program is not None or named.latitude is None or named.longitude is None:
+        return kept.site_of_program
+    return SiteOfProgram(named.latitude, named.longitude, "in an earlier run", written)
+
+
+def from_shared(
+    shared: MountSettings, mount: Values, synced: SyncSum = SyncSum(), site: SiteOfProgram | None = None
+) -> SavedState:
     """Return the lasting part of the shared settings; the rest (a guide pulse, a drive rate) ends with the run."""
     return SavedState(
         FORMAT,
@@ -150,4 +170,5 @@ def from_shared(shared: MountSettings, mount: Values, synced: SyncSum = SyncSum(
         motors=dict(shared.motors),
         mount=mount,
         synced=synced,
+        site_of_program=site,
     )

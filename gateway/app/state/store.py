@@ -16,10 +16,11 @@ from gateway.app.state import file
 from gateway.app.state.file import MarkerContent, SavedState
 from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file
-from gateway.core.operations import Place, Values
+from gateway.core.operations import Values
 from gateway.mount.controller import MountController
 from gateway.mount.safety.sync_sum import SyncSum
-from gateway.protocols.base.session import MountSettings, Shared
+from gateway.mount.site.program_settings import SiteOfProgram
+from gateway.protocols.base.session import Shared
 from gateway.system.files import directory, replace_file
 from gateway.system.locks import LockHeld, PidLock
 
@@ -38,17 +39,10 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run; a mount that it left moving is stopped first."""
     controller.driver.restore_state(previous_run.kept.mount, moving=False)
     controller.synced.value = previous_run.kept.synced
+    controller.site_clock.stored = file.site_of_program(previous_run.kept)
     if previous_run.left is not None:
         controller.driver.restore_state(previous_run.left.memory, moving=True)
         controller.reconciler.owe_stop()
-
-
-def selected_site(shared: MountSettings) -> Place | None:
-    """Return the site that a program selected last, if it is complete: the fallback for a mount that knows no site."""
-    stored = shared.stored(shared.site or 0)
-    if stored.latitude is None or stored.longitude is None:
-        return None
-    return Place(stored.latitude, stored.longitude)
 
 
 class StateStore:
@@ -81,6 +75,7 @@ class StateStore:
         self._written = file.encode(kept)
         self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
+        self._site: Callable[[], SiteOfProgram | None] = lambda: file.site_of_program(kept)
         self._marker: MotionMarker | None = None
         self._dirty = False
         self._closing = asyncio.Event()
@@ -138,7 +133,9 @@ class StateStore:
         self._memory = controller.driver.saved_state
         self._synced = lambda: controller.synced.value
         restore(controller, self.previous_run)
-        controller.changed.connect(lambda _: self.changed())
+        self._site = controller.site_clock.lasting_site
+        for lasting in (controller.changed, controller.site_clock.lasting):
+            lasting.connect(lambda _: self.changed())
         controller.hold.on = file.is_held(self.directory)
         if controller.hold.on:
             self._warn(
@@ -186,7 +183,7 @@ class StateStore:
 
     async def _write(self) -> bool:
         """Write the state if it differs from the file; return whether it did."""
-        data = file.encode(file.from_shared(self.shared.settings, self._memory(False), self._synced()))
+        data = file.encode(file.from_shared(self.shared.settings, self._memory(False), self._synced(), self._site()))
         if data == self._written:
             return False
         self._written = data

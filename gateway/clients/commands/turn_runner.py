@@ -106,7 +106,9 @@ class TurnRunner:
                 if fault is not None:
                     turn.reusable = False
                     continue
-                value = self._controller.peek(wanted) if isinstance(wanted, Read) else NOT_CACHED
+                value = (
+                    self._controller.peek(wanted, self._activity.program) if isinstance(wanted, Read) else NOT_CACHED
+                )
                 if value is NOT_CACHED:
                     return wanted
                 if type(wanted) in MAX_AGE:
@@ -191,7 +193,7 @@ class TurnRunner:
 
     async def reading(self, operation: Operation) -> object:
         """Return a reading in this client's form, for a subscription. Raises Fault."""
-        value = self._controller.peek(operation)
+        value = self._controller.peek(operation, self._activity.program)
         if value is NOT_CACHED:
             value = await self._controller.perform(self._to_internal(operation), self._controller.stops, self._activity)
         return value if self.equinox is None else self.equinox.to_client(operation, value)

@@ -29,6 +29,12 @@ class SetClock(Operation[None], frozen=True):
     heard: bool = False
 
 
+class SetZone(Operation[None], frozen=True):
+    """Set the zone in which this program reads the time, and no other: local minus UTC in hours. UTC stays."""
+
+    offset: float
+
+
 class ClockFromGps(Operation[None], frozen=True):
     """Set the mount's clock from its GPS receiver. Raises NoDevice if there is none or it has no fix."""
 

@@ -151,6 +151,7 @@ _WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
                           f"move the focuser {'in' if one.direction > 0 else 'out'}, speed {one.speed}",
     op.SetSite: _site,
     op.SetClock: _clock,
+    op.SetZone: lambda one: f"this program reads the time in the zone UTC{one.offset:+g} h",
     op.ToEquinoxOfDate: lambda one: f"where is J2000 {_place(one)} today?",
     op.ToJ2000: lambda one: f"where is {_place(one)} of today by J2000?",
     op.PlanetPlace: lambda one: f"where is {one.name} now?",

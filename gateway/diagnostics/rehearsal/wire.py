@@ -28,7 +28,7 @@ from gateway.protocols.wireformat.rows import SurfaceRow
 #: The parts of a row that depend on a wedge.
 BUILDS = ("alt-az", "equatorial")
 #: Operations that wait for further settings before they are sent to the mount.
-SETTINGS = frozenset({"SetSite", "SetClock", "ClockFromGps"})
+SETTINGS = frozenset({"SetSite", "SetClock", "SetZone", "ClockFromGps"})
 
 
 class Pair(NamedTuple):

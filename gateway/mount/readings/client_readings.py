@@ -19,7 +19,7 @@ from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings import extrapolation
-from gateway.mount.readings.cache import LAST_POSITION, MAX_AGE, NOT_CACHED, Kind
+from gateway.mount.readings.cache import LAST_POSITION, NOT_CACHED, Kind
 from gateway.mount.readings.extrapolation import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
 
 #: The reads of a position.
@@ -42,9 +42,6 @@ class Reported(Struct, frozen=True):
 
 def cached_reading(context: Context, kind: Kind) -> Any:
     """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
-    if kind not in MAX_AGE:
-        known = context.site_clock.known(kind)
-        return NOT_CACHED if known is None else known
     if kind is op.Slewing and context.wanted.goto_waits:
         return True
     now, link = context.now(), context.link

@@ -1,7 +1,7 @@
 """Replies of the mount that clients of its own protocol get unchanged: requested once, shared by all clients.
 
 The tables say how long a reply is shared (``KEEPS``, ``wireformat/rows.py``). If a client has set another site or clock
-that the mount did not take, the gateway's value overrides the mount's reply.
+that the mount did not take, the gateway's value overrides the mount's reply to that client.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from gateway.core.waiting import FairScheduler, mark_retrieved
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
+from gateway.mount.presence import Program
 from gateway.mount.readings.cache import NOT_CACHED
+from gateway.mount.site.readers import ReadBy
 
 #: Seconds for which a reply is shared; others are not cached.
 LASTS = {"fixed": math.inf, "state": 1.0, "site": 1.0}
@@ -50,17 +52,17 @@ class OwnAnswers:
             {} if everything else {key: cached for key, cached in self._cached.items() if math.isinf(cached.until)}
         )
 
-    def peek(self, operation: op.Own) -> bytes:
-        """Return the cached reply of the mount; NOT_CACHED if it must be requested."""
+    def peek(self, operation: op.Own, program: Program) -> bytes:
+        """Return the cached reply of the mount to a program; NOT_CACHED if it must be requested."""
         cached = self._fresh(operation)
         reply: bytes = NOT_CACHED
-        if cached is not None and isinstance(cached.answer, bytes) and not self._is_overridden(operation):
+        if cached is not None and isinstance(cached.answer, bytes) and not self._is_overridden(operation, program):
             reply = cached.answer
         return reply
 
-    async def read(self, operation: op.Own) -> bytes:
+    async def read(self, operation: op.Own, program: Program) -> bytes:
         """Return the mount's reply, cached or by an exchange that all waiting clients share. Raises Fault."""
-        if self._is_overridden(operation):
+        if self._is_overridden(operation, program):
             raise Unsupported
         cached = self._fresh(operation)
         if cached is None:
@@ -102,9 +104,9 @@ class OwnAnswers:
         cached = self._cached.get(operation)
         return cached if cached is not None and self._context.now() < cached.until else None
 
-    def _is_overridden(self, operation: op.Own) -> bool:
-        """Whether clients get another site or clock from the gateway than the mount's own."""
-        site_clock = self._context.site_clock
-        if operation.keep == "clock":
-            return site_clock.client_clock is not None
-        return operation.keep == "site" and site_clock.site_set_by_clients() is not None
+    def _is_overridden(self, operation: op.Own, program: Program) -> bool:
+        """Whether a program gets another site or clock from the gateway than the mount's own."""
+        if operation.keep not in ("clock", "site"):
+            return False
+        read = ReadBy(self._context.site_clock, program)
+        return read.has_own_clock() if operation.keep == "clock" else read.has_own_site()

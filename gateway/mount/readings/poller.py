@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 
 from gateway.core import operations as op
+from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
@@ -24,6 +25,9 @@ HEARTBEAT = 5.0
 #: Seconds between reads of the mount's own clock and site, in turn: a person may change them at its keys. Without
 #: clients they are read less often, but they are: the limits, and the next client, depend on them.
 OWN_AGE, OWN_AGE_ALONE = 25.0, 100.0
+#: Seconds between reads of the site of a mount that keeps its own: a goto must be judged by one that its owner has set
+#: ten seconds before at the latest, even if only the heartbeat of the position comes in between.
+SITE_AGE = 4.5
 #: Seconds to wait after an error.
 ASK_AGAIN = 1.0
 #: Seconds until the axes are read again after the mount did not report them, unless a client polls them.
@@ -58,7 +62,7 @@ class Poller:
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
         self._own: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
-        self._asked_own = context.now()
+        self._asked_own = self._asked_site = context.now()
 
     def start(self) -> None:
         for kind in POLL_PERIOD:
@@ -103,6 +107,7 @@ class Poller:
         """Read the position as a heartbeat, and at rest the mount's own clock and site, which the limits need."""
         if self._cache.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
+        self._renew_site(now)
         clock = self._context.site_clock.mount_clock
         asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
         if now - asked <= (OWN_AGE if self._needed(op.Position, now) else OWN_AGE_ALONE) or self._watched:
@@ -113,6 +118,15 @@ class Poller:
             known = site_clock.mount_clock if self._own[0] is op.GetClock else site_clock.mount_site
             if known is not None:
                 self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
+
+    def _renew_site(self, now: float) -> None:
+        """Read the site of a mount that keeps its own often: its owner may set it and go on at once."""
+        keeps = self._context.site_clock.mount_site is not None and not self._context.driver.takes_site_aligned
+        if self._context.policy.rules == FIRST_RULES or not keeps or self._watched or now - self._asked_site < SITE_AGE:
+            return
+        if self._reading_own is None or self._reading_own.done():
+            self._asked_site = now
+            self._reading_own = self._context.tasks.spawn(self.renew(op.GetSite))
 
     def _needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""

@@ -18,7 +18,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.sync_sum import SyncTotal
-from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, SiteClock, Time
+from gateway.mount.site.readers import ReadBy
+from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, Time
 from gateway.protocols.base.driver import Driver
 
 #: Seconds for which the place of the Sun is good, and those of several: over another site they move against the stars.
@@ -36,7 +37,7 @@ OFF = 1.0
 class SiteAstrometry:
     """Astronomy at the site of this mount and by its clock. ``equinox`` is that of the mount's coordinates."""
 
-    def __init__(self, sky: Sky, site_clock: SiteClock | BestSources, equinox: str) -> None:
+    def __init__(self, sky: Sky, site_clock: BestSources | ReadBy, equinox: str) -> None:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
     def place(self) -> op.Place:

@@ -36,12 +36,14 @@ Kind = tuple[type[Operation], int | None]
 
 
 class Setting(Struct, frozen=True):
-    """A value, when it was requested (a clock runs on from there), the attempts left, and the time of the next one."""
+    """A value, when it was requested (a clock runs on from there), the attempts left, the time of the next one, and the
+    host of the program."""
 
     value: Operation
     since: float
     left: int = TRIES
     due: float = 0.0
+    by: str = ""
 
     @property
     def late(self) -> bool:
@@ -69,15 +71,15 @@ def kind_of(operation: Operation) -> Kind:
 class IncomingSettings:
     """What programs were promised and the mount has not received. Gotos wait for its sites and clocks.
 
-    ``SyncSettings`` alone changes it. ``sending``: a site or clock is on its way. ``unfinished``: the programs that are
-    still setting one, in several commands, each with the loop time until which that is expected.
+    ``SyncSettings`` alone changes it. ``sending``: SetSite or SetClock while one is on its way. ``unfinished``: the
+    programs that are still setting one, in several commands, each with the loop time until which that is expected.
     """
 
     def __init__(self, rules: int = RULES) -> None:
         self.pending: Pending = {}
         #: Whether gotos and settings wait for each other; without it a mount that slews might be sent a new clock.
         self.waits = rules > FIRST_RULES
-        self.sending = False
+        self.sending: type[Operation] | None = None
         self.unfinished: dict[Program, float] = {}
 
     def expect(self, program: Program, until: float) -> None:

@@ -20,6 +20,7 @@ from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.presence import Program
 from gateway.mount.readings.reader import FIRST_ANSWER
 from gateway.mount.site.pending_settings import Setting, kind_of
+from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings_sync import SyncSettings
 
 #: Seconds that one half of a site waits for the other.
@@ -33,7 +34,7 @@ class SiteAndClock:
 
     def __init__(self, context: Context, runner: DriverRunner, sync: SyncSettings) -> None:
         self._context, self._runner, self.sync = context, runner, sync
-        self._site_clock, self._astrometry = context.site_clock, context.client_astrometry
+        self._site_clock = context.site_clock
         #: Each takes the operation, and the program that asked for it.
         self.handlers: dict[type[op.Operation], Callable[[Any, Program], Any]] = {
             op.GetSite: self._get_site,
@@ -41,6 +42,7 @@ class SiteAndClock:
             op.SiderealTime: self._sidereal_time,
             op.SetSite: self._set_site,
             op.SetClock: self._set_clock,
+            op.SetZone: self._set_zone,
             op.GetGps: self._get_gps,
             op.ClockFromGps: self._clock_from_gps,
             op.SetGuideRate: self._set_motor,
@@ -48,6 +50,9 @@ class SiteAndClock:
             op.PeriodicError: self._periodic_error,
         }
         self._reading_gps = asyncio.Lock()
+
+    def _read_by(self, program: Program) -> ReadBy:
+        return ReadBy(self._site_clock, program)
 
     async def _first_answers(self) -> None:
         try:
@@ -57,23 +62,23 @@ class SiteAndClock:
             raise NoAnswer from None
 
     async def _get_site(self, _: op.GetSite, program: Program) -> op.Place:
-        if self._site_clock.site() is None:
+        if self._read_by(program).site() is None:
             await self._first_answers()
-        return self._astrometry.place()
+        return self._context.astrometry_for(program).place()
 
     async def _get_clock(self, _: op.GetClock, program: Program) -> op.Moment:
-        if self._site_clock.clock() is None:
+        if self._read_by(program).clock() is None:
             await self._first_answers()
-        moment = self._site_clock.clock()
+        moment = self._read_by(program).clock()
         if moment is None:
             self._context.note_once("the mount does not report the time: this computer's clock is used")
-            moment = op.Moment(self._site_clock.unix(), 0.0)
+            moment = op.Moment(self._read_by(program).unix(), self._read_by(program).own.zone or 0.0)
         return moment
 
     async def _sidereal_time(self, _: op.SiderealTime, program: Program) -> float:
         await self._get_site(op.GetSite(), program)
         await self._get_clock(op.GetClock(), program)
-        return self._astrometry.sidereal_time()
+        return self._context.astrometry_for(program).sidereal_time()
 
     async def _get_gps(self, operation: op.GetGps, _: Program) -> op.Gps:
         await self._first_answers()
@@ -90,13 +95,12 @@ class SiteAndClock:
     async def _set_site(self, operation: op.SetSite, program: Program) -> None:
         """Take one half of a site or both. It is sent when both halves are there, or after a moment."""
         if operation.others is not None and await self._has_own_site(operation, operation.others):
-            self._site_clock.forget_sites()
+            self._read_by(program).forget_site()
             return
-        whole = self._site_clock.set_site_half(operation)
-        if whole is not None:
+        if self._read_by(program).set_half(operation):
             self.complete(program)
             return
-        if self._site_clock.site() is not None:  # otherwise it may never become a site: nothing waits for it
+        if self._read_by(program).site() is not None:  # otherwise it may never become a site: nothing waits for it
             self._context.incoming.expect(program, self._context.now() + HALF_SITE)
         asyncio.get_running_loop().call_later(HALF_SITE, self.complete, program)
 
@@ -112,11 +116,11 @@ class SiteAndClock:
 
     def complete(self, program: Program) -> None:
         """Send the site of which this program has set a half or both."""
-        whole = self._site_clock.take_site()
+        whole = self._read_by(program).take_site()
         if whole is not None and not self._context.closed:
             self._context.incoming.complete(program)
-            self._site_clock.keep_site(whole)
-            self.sync.queue(whole)
+            self._read_by(program).keep_site(whole)
+            self.sync.queue(whole, by=program)
 
     async def _set_clock(self, operation: op.SetClock, program: Program) -> None:
         """Use the client's clock at once. Raises Invalid for a year that this mount's clock does not take, Refused."""
@@ -125,10 +129,14 @@ class SiteAndClock:
         if year not in years:
             raise Invalid(f"The clock of this mount takes the years {years[0]} to {years[-1]}, not {year}.")
         self._context.incoming.complete(program)
-        self._site_clock.keep_clock(operation)
-        self.sync.queue(operation)
+        self._read_by(program).keep_clock(operation)
+        self.sync.queue(operation, by=program)
         if operation.heard:
             await self._heard(operation)
+
+    async def _set_zone(self, operation: op.SetZone, program: Program) -> None:
+        self._context.incoming.complete(program)
+        self._read_by(program).keep_zone(operation.offset)
 
     async def _heard(self, operation: op.SetClock) -> None:
         """Wait until this queued setting was sent, given up or kept, but not long. Raises Refused if it was refused."""
@@ -162,8 +170,8 @@ class SiteAndClock:
         seen = await self._get_gps(op.GetGps(), program)
         if not seen.linked or seen.unix is None:
             raise NoDevice("The GPS is not linked.")
-        present = self._site_clock.clock()
-        self._site_clock.keep_clock(
+        present = self._read_by(program).clock()
+        self._read_by(program).keep_clock(
             op.SetClock(seen.unix, present.offset, present.dst) if present else op.SetClock(seen.unix, 0.0)
         )
         self._context.note_once("the clock that was set by the GPS is kept in the gateway")

@@ -20,18 +20,12 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
+from gateway.mount.presence import NOBODY, Program
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site import pending_settings
 from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, SKY, TRIES, Kind, Pending, Setting, kind_of
+from gateway.mount.site.settings_log import name, note, note_kept, note_set
 
-#: Names for the log.
-_NAMES: dict[type[op.Operation], str] = {
-    op.SetSite: "site",
-    op.SetClock: "clock",
-    op.SetGuideRate: "guide rate",
-    op.Backlash: "backlash",
-    op.PeriodicError: "periodic error correction",
-}
 #: The orders that a mount must not get a site or clock during.
 _MOVES = (*GOTOS, op.Move, op.MoveAxis)
 #: Seconds by which a clock may differ from the setting, for its transmission, and still count as set.
@@ -79,11 +73,11 @@ class SyncSettings:
 
     # --- pending settings -------------------------------------------------------------------------------------------
 
-    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
-        """Queue a setting for the mount; it replaces an older one of its kind."""
-        self.pending = pending_settings.added(self.pending, Setting(operation, self._now(), left, due))
+    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0, by: Program = NOBODY) -> None:
+        """Queue a setting of a program for the mount; it replaces an older one of its kind."""
+        self.pending = pending_settings.added(self.pending, Setting(operation, self._now(), left, due, by.host))
         if self._link.state in ("down", "opening"):
-            self._note(operation, "the mount is not connected now; it is sent later")
+            note(self._context, operation, "the mount is not connected now; it is sent later")
         self._start()
 
     async def now_or_later(self, operation: op.Operation) -> None:
@@ -187,7 +181,7 @@ class SyncSettings:
             if place and self._in_motion():
                 return  # a motion has begun meanwhile: later
             tried = True
-            self._sending, self._incoming.sending = kind_of(value), place
+            self._sending, self._incoming.sending = kind_of(value), type(value) if place else None
             self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_SENT:], setting)
             await self._runner.perform(setting.running(self._now()), SETTING)
         except Busy:
@@ -206,7 +200,7 @@ class SyncSettings:
         else:
             await self._acknowledged(setting)
         finally:
-            self._sending, self._incoming.sending = None, False
+            self._sending = self._incoming.sending = None
 
     async def may_set(self) -> bool:
         """Whether policy and alignment allow setting the mount's site and clock. Raises Fault."""
@@ -221,9 +215,8 @@ class SyncSettings:
 
     async def _should_send(self, setting: Setting) -> bool:
         """Whether to send it. If policy or alignment forbid it, it is kept in the gateway and logged. Raises Fault."""
-        what = _NAMES[type(setting.value)]
         if self._context.policy.site_time == "never":
-            self._context.note_once(f"the {what} that was set is kept in the gateway (site-time = never)")
+            note_kept(self._context, setting, "site-time = never")
             return False
         status = await self._reader.read(op.GetStatus())
         if not status.aligned or self._driver.takes_site_aligned:
@@ -232,7 +225,7 @@ class SyncSettings:
             return False
         if await self.may_set():
             return True
-        self._context.note_once(f"the mount is aligned: the {what} that was set is kept in the gateway")
+        note_kept(self._context, setting, "the mount is aligned")
         return False
 
     def _is_set(self, running: op.Operation) -> bool:
@@ -254,18 +247,27 @@ class SyncSettings:
     async def _acknowledged(self, setting: Setting) -> None:
         """The mount has received it, so it is the mount's own value now. Read its clock, which counts whole seconds."""
         running = setting.running(self._now())
+        news = not self._is_set(running)
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
-            self._site_clock.take_mount_site(op.Place(running.latitude, running.longitude), ours=True)
+            place = op.Place(running.latitude, running.longitude)
+            self._site_clock.take_mount_site(place, ours=True, by=setting.by)
+            if news:
+                note_set(self._context, setting)
         elif isinstance(running, op.SetClock):
-            self._site_clock.take_mount_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
+            before = self._site_clock.running(self._site_clock.mount_clock)
+            self._site_clock.take_mount_clock(
+                op.Moment(running.unix, running.offset, running.dst), ours=True, by=setting.by
+            )
+            if news:
+                note_set(self._context, setting, None if before is None else running.unix - before.unix)
             with contextlib.suppress(Fault):  # it is read again when needed
                 shown: op.Moment = await self._runner.perform(op.GetClock(), READ)
                 self._site_clock.take_mount_clock(shown, ours=True)
         self._finish(setting)
 
     def _finish(self, setting: Setting) -> None:
-        """The mount has it: drop the copy kept for clients, unless that is newer."""
+        """The mount has it: drop the copies kept for programs, unless there is a newer one."""
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)
@@ -276,9 +278,9 @@ class SyncSettings:
         """The mount cannot store it, so the gateway does."""
         self.pending = pending_settings.without(self.pending, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
-            self._context.note(f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
+            self._context.note(f"{name(setting.value)} kept in the gateway: {fault}")
         else:
-            self._note(setting.value, str(fault))
+            note(self._context, setting.value, str(fault))
 
     def _give_up(self, setting: Setting, why: str) -> None:
         """Stop sending it: from now on reads return the mount's own value."""
@@ -287,9 +289,6 @@ class SyncSettings:
         self.pending = pending_settings.without(self.pending, setting)
         if newest and self._site_clock.has_own(setting.value):
             self._site_clock.forget(setting.value)
-            self._note(setting.value, f"it is not in force: {why} Clients get the mount's own again")
+            note(self._context, setting.value, f"it is not in force: {why} Clients get the mount's own again")
         else:
-            self._note(setting.value, f"the mount did not receive it: {why}")
-
-    def _note(self, operation: op.Operation, text: str) -> None:
-        self._context.note(f"the {_NAMES[type(operation)]} that was set: {text}")
+            note(self._context, setting.value, f"the mount did not receive it: {why}")

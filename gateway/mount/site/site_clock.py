@@ -1,7 +1,8 @@
-"""Site and clock: the ones that clients get, and the ones that the limits use, which come from the best source.
+"""Site and clock: those that each program reads, and those that the limits use, which come from the best source.
 
-An unaligned hand control gets what clients set. An aligned one keeps its own, because setting it could cost the
-alignment, and the gateway then returns the client's values itself. Nothing here waits for the mount.
+An unaligned hand control gets what programs set. An aligned one keeps its own, because setting it could cost the
+alignment: the gateway then returns its own values to the program that set them (``program_settings.py``), and the best
+source to all others. Nothing here waits for the mount.
 """
 
 from __future__ import annotations
@@ -13,14 +14,17 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import wrap180
 from gateway.core.about import RELEASED
-from gateway.core.operations import GetClock, GetGps, GetSite, Gps, Moment, Operation, Place, SetClock, SetSite
+from gateway.core.operations import Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.core.signals import Signal
+from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 
 #: Degrees and seconds; if the mount's site or clock changes by more, it was set at the mount.
 SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
 #: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
 GPS_FIX, GPS_SEARCH = 300.0, 30.0
+
+
 #: Seconds: a computer's clock that is so near to the mount's or its GPS is right, however doubtful it is otherwise.
 AGREES = 120.0
 MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM = (
@@ -28,18 +32,33 @@ MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM = (
 
 
 class Site(NamedTuple):
-    """A site and its source."""
+    """A site and its source; ``by`` is the host of the program that has set it at the mount, empty if none has."""
 
     place: Place
     source: str
+    by: str = ""
+
+    @property
+    def who(self) -> str:
+        """Return the source in words."""
+        return f"{self.source}, as {self.by} set it," if self.by else self.source
 
 
 class Time(NamedTuple):
-    """UTC as Unix seconds at this moment, its source, and whether it may be lost (a computer without a battery)."""
+    """UTC as Unix seconds at this moment, its source, and whether it may be lost (a computer without a battery).
+
+    ``by`` is as for a site.
+    """
 
     unix: float
     source: str
     doubtful: bool = False
+    by: str = ""
+
+    @property
+    def who(self) -> str:
+        """Return the source in words."""
+        return f"{self.source} (set by {self.by})" if self.by else self.source
 
 
 class SiteClock:
@@ -58,49 +77,55 @@ class SiteClock:
         trust: str = "auto",
         kernel: Callable[[], bool] | None = None,
     ) -> None:
-        self._now, self.host = now, host
+        self.now, self.host = now, host
         self._trust, self._kernel = trust, kernel
         self.configured = site
         self.mount_site: Place | None = None
-        self.client_site: Place | None = None
-        self.half: SetSite | None = None
         self.mount_clock: tuple[Moment, float] | None = None
-        self.client_clock: tuple[Moment, float] | None = None
+        #: The hosts of the programs that have set the mount's site and clock; empty if they are the mount's own.
+        self.site_by = self.clock_by = ""
+        self.programs = ProgramSettings()
+        #: The site that a program had set in an earlier run. It counts once the mount was asked for its own.
+        self.stored: SiteOfProgram | None = None
+        self._asked = False
         self.gps_site: Place | None = None
         self.gps_clock: tuple[Moment, float] | None = None
         self._gps: tuple[Gps, float] | None = None
         self.changed: Signal[None] = Signal()
+        #: Emitted when the site to be kept over a restart may have changed.
+        self.lasting: Signal[None] = Signal()
 
     # --- site and clock in force ------------------------------------------------------------------------------------
 
-    def site(self) -> Place | None:
-        """Return the site in force: the one a client set, else the mount's, else the configured one."""
-        place = self.client_site or self.mount_site or self.configured
-        if self.half is None:
-            return place
-        latitude = self.half.latitude if self.half.latitude is not None else (place.latitude if place else None)
-        longitude = self.half.longitude if self.half.longitude is not None else (place.longitude if place else None)
-        return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
+    @property
+    def client_clock(self) -> tuple[Moment, float] | None:
+        """The clock that a program has set last, if the mount has not taken it."""
+        return self.programs.newest_clock
 
-    def site_set_by_clients(self) -> Place | None:
-        """Return the site that clients set, if the mount has not taken it."""
-        return None if self.client_site is None and self.half is None else self.site()
+    def site_of_program(self) -> SiteOfProgram | None:
+        """Return the site that a program has set last, also in an earlier run, if the mount has none of its own."""
+        if self.mount_site is not None:
+            return None
+        return self.programs.newest or (self.stored if self._asked else None)
 
-    def clock(self) -> Moment | None:
-        """Return the clock in force, running; None if no client has set one and the mount has not reported its own."""
-        return self.running(self.client_clock or self.mount_clock)
+    def lasting_site(self) -> SiteOfProgram | None:
+        """Return the site to be kept over a restart: a program's, if neither mount nor GPS tells one."""
+        known = self.mount_site is not None or self.gps_site is not None
+        return None if known else self.programs.newest or self.stored
+
+    def best_site(self) -> Place | None:
+        """Return the site of the best source; None if none is known."""
+        place = self.mount_site or self.gps_site or self.configured
+        if place is None and (told := self.site_of_program()) is not None:
+            place = told.place
+        return place
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return what a clock that was read some time ago shows now."""
         if held is None:
             return None
         moment, at = held
-        return Moment(unix=moment.unix + self._now() - at, offset=moment.offset, dst=moment.dst)
-
-    def unix(self) -> float:
-        """UTC by the clock in force, else by this computer's, Unix seconds."""
-        moment = self.clock()
-        return self.host() if moment is None else moment.unix
+        return Moment(unix=moment.unix + self.now() - at, offset=moment.offset, dst=moment.dst)
 
     def doubts(self, host: float) -> bool:
         """Whether this computer's time ``host`` may be lost."""
@@ -110,34 +135,39 @@ class SiteClock:
 
     # --- new values -------------------------------------------------------------------------------------------------
 
-    def take_mount_site(self, place: Place, ours: bool = False) -> bool:
-        """Take the mount's site. Return whether it was changed at the mount; then it also replaces what clients set.
+    def take_mount_site(self, place: Place, ours: bool = False, by: str | None = None) -> bool:
+        """Take the mount's site. Return whether it was changed at the mount; then it also replaces what programs set.
 
-        A change that results from the gateway's own setting (``ours``) does not count.
+        A change that results from the gateway's own setting (``ours``, of a program on the host ``by``) does not count.
         """
         before, self.mount_site = self.mount_site, place
+        if before is None:
+            self.stored = None
+            self.lasting.emit(None)
         changed = not ours and before is not None and not _same_place(before, place)
         if changed:
-            self.client_site = None
+            self.programs.forget("site")
+        self.site_by = "" if changed else self.site_by if by is None else by
         self.changed.emit(None)
         return changed
 
-    def take_mount_clock(self, moment: Moment, ours: bool = False) -> bool:
+    def take_mount_clock(self, moment: Moment, ours: bool = False, by: str | None = None) -> bool:
         """Like ``take_mount_site``, for the clock; a change is more than 30 s."""
         before = self.running(self.mount_clock)
-        self.mount_clock = (moment, self._now())
+        self.mount_clock = (moment, self.now())
         changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
         if changed:
-            self.client_clock = None
+            self.programs.forget("clock")
+        self.clock_by = "" if changed else self.clock_by if by is None else by
         self.changed.emit(None)
         return changed
 
     def take_gps(self, seen: Gps) -> None:
         """Take what the mount's GPS reports; without a fix only the state of the receiver is kept."""
-        self._gps = seen, self._now()
+        self._gps = seen, self.now()
         if seen.linked:
             self.gps_site = seen.place or self.gps_site
-            self.gps_clock = (Moment(seen.unix, 0.0), self._now()) if seen.unix else self.gps_clock
+            self.gps_clock = (Moment(seen.unix, 0.0), self.now()) if seen.unix else self.gps_clock
         self.changed.emit(None)
 
     def gps(self) -> Gps | None:
@@ -145,29 +175,14 @@ class SiteClock:
         if self._gps is None:
             return None
         seen, at = self._gps
-        age = self._now() - at
+        age = self.now() - at
         return replace(seen, unix=seen.unix + age) if age < (GPS_FIX if seen.linked else GPS_SEARCH) else None
 
-    def set_site_half(self, operation: SetSite) -> SetSite | None:
-        """Take one or both halves of a site. Return the whole site once both were set."""
-        held = self.half or SetSite()
-        self.half = SetSite(
-            latitude=operation.latitude if operation.latitude is not None else held.latitude,
-            longitude=operation.longitude if operation.longitude is not None else held.longitude,
-        )
-        self.changed.emit(None)
-        return self.half if None not in (self.half.latitude, self.half.longitude) else None
-
-    def take_site(self) -> SetSite | None:
-        """Return the site to send now: the halves that were set, completed by known values; None if one is missing."""
-        if self.half is None:
-            return None
-        place = self.site()
-        if place is None:
-            return None
-        self.half = None
-        self.changed.emit(None)
-        return SetSite(latitude=place.latitude, longitude=place.longitude)
+    def mount_asked(self) -> None:
+        """Note that the mount was asked for its site: if it told none, one of an earlier run counts."""
+        if not self._asked:
+            self._asked = True
+            self.changed.emit(None)
 
     def same_site(self, operation: SetSite) -> bool:
         """Whether this is the mount's site already, within an arcminute."""
@@ -180,24 +195,6 @@ class SiteClock:
         """Whether the mount's clock shows this already, in the same zone and within so many seconds."""
         shown = self.running(self.mount_clock)
         return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
-
-    def keep_site(self, operation: SetSite) -> None:
-        """Return this site to clients from now on, whatever the mount reports."""
-        assert operation.latitude is not None and operation.longitude is not None
-        self.client_site = Place(operation.latitude, wrap180(operation.longitude))
-        self.changed.emit(None)
-
-    def keep_clock(self, operation: SetClock) -> None:
-        self.client_clock = (Moment(operation.unix, operation.offset, operation.dst), self._now())
-        self.changed.emit(None)
-
-    def known(self, kind: type[Operation]) -> Place | Moment | Gps | None:
-        """Return the cached answer to GetSite, GetClock or GetGps, None if there is none."""
-        if kind is GetSite:
-            return self.site()
-        if kind is GetGps:
-            return self.gps()
-        return self.clock() if kind is GetClock else None
 
     def has_own(self, operation: Operation) -> bool:
         """Whether the mount has reported a site or clock of its own, which can be returned instead of this one."""
@@ -214,17 +211,10 @@ class SiteClock:
             for one in places
         )
 
-    def forget_sites(self) -> None:
-        """Forget the site that clients set."""
-        self.client_site = self.half = None
-        self.changed.emit(None)
-
     def forget(self, operation: Operation) -> None:
-        """Forget the site or clock that clients set: the mount's own is in force."""
-        if isinstance(operation, SetClock):
-            self.client_clock = None
-        elif isinstance(operation, SetSite):
-            self.client_site = None
+        """Forget the sites or clocks that programs have set: the mount's own is in force."""
+        if isinstance(operation, SetClock | SetSite):
+            self.programs.forget("clock" if isinstance(operation, SetClock) else "site")
         self.changed.emit(None)
 
 
@@ -242,15 +232,17 @@ class BestSources:
         self.changed = site_clock.changed
 
     def sites(self) -> list[Site]:
-        """Return every known site, best first."""
+        """Return every site that counts, best first. A program's counts only if nothing else is known."""
         known = self._site_clock
-        sources = (
-            (known.mount_site, MOUNT),
-            (known.gps_site, GPS),
-            (known.configured, CONFIGURED),
-            (known.site_set_by_clients(), PROGRAM),
-        )
-        return [Site(place, source) for place, source in sources if place is not None]
+        found = [
+            Site(place, source, by)
+            for place, source, by in (
+                (known.mount_site, MOUNT, known.site_by), (known.gps_site, GPS, ""), (known.configured, CONFIGURED, ""))
+            if place is not None
+        ]  # fmt: skip
+        if found or (told := known.site_of_program()) is None:
+            return found
+        return [Site(told.place, told.words)]
 
     def times(self) -> list[Time]:
         """Return every time that counts, best first.
@@ -260,7 +252,7 @@ class BestSources:
         """
         known = self._site_clock
         found = [
-            Time(moment.unix, source)
+            Time(moment.unix, source, by=known.clock_by if source is MOUNT else "")
             for moment, source in ((known.running(known.mount_clock), MOUNT), (known.running(known.gps_clock), GPS))
             if moment is not None
         ]
@@ -273,14 +265,13 @@ class BestSources:
 
     def site(self) -> Place | None:
         """Return the site in force for the limits; None if it is unknown."""
-        known = self._site_clock
-        return known.mount_site or known.gps_site or known.configured or known.site_set_by_clients()
+        return self._site_clock.best_site()
 
     def best_time(self) -> Time:
         """Return the first of ``times``. If the mount has reported one, the others need not be computed."""
         known = self._site_clock
         moment = known.running(known.mount_clock)
-        return self.times()[0] if moment is None else Time(moment.unix, MOUNT)
+        return self.times()[0] if moment is None else Time(moment.unix, MOUNT, by=known.clock_by)
 
     def unix(self) -> float:
         """UTC in force for the limits, Unix seconds."""

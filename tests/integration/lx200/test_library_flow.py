@@ -67,7 +67,7 @@ def test_a_client_that_counts_in_j2000_gets_catalogue_places() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         sky = bridge.controller.astrometry.sky
         bridge.acceptor.binding = replace(
-            bridge.acceptor.binding, equinox=EquinoxConverter(sky, bridge.site_clock.unix)
+            bridge.acceptor.binding, equinox=EquinoxConverter(sky, bridge.controller.sources.unix)
         )
         client = bridge.client("10.0.0.9")
         assert await client.ask(b":LM42#:Gr#") == b"05:35:16#"

@@ -71,10 +71,11 @@ def test_a_stop_does_not_wait_for_a_classic_to_calculate_its_planets() -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:
             client = bridge.client()
-            await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0, 20.0))
             await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0))
             await asyncio.sleep(1.0)
-            assert bridge.sent()[-1].startswith(b":SC")
+            goal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0
+            bridge.sim.mechanics.goto_sky(bridge.sim.now, goal, 20.0)  # by its own keys
+            assert bridge.sim.slewing and bridge.sent()[-1].startswith(b":SC")
             client.tell(b":Q#")
             await asyncio.sleep(0.01)
             assert bridge.sent()[-1] == b":Q#"

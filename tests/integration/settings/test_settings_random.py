@@ -86,9 +86,9 @@ class Night:
             assert here == pytest.approx(self.site, abs=0.02)
         if self.clock is not None:
             assert sim.utc() == pytest.approx(self.bridge.clock() + self.clock, abs=3.0)
-        told = self.bridge.site_clock
+        told = self.bridge.controller.sources
         assert (told.site().latitude, told.site().longitude) == pytest.approx(here, abs=0.02)
-        assert told.clock().unix == pytest.approx(sim.utc(), abs=3.0)
+        assert told.unix() == pytest.approx(sim.utc(), abs=3.0)
 
 
 @pytest.mark.parametrize(

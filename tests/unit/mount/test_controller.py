@@ -35,13 +35,16 @@ def test_twenty_pollers_cost_the_line_what_one_costs() -> None:
     run(program())
 
 
-def test_with_nobody_polling_there_is_one_heartbeat_in_five_seconds() -> None:
+def test_with_nobody_polling_there_are_two_questions_in_five_seconds() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             await asyncio.sleep(20)
             before = len(bridge.sent())
             await asyncio.sleep(60)
-            assert 1 <= len(bridge.sent()) - before <= 12
+            asked = bridge.sent()[before:]
+            assert 1 <= asked.count(b"e") <= 12
+            assert 6 <= asked.count(b"w") <= 12, "its owner may set the site at its keys"
+            assert len(asked) <= 24
 
     run(program())
 

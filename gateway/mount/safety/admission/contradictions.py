@@ -51,7 +51,17 @@ def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: E
         try:
             limits.check_altitude(sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1])
         except Fault as fault:
-            raise type(fault)(f"{fault} {words[0].upper()}{words[1:]}.") from None
+            raise _because(fault, words) from None
+
+
+def with_contradiction(fault: Fault, sources: BestSources) -> Fault:
+    """Return a refusal by the best source; if others contradict that, with the words for it."""
+    found = next(contradictions(sources.sites(), sources.times()), None)
+    return fault if found is None else _because(fault, found.words)
+
+
+def _because(fault: Fault, words: str) -> Fault:
+    return type(fault)(f"{fault} {words[0].upper()}{words[1:]}.")
 
 
 def too_near(sources: BestSources, sun: Sun, words: str | None = None) -> NearSun:
@@ -64,16 +74,16 @@ def too_near(sources: BestSources, sun: Sun, words: str | None = None) -> NearSu
 
 def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradiction]:
     """Yield what other sources say that differs too much, each site or time combined with the best of the other."""
-    unix, by, _ = times[0]
+    unix = times[0].unix
     if sites:
-        (place, who), others = sites[0], sites[1:]
+        place, others = sites[0].place, sites[1:]
         for other in others:
             if _apart(place, other.place) > SITE_MATTERS:
                 hint = likely_mistake(place, other.place)
                 yield Contradiction(
                     other.place,
                     unix,
-                    f"{who} stands at {site_text(place)}, {other.source} says "
+                    f"{sites[0].who} stands at {site_text(place)}, {other.source} says "
                     f"{site_text(other.place)}{': ' * bool(hint)}{hint}",
                 )
     for time in times[1:]:
@@ -82,7 +92,7 @@ def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradicti
             yield Contradiction(
                 sites[0].place if sites else None,
                 time.unix,
-                f"the clocks of {by} and of {time.source} differ by {_span(time.unix - unix)}",
+                f"the clocks of {times[0].who} and of {time.source} differ by {_span(time.unix - unix)}",
             )
 
 

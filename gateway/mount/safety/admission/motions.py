@@ -20,7 +20,7 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
-from gateway.mount.safety.admission.contradictions import check_contradictions, too_near
+from gateway.mount.safety.admission.contradictions import check_contradictions, too_near, with_contradiction
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.admission.ways import Journey, check_ways, paths_of
@@ -145,9 +145,12 @@ class Admission:
         if altitude is None:
             mount.note_once("site unknown: gotos are not checked against the horizon")
             return
-        limits.check_altitude(
-            altitude + (await self._watch.altitude_axis.current_tilt(self._ask) if axis_known else 0.0)
-        )
+        try:
+            limits.check_altitude(
+                altitude + (await self._watch.altitude_axis.current_tilt(self._ask) if axis_known else 0.0)
+            )
+        except Fault as fault:
+            raise (fault if axis_known else with_contradiction(fault, mount.sources)) from None
         status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)

@@ -133,6 +133,8 @@ def commit(session: LxSession) -> Handling:
     pieces = copy(draft)
     draft.clear()
     if pieces.time is None and pieces.day is None:
+        if pieces.offset is not None:
+            yield op.SetZone(pieces.offset)
         return
     try:
         present: op.Moment = yield op.GetClock()

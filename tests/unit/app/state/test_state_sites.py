@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.state.store import selected_site
 from gateway.core.operations import Place
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import NamedSite
@@ -84,18 +83,20 @@ def test_a_program_that_selects_no_site_begins_with_the_one_selected_last(tmp_pa
 
 
 def test_the_site_selected_last_stands_in_for_a_mount_that_knows_none(tmp_path: Path) -> None:
+    mount = {"mount": "nexstar-gps", "version": "1.2", "state": tmp_path}
+
     async def program() -> None:
-        async with Bridge(state=tmp_path, aligned=False) as bridge:
-            client = bridge.client()
+        async with Bridge(**mount) as bridge:
+            client = bridge.client("10.0.0.5")
             client.tell(b":W1#:St+10*30#")
             await asyncio.sleep(1)
             assert bridge.store is not None
-            assert selected_site(bridge.store.shared.settings) is None, "half a site is none"
+            assert bridge.site_clock.lasting_site() is None, "half a site is none"
             client.tell(b":Sg010*00#")
             await asyncio.sleep(1)
-        async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
-            assert bridge.store is not None
-            assert selected_site(bridge.store.shared.settings) == Place(10.5, -10.0)
+        async with Bridge(on=bridge, **mount) as bridge:
+            assert bridge.controller.sources.sites()[0].source == "a program (10.0.0.5, 2026-01-15)"
+            assert bridge.controller.sources.site() == Place(10.5, -10.0)
 
     run(program())
 

@@ -13,7 +13,9 @@ import pytest
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
+from gateway.mount.presence import NOBODY
 from gateway.mount.safety.admission.contradictions import contradictions
+from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, SiteClock
 from tests.integration.safety.test_sun import JUNE, SKY
 from tests.support.each import each
@@ -205,9 +207,9 @@ def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
 def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_computer_a_program_last() -> None:
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING, None)
     best = BestSources(site_clock)
-    site_clock.keep_site(op.SetSite(1.0, 1.0))
-    site_clock.keep_clock(op.SetClock(EVENING + 1e4, 0.0))
-    assert [site.source for site in best.sites()] == [PROGRAM]
+    ReadBy(site_clock, NOBODY).keep_site(op.SetSite(1.0, 1.0))
+    ReadBy(site_clock, NOBODY).keep_clock(op.SetClock(EVENING + 1e4, 0.0))
+    assert [site.source for site in best.sites()] == ["a program (2026-01-15)"]
     assert [time.source for time in best.times()] == [COMPUTER]
     site_clock.configured = op.Place(2.0, 2.0)
     site_clock.take_gps(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
@@ -217,10 +219,9 @@ def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_com
         (MOUNT, 4.0),
         (GPS, 3.0),
         (CONFIGURED, 2.0),
-        (PROGRAM, 1.0),
     ]
     assert [(time.source, time.unix - EVENING) for time in best.times()] == [(MOUNT, 3e4), (GPS, 2e4), (COMPUTER, 0.0)]
-    assert len(list(contradictions(best.sites(), best.times()))) == 5
+    assert len(list(contradictions(best.sites(), best.times()))) == 4
 
 
 @each(
@@ -241,7 +242,7 @@ def test_a_computer_that_has_lost_its_clock_counts_only_where_no_better_source_t
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + host, None)
     best = BestSources(site_clock)
     if told:
-        site_clock.keep_clock(op.SetClock(EVENING, 1.0))
+        ReadBy(site_clock, NOBODY).keep_clock(op.SetClock(EVENING, 1.0))
     if ahead is not None:
         site_clock.take_mount_clock(op.Moment(EVENING + ahead, 0.0))
     assert [time.source for time in best.times()] == sources

@@ -1,0 +1,104 @@
+"""The site and clock that each program has set where the mount keeps its own: returned to that program alone.
+
+Frozen values by program (``mount/presence.py``): a host on one surface. What the mount has taken is the mount's and
+removed here. The newest site and clock of any program count for all only if nothing else is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+from msgspec.structs import replace
+
+from gateway.astro.spherical import wrap180
+from gateway.core.operations import Moment, Place, SetSite
+from gateway.mount.presence import Program
+
+#: So many programs are remembered, those that have set something last.
+REMEMBERED = 200
+
+Clock = tuple[Moment, float]
+
+
+class SiteOfProgram(Struct, frozen=True):
+    """A whole site that a program has set, its host, and the date; what is kept over a restart.
+
+    Degrees, north and east positive; ``host`` and ``date`` are words for messages.
+    """
+
+    latitude: Annotated[float, Meta(ge=-90, le=90)]
+    longitude: Annotated[float, Meta(ge=-360, le=360)]
+    host: str = ""
+    date: str = ""
+
+    @property
+    def place(self) -> Place:
+        return Place(self.latitude, wrap180(self.longitude))
+
+    @property
+    def words(self) -> str:
+        """Return who has set it, and when: ``a program (10.0.0.5, 2026-01-15)``."""
+        return f"a program ({', '.join(word for word in (self.host, self.date) if word)})"
+
+
+def said_by(program: Program, place: Place, unix: float) -> SiteOfProgram:
+    """Return a site that this program sets at a time of this computer, Unix seconds."""
+    return SiteOfProgram(place.latitude, place.longitude, program.host, f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d}")
+
+
+class OwnSettings(Struct, frozen=True):
+    """What one program has set: a site, or a half of one that waits for the other; a clock with the loop time at which
+    it showed that; and the hours, local time minus UTC, of a zone that was set alone."""
+
+    site: Place | None = None
+    half: SetSite | None = None
+    clock: Clock | None = None
+    zone: float | None = None
+
+
+NOTHING = OwnSettings()
+
+
+class ProgramSettings:
+    """Holds the settings of all programs; ``newest`` is the site that a program has set last, if the mount lacks it."""
+
+    def __init__(self) -> None:
+        self._own: dict[Program, OwnSettings] = {}
+        self.newest: SiteOfProgram | None = None
+        #: Whether a half of a site waits for the other.
+        self.half = False
+
+    def of(self, program: Program) -> OwnSettings:
+        return self._own.get(program, NOTHING)
+
+    def put(self, program: Program, own: OwnSettings) -> None:
+        self._own.pop(program, None)
+        if own != NOTHING:
+            self._own[program] = own
+        if len(self._own) > REMEMBERED:
+            del self._own[next(iter(self._own))]
+        self.half = any(one.half is not None for one in self._own.values())
+
+    def __iter__(self) -> Iterator[OwnSettings]:
+        return iter(self._own.values())
+
+    @property
+    def newest_clock(self) -> Clock | None:
+        """The clock that a program has set last."""
+        return max((own.clock for own in self if own.clock is not None), key=lambda clock: clock[1], default=None)
+
+    def set_site(self, program: Program, place: Place, unix: float) -> None:
+        """Set a whole site at a time of this computer, Unix seconds."""
+        self.put(program, replace(self.of(program), site=place, half=None))
+        self.newest = said_by(program, place, unix)
+
+    def forget(self, kind: Literal["site", "clock"], program: Program | None = None) -> None:
+        """Forget the site or clock of a program, or (None) of all, because the mount's own is in force."""
+        for one, own in list(self._own.items()):
+            if program in (None, one):
+                self.put(one, replace(own, site=None) if kind == "site" else replace(own, clock=None))
+        if kind == "site" and (program is None or (self.newest is not None and self.newest.host == program.host)):
+            self.newest = None

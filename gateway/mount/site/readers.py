@@ -1,0 +1,109 @@
+"""Site and clock as one program reads and sets them: its own where the mount keeps its own, else the best source's."""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from gateway.astro.spherical import wrap180
+from gateway.core.operations import GetClock, GetGps, GetSite, Gps, Moment, Operation, Place, SetClock, SetSite
+from gateway.mount.presence import Program
+from gateway.mount.site.program_settings import OwnSettings
+from gateway.mount.site.site_clock import BestSources, SiteClock
+
+
+class ReadBy:
+    """Site and clock of one mount for one program. What it sets here it reads again, whatever the mount tells."""
+
+    def __init__(self, site_clock: SiteClock, program: Program) -> None:
+        self._known, self._program = site_clock, program
+
+    @property
+    def own(self) -> OwnSettings:
+        """What this program has set and the mount has not taken."""
+        return self._known.programs.of(self._program)
+
+    # --- reading ----------------------------------------------------------------------------------------------------
+
+    def site(self) -> Place | None:
+        """Return the site that the program has set, else that of the best source; None if there is none."""
+        own = self.own
+        place, half = own.site or self._known.best_site(), own.half
+        if half is None:
+            return place
+        latitude = half.latitude if half.latitude is not None else (place.latitude if place else None)
+        longitude = half.longitude if half.longitude is not None else (place.longitude if place else None)
+        return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
+
+    def clock(self) -> Moment | None:
+        """Return the clock that the program has set, running, else the mount's; None if there is neither. A zone that
+        it has set alone replaces the offset.
+        """
+        own = self.own
+        moment = self._known.running(own.clock or self._known.mount_clock)
+        return moment if moment is None or own.zone is None else Moment(moment.unix, own.zone)
+
+    def unix(self) -> float:
+        """UTC by that clock, else by the best source, Unix seconds."""
+        moment = self.clock()
+        return BestSources(self._known).unix() if moment is None else moment.unix
+
+    def answer(self, kind: type[Operation]) -> Place | Moment | Gps | None:
+        """Return the cached answer to GetSite, GetClock or GetGps, None if there is none."""
+        if kind is GetSite:
+            return self.site()
+        if kind is GetGps:
+            return self._known.gps()
+        return self.clock() if kind is GetClock else None
+
+    def has_own_site(self) -> bool:
+        own = self.own
+        return own.site is not None or own.half is not None
+
+    def has_own_clock(self) -> bool:
+        """Whether the program has set a clock or a zone of its own."""
+        own = self.own
+        return own.clock is not None or own.zone is not None
+
+    # --- setting ----------------------------------------------------------------------------------------------------
+
+    def set_half(self, operation: SetSite) -> bool:
+        """Take one or both halves of a site; return whether both are set."""
+        held = self.own.half or SetSite()
+        half = SetSite(
+            latitude=operation.latitude if operation.latitude is not None else held.latitude,
+            longitude=operation.longitude if operation.longitude is not None else held.longitude,
+        )
+        self._put(replace(self.own, half=half))
+        return None not in (half.latitude, half.longitude)
+
+    def take_site(self) -> SetSite | None:
+        """Return the site to send now: the halves that were set, completed by known values; None if one is missing."""
+        place = self.site()
+        if self.own.half is None or place is None:
+            return None
+        self._put(replace(self.own, half=None))
+        return SetSite(latitude=place.latitude, longitude=place.longitude)
+
+    def keep_site(self, operation: SetSite) -> None:
+        assert operation.latitude is not None and operation.longitude is not None
+        place = Place(operation.latitude, wrap180(operation.longitude))
+        self._known.programs.set_site(self._program, place, self._known.host())
+        self._known.changed.emit(None)
+        self._known.lasting.emit(None)
+
+    def keep_clock(self, operation: SetClock) -> None:
+        moment = Moment(operation.unix, operation.offset, operation.dst)
+        self._put(replace(self.own, clock=(moment, self._known.now()), zone=None))
+
+    def keep_zone(self, offset: float) -> None:
+        """Keep a zone that was set alone: hours, local time minus UTC."""
+        self._put(replace(self.own, zone=offset))
+
+    def forget_site(self) -> None:
+        """Return to the site of the best source."""
+        self._known.programs.forget("site", self._program)
+        self._put(replace(self.own, half=None))
+
+    def _put(self, own: OwnSettings) -> None:
+        self._known.programs.put(self._program, own)
+        self._known.changed.emit(None)
