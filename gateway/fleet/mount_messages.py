@@ -58,6 +58,7 @@ def state(gateway: Gateway) -> dict[str, Any]:
         **_places(gateway, seen.position),
         "tracking": None if status is None else status.tracking is not op.Tracking.OFF,
         "moving": seen.slewing or seen.by_hand,
+        "goto_ended_short": controller.wanted.value.short or None,
         "aligned": None if status is None else status.aligned,
         "asleep": seen.asleep,
         "held": seen.held,

@@ -18,6 +18,7 @@ from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.order_runner import Consequences, OrderRunner
+from gateway.mount.motion.outcomes import ended_short
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
@@ -90,6 +91,7 @@ class MountController:
         watch.must_stop.connect(self._stop_now)
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
+        reader.goto_missed.connect(lambda words: reconciler.want(ended_short(reconciler.wanted, words)))
         # Orders of clients, supervision of the motions that they begin, identification, polling.
         self.orders = Orders(context, runner, reader, self.own, self.settings, reconciler)
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
@@ -109,8 +111,8 @@ class MountController:
         if not status.aligned:
             self.synced.forget()
 
-    def _stop_now(self, _: None) -> None:
-        self.begin_stop()
+    def _stop_now(self, why: str) -> None:
+        self.reconciler.begin_stop(why)
 
     def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
@@ -176,8 +178,8 @@ class MountController:
 
     def begin_stop(self) -> None:
         """End every motion, before everything else, without waiting for the acknowledgement."""
-        self.reconciler.begin_stop()
+        self.reconciler.begin_stop("")
 
     async def stop(self) -> None:
         """End every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
-        await self.reconciler.stop()
+        await self.reconciler.stop("")

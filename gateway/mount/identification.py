@@ -63,7 +63,7 @@ class Identification:
             self._context.note(
                 "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
-            self._reconciler.begin_stop()
+            self._reconciler.begin_stop("stopped when the connection to the mount was lost and open again")
         if self._reconciler.wanted.owed and self._context.known.is_set():
             words += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 

@@ -118,7 +118,7 @@ class Orders:
     ) -> Any:
         """Carry out an operation whose answer is not shared between clients."""
         if isinstance(operation, op.AbortMotion):
-            return await self._reconciler.stop()
+            return await self._reconciler.stop("")
         if isinstance(operation, MOTIONS):
             value = await _ended(self._take(operation, stops, activity, patience, asked))
             if isinstance(value, op.Chosen) and value.place is not None:
@@ -217,6 +217,7 @@ class Orders:
             or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
             parked=parked,
             homed=wanted.homed and not slews,
+            short=wanted.short,
         )
 
     async def _abilities(self, _: op.GetAbilities) -> op.Abilities:

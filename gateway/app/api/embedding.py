@@ -60,14 +60,22 @@ class RunningGateway:
         await self.perform(op.Goto(ra % 360.0, dec))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until no goto is in progress; return the position. Raises Stopped after a stop, and TimeoutError."""
+        """Wait until no goto is in progress; return the position.
+
+        Raises TimeoutError, and Stopped after a stop, or with the reason if the goto ended before its goal.
+        """
         stops = self._controller.stops
         async with asyncio.timeout(seconds):
             while await self.perform(op.Slewing()):
                 await asyncio.sleep(LOOK)
-        if self._controller.stops != stops:
-            raise Stopped
+        if self.ended_short or self._controller.stops != stops:
+            raise Stopped(self.ended_short or None)
         return await self.position()
+
+    @property
+    def ended_short(self) -> str:
+        """Why the last goto ended before its goal, in words, until the next order; empty if it did not."""
+        return self._controller.wanted.value.short
 
     async def sync(self, ra: float, dec: float) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""

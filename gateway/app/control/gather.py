@@ -85,6 +85,8 @@ def _wanted(controller: MountController) -> Iterator[str]:
         yield f"{_goto(controller, wanted.motion.operation)}{_asked_by(wanted.motion.by, since)}"
     elif controller.slewing:
         yield "it slews without an order from this gateway: perhaps by its hand control"
+    if wanted.short:
+        yield wanted.short
     for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():
         yield f"{_arrow(motion.operation, axis)}{_asked_by(motion.by, controller.now() - motion.since)}"
     for order in wanted.pending:

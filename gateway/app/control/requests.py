@@ -225,6 +225,8 @@ class RequestHandler:
         )  # after parking, its tracking is still to be turned off
         if self._in_motion(active) or follows:
             return f"{UNDER_WAY} {format_position(seen.position) if seen.position else ''}"
+        if controller.wanted.value.short:
+            return f"{FAILED} {controller.wanted.value.short}"
         if controller.stops != active.stops:
             return f"{FAILED} it was stopped on the way"
         if active.goal is not None and seen.position is not None and (words := missed(active.goal, seen.position)):

@@ -150,7 +150,8 @@ class Status(Struct, frozen=True):
 
 class Activity(Struct, frozen=True):
     """The motion of a mount by orders of this gateway: a goto, an axis by hand, a guide pulse; whether it is parked,
-    and whether it was sent home last and has not been moved since.
+    and whether it was sent home last and has not been moved since. ``short`` is why the last goto ended before its
+    goal, in words.
 
     An order that has not begun counts, so that no client sees the mount at rest between an order and its motion.
     """
@@ -160,6 +161,7 @@ class Activity(Struct, frozen=True):
     pulse: bool = False
     parked: bool = False
     homed: bool = False
+    short: str = ""
 
 
 class Abilities(Struct, frozen=True):

@@ -16,7 +16,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import ENDS, GOTOS, RESTARTED_AFTER_END, axis_moved, ends_focus, survives_abort
 from gateway.mount.motion.taps import ended, released, waits_for, without_presses
-from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
+from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Slew, Wanted
 from gateway.protocols.base.driver import Schedule
 
 #: The number of guide pulses that may wait; with more of them guiding makes no sense.
@@ -25,17 +25,26 @@ PULSES = 8
 
 def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Return what is wanted after an order. ``slewing``: the mount reports a goto under way. Raises Refused."""
+    if wanted.short and order.by is not None:  # of a client
+        wanted = replace(wanted, short="")
     return _ROWS.get(type(order.operation), _append)(wanted, order, now, slewing)
 
 
-def stopped(wanted: Wanted) -> Wanted:
-    """Return what is wanted after a stop: no motion, and the mount is owed the stop command."""
+def stopped(wanted: Wanted, why: str | None = None) -> Wanted:
+    """Return what is wanted after a stop: no motion, and the mount is owed the stop command.
+
+    ``why`` is the reason if the gateway itself stops the mount, empty if a client does, None for a stop that follows.
+    """
     pending = tuple(
         order
         for order in wanted.pending
         if survives_abort(order.operation) or (order.urgent and order.number == wanted.active)
     )
-    return replace(wanted, pending=pending, pulses=(), pressed=(), taps=(), owed=True, stops=wanted.stops + 1)
+    short = f"the goto ended before its goal: {why}" if why and isinstance(wanted.motion, Slew) else wanted.short
+    return replace(
+        wanted, pending=pending, pulses=(), pressed=(), taps=(), owed=True, stops=wanted.stops + 1,
+        short="" if why == "" else short,
+    )  # fmt: skip
 
 
 def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Order | None:

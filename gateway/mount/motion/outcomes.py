@@ -122,6 +122,11 @@ def arrived(wanted: Wanted) -> Wanted:
     return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
 
 
+def ended_short(wanted: Wanted, words: str) -> Wanted:
+    """Note that the mount ended a goto elsewhere than at its goal; not if a stop has ended it."""
+    return wanted if wanted.owed or wanted.short else replace(wanted, short=words)
+
+
 def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
     """Note a guide pulse that began, and add the order for its end or its remainder, with this ``number``."""
     axis, until = pulse_axis(order), now + pulse.seconds

@@ -121,18 +121,18 @@ class Reconciler:
         """Owe a stop, for a motion that an earlier run of the gateway left behind."""
         self._put(replace(self.wanted, owed=True))
 
-    def begin_stop(self) -> asyncio.Task[None]:
+    def begin_stop(self, why: str | None = None) -> asyncio.Task[None]:
         """End every motion: cancel all orders that run or wait, and send the stop before everything else.
 
-        The stop is owed until the mount has acknowledged it: a lost reply or a lost line does not cancel it.
+        It is owed until the mount has acknowledged it, also over a lost reply or line. ``why``: see ``stopped``.
         """
         work = self._work
-        self._want(stopped(self.wanted))
+        self._want(stopped(self.wanted, why))
         return self._stopping.send(work if work is not None and work.cancelling() else None)
 
-    async def stop(self) -> None:
+    async def stop(self, why: str | None = None) -> None:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
-        await result_of(self.begin_stop())
+        await result_of(self.begin_stop(why))
 
     def send_again(self, axes: frozenset[int]) -> None:
         """Send an end again, because the position shows that the mount still moves. Other orders continue."""

@@ -139,7 +139,8 @@ class Wanted(Struct, frozen=True):
 
     ``stops`` and ``gotos`` count the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged,
     ``asked`` all orders that end nothing. A stop is ``owed`` until the mount has acknowledged it. ``homed``: the mount
-    was sent home, and no order has moved it since.
+    was sent home, and no order has moved it since. ``short`` is why the last goto ended before its goal, in
+    words, until the next order.
     """
 
     motion: NotOrdered | Slew | ByHand = NotOrdered()
@@ -156,6 +157,7 @@ class Wanted(Struct, frozen=True):
     gotos: int = 0
     slews: int = 0
     asked: int = 0
+    short: str = ""
 
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:

@@ -38,7 +38,7 @@ class Reader:
     """``read`` prefers the cache, ``read_now`` always asks the mount, ``answer`` answers a client with a timeout.
 
     Signals: ``position``, ``axes`` and ``status`` with a new reading; ``unseen`` when a position read failed;
-    ``goto_over`` when the mount reports that a goto has ended.
+    ``goto_over`` when the mount reports that a goto has ended, ``goto_missed`` in words if that is not at its goal.
     """
 
     def __init__(
@@ -55,6 +55,7 @@ class Reader:
         self.status: Signal[op.Status] = Signal()
         self.unseen: Signal[None] = Signal()
         self.goto_over: Signal[None] = Signal()
+        self.goto_missed: Signal[str] = Signal()
 
     def close(self) -> None:
         for task in self._sharing.values():
@@ -229,11 +230,18 @@ class Reader:
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         self._client_readings.outdate()
-        here = await self.answer(op.Position())
-        if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self._wanted.axes:
+        await self.answer(op.Position())
+        here = self._cache.value(op.Position)  # None if the mount has not told a new one
+        if (
+            here is not None
+            and isinstance(slew, Slew)
+            and isinstance(slew.operation, op.Goto)
+            and not self._wanted.axes
+        ):
             goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
             if words := missed(goal, here):
                 self._context.note(words)
+                self.goto_missed.emit(words)
 
     async def tube_side(self) -> str | None:
         """Return the pier side (E, W) of the tube of a German mount; None if it is unknown."""

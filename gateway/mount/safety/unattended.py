@@ -121,7 +121,7 @@ class TrackingAtLimit:
     ) -> None:
         self._context, self._reader, self._perform = context, reader, perform
         self._switching = self._cannot_turn_off = self._drifting = self._sky_set_at_rest = False
-        self.must_stop: Signal[None] = Signal()
+        self.must_stop: Signal[str] = Signal()
         watch.motion_began.connect(self.began)
         watch.sky_changed.connect(self.sky_changed)
         watch.position_checked.connect(self.seen)
@@ -164,7 +164,7 @@ class TrackingAtLimit:
             context.note(f"{'WARNING: the mount is' if self._sky_set_at_rest else 'stopped'} at {reason}")
             context.note_once("the tracking of this mount cannot be switched off at a limit")
             if not self._sky_set_at_rest:
-                self.must_stop.emit(None)
+                self.must_stop.emit(f"stopped at {reason}")
         except Fault as fault:
             context.note(f"tracking could not be switched off at {reason} and continues beyond it: {fault}")
         finally:

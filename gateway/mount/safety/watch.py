@@ -49,7 +49,7 @@ class LimitWatch:
 
     def __init__(self, mount: Context, reader: Reader, ends: EndWatch, being_set: Callable[[], bool]) -> None:
         self._mount, self._reader, self._ends = mount, reader, ends
-        self.must_stop: Signal[None] = Signal()
+        self.must_stop: Signal[str] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self.motion_began: Signal[None] = Signal()
         self.position_checked: Signal[op.Status | None] = Signal()
@@ -293,4 +293,4 @@ class LimitWatch:
 
     def _stop(self, words: str) -> None:
         self._mount.note(words)
-        self.must_stop.emit(None)
+        self.must_stop.emit(words)

@@ -1,7 +1,8 @@
 """The Stellarium surface: gotos, which have no reply, and positions, which are pushed.
 
 Every message begins with its length. The only sign of a refused goto is the status in the following positions: it is
-negative until a goto is accepted. Stellarium 0.22 does not show it; the log has the reason.
+negative until a goto is accepted, and after a goto that ended before its goal until the next order. Stellarium 0.22
+does not show it; the log has the reason.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.core.errors import Fault, Invalid
-from gateway.core.operations import Equatorial, Goto, Position
+from gateway.core.operations import Activity, Equatorial, GetActivity, Goto, Position
 from gateway.protocols.base.frames import LengthFramer
 from gateway.protocols.base.session import Kept, Session
 from gateway.protocols.base.wants import Handling, Subscription
@@ -23,7 +24,7 @@ HEADER, LONGEST = 4, 255
 #: bytes as a broken answer, has sent its request and is recognised.
 FIRST = 0.2
 #: The values of the field ``status``.
-WELL, REFUSED = 0, -1
+WELL, REFUSED, ENDED_SHORT = 0, -1, -2
 
 
 class Framer(LengthFramer):
@@ -56,9 +57,10 @@ class Framer(LengthFramer):
 
 
 class Progress(Kept):
-    """``status`` is sent with every position: whether the last goto was accepted."""
+    """``status`` is sent with every position: whether the last goto was accepted, or ended ``short`` of its goal."""
 
     status: int = WELL
+    short: bool = False
 
 
 class StellariumSession(Session):
@@ -81,7 +83,7 @@ def goto(session: StellariumSession, command: Command, values: Mapping[str, Any]
 
 
 def subscriptions(session: Session) -> Sequence[Subscription]:
-    """Return the subscription of the position."""
+    """Return the subscription of the position, and one that notes whether the last goto ended short."""
     assert isinstance(session, StellariumSession)
     pushed = load("stellarium").commands["position"]
     assert pushed.pushed is not None
@@ -89,6 +91,12 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
 
     def message(seen: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
-        return template.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": session.kept.status})
+        status = ENDED_SHORT if session.kept.short and not session.kept.status else session.kept.status
+        return template.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": status})
 
-    return [Subscription(Position(), pushed.pushed, message, after=FIRST)]
+    def note(moves: Activity) -> bytes:
+        session.kept.short = bool(moves.short)
+        return b""
+
+    every = pushed.pushed
+    return [Subscription(GetActivity(), every, note), Subscription(Position(), every, message, after=FIRST)]

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import struct
+from typing import Any
 
 import pytest
 
+from gateway.app.api.embedding import RunningGateway
+from gateway.app.control.gather import collect_state
+from gateway.core import operations as op
+from gateway.core.errors import Stopped
 from gateway.core.operations import Equatorial
 from gateway.diagnostics.virtual_time import run
+from gateway.fleet.mount_messages import state
 from gateway.mount.readings.reader import missed
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
@@ -32,6 +39,75 @@ def test_a_goto_that_was_cancelled_at_the_keypad_is_told_of(mount: str, driven: 
             told = [entry.note for entry in bridge.entries if "from its goal" in entry.note]
             assert len(told) == cancelled
             assert not bridge.controller.moving
+
+    run(program())
+
+
+#: How a goto ends -> the beginning of what is told.
+ENDS = {
+    "at the keypad": "the goto ended ",
+    "at a limit": "the goto ended before its goal: stopped at the altitude limit (",
+    "by a lost cable": "the goto ended before its goal: stopped when the connection to the mount was lost",
+    "by a client": "",
+    "at its goal": "",
+}
+
+
+async def ended(bridge: Any, driven: str, how: str) -> None:
+    """Send the mount to its goal, and let this end the goto."""
+    owner = Owner(bridge, driven)
+    await bridge.controller.perform(op.Goto(120.0, 30.0))
+    await asyncio.sleep(3.0)
+    if how == "at the keypad":
+        owner.keys("cancel")
+    elif how == "at a limit":
+        bridge.sim.mechanics.goto_axes(bridge.clock(), 0.0, -60.0)
+    elif how == "by a lost cable":
+        owner.cable.pull()
+        await asyncio.sleep(1.0)
+        owner.cable.out = False
+    elif how == "by a client":
+        await bridge.controller.stop()
+    for _ in range(60):
+        await bridge.controller.perform(op.Slewing())
+        await asyncio.sleep(1.0)
+
+
+@pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
+@pytest.mark.parametrize("how", ENDS)
+def test_it_is_told_until_the_next_order(how: str, mount: str, driven: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
+            controller = bridge.controller
+            embedding = RunningGateway(bridge.gateway)
+            await ended(bridge, driven, how)
+            words = embedding.ended_short
+            assert words.startswith(ENDS[how]) and bool(words) == bool(ENDS[how])
+            assert (await controller.perform(op.GetActivity())).short == words
+            assert (words in collect_state(controller, "", "", ()).wanted) is bool(words)
+            assert state(bridge.gateway)["goto_ended_short"] == (words or None)
+            if words:
+                with pytest.raises(Stopped, match="the goto ended"):
+                    await embedding.arrived()
+            else:
+                await embedding.arrived()
+            await embedding.perform(op.StopAxis(1))
+            assert embedding.ended_short == ""
+
+    run(program())
+
+
+@pytest.mark.parametrize("how", ENDS)
+def test_stellarium_reads_it_in_the_status(how: str) -> None:
+    async def program() -> None:
+        async with Bridge("cpc", presented="stellarium", surface=None, config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            await ended(bridge, "nexstar", how)
+            [status] = struct.unpack("<i", client.heard[-4:])
+            assert status == (-2 if ENDS[how] else 0)
+            await RunningGateway(bridge.gateway).goto(121.0, 30.0)
+            await asyncio.sleep(2.0)
+            assert client.heard[-4:] == b"\0\0\0\0"
 
     run(program())
 

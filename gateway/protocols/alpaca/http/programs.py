@@ -14,7 +14,7 @@ from collections import deque
 from itertools import count
 from typing import Any
 
-from gateway.core.errors import NoAnswer
+from gateway.core.errors import NoAnswer, Refused
 from gateway.protocols.alpaca.http.requests import Asked
 from gateway.protocols.alpaca.tables import member, refused
 from gateway.transport.handler import Accept, ConnectionRefused
@@ -30,6 +30,8 @@ READS = b"get "
 CHECK_EVERY, LONGEST = 0.25, 900.0
 #: The requests of these checks, and the reply when no goto is under way.
 CONNECT, SLEWING, RESTS = b"put connect\n", b"get slewing\n", b"false"
+#: The request for the reason if the goto ended before its goal.
+ENDED_SHORT = b'put action Action="GotoEndedShort" Parameters=""\n'
 #: The command that is never refused.
 STOP = "abortslew"
 
@@ -152,14 +154,17 @@ class Device:
         try:
             reply = _parsed(await program.ask(asked.line, stop))
             if not reply["ErrorNumber"] and member(asked.command.name).arrival:
-                await _arrival(self.programs.extra_connection(host, asked.client))
+                words = await _arrival(self.programs.extra_connection(host, asked.client))
+                reply = refused(Refused(words)) if words else reply
         except NoAnswerInTime as error:
             reply = refused(NoAnswer(str(error)))
         return reply
 
 
-async def _arrival(extra: Program) -> None:
-    """Wait until the goto has ended; other requests of the program are answered meanwhile."""
+async def _arrival(extra: Program) -> str:
+    """Wait until the goto has ended, and return why if that was before its goal. Other requests of the program are
+    answered meanwhile.
+    """
     loop = asyncio.get_running_loop()
     end = loop.time() + LONGEST
     try:
@@ -167,7 +172,8 @@ async def _arrival(extra: Program) -> None:
         while loop.time() < end:
             await asyncio.sleep(CHECK_EVERY)
             if await extra.ask(SLEWING) == RESTS:
-                return
+                return str(_parsed(await extra.ask(ENDED_SHORT)).get("Value", ""))
+        return ""
     finally:
         extra.close()
 

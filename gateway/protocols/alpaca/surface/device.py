@@ -15,10 +15,19 @@ from gateway.protocols.base.wants import CheckPossible, Handling, given
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
 
+#: The action that tells why the last goto ended before its goal, in words, until the next order; else an empty text.
+ENDED_SHORT = "GotoEndedShort"
 
-def no_action(session: AlpacaSession, command: Command, values: Values) -> None:
-    """Raise Unsupported: there are no actions."""
-    raise Unsupported("This mount has no actions of its own.")
+
+def action(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """Carry out an action of this device's own. Raises Unsupported."""
+    if given(values)["action"].casefold() != ENDED_SHORT.casefold():
+        raise Unsupported(f"The only action is {ENDED_SHORT}.")
+    return {"value": (yield op.GetActivity()).short}
+
+
+def supported_actions(session: AlpacaSession, command: Command, values: Values) -> dict[str, Any]:
+    return {"value": [ENDED_SHORT]}
 
 
 def not_here(session: AlpacaSession, command: Command, values: Values) -> None:

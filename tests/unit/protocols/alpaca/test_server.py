@@ -280,6 +280,19 @@ def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
     run(test)
 
 
+def test_a_goto_that_ended_short_is_an_error_of_whoever_waits_for_it() -> None:
+    async def test(own: Served) -> None:
+        own.mount.answers[programs.ENDED_SHORT] = b'"the goto ended 26.0 degrees from its goal"\n'
+        own.mount.answers[b"get slewing\n"] = b"false\n"
+        place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
+        _, answer = await own.ask("PUT", API + "slewtocoordinates", data=place)
+        assert (answer["ErrorNumber"], answer["ErrorMessage"]) == (0x40B, "the goto ended 26.0 degrees from its goal")
+        _, answer = await own.ask("PUT", API + "slewtocoordinatesasync", data=place)
+        assert answer["ErrorNumber"] == 0
+
+    run(test)
+
+
 def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> None:
     """The dead man's switch would let a motion by hand of a vanished program go on for ever."""
 
