@@ -60,8 +60,10 @@ class Fault(GatewayError):
     #: Whether the command may have reached the mount.
     sent = True
 
-    def __init__(self, words: str | None = None) -> None:
+    def __init__(self, words: str | None = None, brief: str = "") -> None:
+        """``brief`` are at most 60 characters for programs that show no more; then ``words`` say what to do as well."""
         super().__init__(words or self.words)
+        self.brief = brief
 
 
 class Invalid(Fault):
@@ -107,6 +109,12 @@ class NearSun(Fault):
     """The target, or the path to it, is nearer to the Sun than the operator allows."""
 
     words = "Too close to the Sun."
+
+
+class Contradicted(Fault):
+    """The altitude of the target is allowed by one source of site or time and forbidden by another."""
+
+    words = "Site or time is doubtful."
 
 
 class PastMeridian(Fault):

@@ -38,6 +38,8 @@ UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
 
 def explain(fault: Fault, limits: Limits) -> str:
     """Return one or two sentences, beginning with the words that programs get."""
+    if fault.brief:
+        return str(fault)  # it says what to do
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
     if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:
         means = UNSUPPORTED

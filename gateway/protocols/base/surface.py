@@ -265,7 +265,7 @@ def _refusal(command: Command, fault: Fault) -> bytes:
     chosen = next(exact, refusals[0] if refusals else None)
     if chosen is None:
         return b""
-    return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
+    return chosen[1].encode(dict.fromkeys(chosen[1].fields, fault.brief or str(fault)))
 
 
 @cache

@@ -169,7 +169,9 @@ def test_a_site_with_the_wrong_sign_does_not_bring_the_tube_to_the_sun(
             await asyncio.sleep(5.0)
             fault, nearest = await goes(bridge, op.Goto(sun.ra - 120.0, sun.dec))
             assert isinstance(fault, NearSun)
-            assert "The mount stands at 20.0 N 60.0 W, the configuration says 20.0 N 60.0 E" in str(fault)
+            assert "The mount stands at 20.0 N 60.0 W, the configuration says 20.0 N 60.0 E, 12114 km away" in str(
+                fault
+            )
             assert nearest > LIMIT
 
     run(program())

@@ -13,15 +13,17 @@ from typing import NamedTuple
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core.about import RELEASED
-from gateway.core.errors import Fault, NearSun, Unsupported
-from gateway.core.operations import Equatorial, GetStatus, Park, Place
+from gateway.core.errors import BelowHorizon, Contradicted, Fault, NearSun, Unsupported
+from gateway.core.operations import AxisPosition, Equatorial, GetStatus, Park, Place
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits, check_own_park
 from gateway.mount.site.astrometry import Sun
-from gateway.mount.site.site_clock import BestSources, Site, Time
+from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, Site, Time
 
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
+#: Kilometres in a degree on the Earth.
+KM = 111.2
 #: Without the date the position of the Sun is unknown.
 UNKNOWN_TIME = (
     "The time is unknown: this computer's clock is lost, and neither the mount nor a program has reported it. "
@@ -29,47 +31,86 @@ UNKNOWN_TIME = (
 )
 
 
+#: How to correct each source of a site, and of a time.
+SITE_SET = {
+    MOUNT: "the mount's at its hand control or in the program that sets it",
+    GPS: "the receiver's by a new fix",
+    CONFIGURED: "the key site of the configuration",
+    PROGRAM: "the program's",
+}
+CLOCK_SET = {**SITE_SET, COMPUTER: "the clock of this computer"}
+
+
 class Contradiction(NamedTuple):
-    """Another site and time that may be the true ones; ``words`` say which sources differ."""
+    """Another site and time that may be the true ones.
+
+    ``words`` say which sources differ, ``apart`` by how much, and ``remedies`` how to correct each.
+    """
 
     place: Place | None
     unix: float
     words: str
+    sources: tuple[str, str]
+    apart: str
+    remedies: dict[str, str]
 
 
 def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial, doubted: bool) -> None:
     """Check the altitude of a goto to ``goal`` by every source that contradicts the best one, if it is ``doubted``.
 
-    Raises BelowHorizon or TooHigh with the sources in words; NearSun if the time is unknown.
+    Raises Contradicted, which names the sources; NearSun if the time is unknown.
     """
     sites, times = sources.sites(), sources.times()
     if limits.sun > 0.0 and time_unknown(times[0]):
-        raise NearSun(UNKNOWN_TIME)
-    for place, unix, words in contradictions(sites, times) if doubted else ():
-        if place is None:
+        raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
+    for one in contradictions(sites, times) if doubted else ():
+        if one.place is None:
             continue
         try:
-            limits.check_altitude(sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1])
+            altitude = sky.horizon(goal.ra, goal.dec, one.place.latitude, one.place.longitude, one.unix)[1]
+            limits.check_altitude(altitude)
         except Fault as fault:
-            raise _because(fault, words) from None
+            which = "low" if isinstance(fault, BelowHorizon) else "high"
+            by = f"Too {which} by {_briefly(one)}."
+            raise Contradicted(f"Too {which}, if {one.sources[1]} is right: {_at_length(one)}", by) from None
 
 
 def with_contradiction(fault: Fault, sources: BestSources) -> Fault:
     """Return a refusal by the best source; if others contradict that, with the words for it."""
     found = next(contradictions(sources.sites(), sources.times()), None)
-    return fault if found is None else _because(fault, found.words)
+    if found is None:
+        return fault
+    words = f"{fault} {_at_length(found)}"
+    return type(fault)(words, words)
 
 
-def _because(fault: Fault, words: str) -> Fault:
-    return type(fault)(f"{fault} {words[0].upper()}{words[1:]}.")
-
-
-def too_near(sources: BestSources, sun: Sun, words: str | None = None) -> NearSun:
-    """Return the refusal of a motion towards a Sun, in these ``words``; if other sources show it, they are named."""
+def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
+    """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
+    words = "The way there passes too close to the Sun." if way else NearSun.words
+    if sun.own and sun.shift is not None:
+        off = max(abs(sun.shift.first), abs(sun.shift.second))
+        return NearSun(
+            f"{words} Since a sync or the alignment its axes are {off:.0f} degrees off: align the mount again.",
+            f"The Sun, by its axes: {off:.0f} degrees off. Align it again.",
+        )
     sites, times = sources.sites(), sources.times()
-    told = [*sites[:1], *([sun.site] if sun.site is not None else [])], [times[0], sun.time]
-    why = [found.words for found in contradictions(*told)]
-    return NearSun(" ".join([words or NearSun.words, *(f"{one[0].upper()}{one[1:]}." for one in why)]))
+    others = [] if sun.site is None else [sun.site]
+    told = next(contradictions(sites[:1] + others, [times[0], sun.time._replace(doubtful=False)]), None)
+    if sun.own or told is None:
+        return NearSun(words)
+    return NearSun(f"{words} {_at_length(told)}", f"{'Past' if way else 'Near'} the Sun by {_briefly(told)}.")
+
+
+def _briefly(one: Contradiction) -> str:
+    """Return at most 45 characters: ``the computer (2.5 hours from the mount)``."""
+    names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS: "the GPS", PROGRAM: "a program"}
+    best, other = (names.get(source, source) for source in one.sources)
+    return f"{other} ({one.apart} from {best})"
+
+
+def _at_length(one: Contradiction) -> str:
+    ways = ", or ".join(one.remedies[source] for source in one.sources)
+    return f"{one.words[0].upper()}{one.words[1:]}. Correct the one that is wrong: {ways}."
 
 
 def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradiction]:
@@ -78,22 +119,16 @@ def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradicti
     if sites:
         place, others = sites[0].place, sites[1:]
         for other in others:
-            if _apart(place, other.place) > SITE_MATTERS:
-                hint = likely_mistake(place, other.place)
-                yield Contradiction(
-                    other.place,
-                    unix,
-                    f"{sites[0].who} stands at {site_text(place)}, {other.source} says "
-                    f"{site_text(other.place)}{': ' * bool(hint)}{hint}",
-                )
+            if (apart := _apart(place, other.place)) > SITE_MATTERS:
+                hint, far = likely_mistake(place, other.place), f"{apart * KM:.0f} km"
+                told = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
+                words = f"{sites[0].who} stands at {site_text(place)}, {told}"
+                yield Contradiction(other.place, unix, words, (sites[0].source, other.source), far, SITE_SET)
     for time in times[1:]:
-        apart = abs(time.unix - unix)
-        if apart > CLOCK_MATTERS and not time.doubtful:
-            yield Contradiction(
-                sites[0].place if sites else None,
-                time.unix,
-                f"the clocks of {times[0].who} and of {time.source} differ by {_span(time.unix - unix)}",
-            )
+        if abs(time.unix - unix) > CLOCK_MATTERS and not time.doubtful:
+            place_of_best, span = sites[0].place if sites else None, _span(time.unix - unix)
+            words = f"the clocks of {times[0].who} and of {time.source} differ by {span}"
+            yield Contradiction(place_of_best, time.unix, words, (times[0].source, time.source), span, CLOCK_SET)
 
 
 def _apart(one: Place, other: Place) -> float:
@@ -134,10 +169,13 @@ def time_unknown(best: Time) -> bool:
 
 def contradiction_warning(mount: Context) -> str:
     """Return the contradictions as one warning line; empty if there are none."""
+    status, driver = mount.cache.value(GetStatus), mount.driver
+    by_axis = status is not None and not status.equatorial and driver.implementation(AxisPosition) and not driver.german
+    refused = "that come near the Sun by either" if by_axis else "that either of them would forbid"
     found = [
-        f"{words} (gotos that either of them would forbid are refused)"
-        for place, _, words in contradictions(mount.sources.sites(), mount.sources.times())
-        if place is not None
+        f"{one.words} (gotos {refused} are refused)"
+        for one in contradictions(mount.sources.sites(), mount.sources.times())
+        if one.place is not None
     ]
     found += _park_warning(mount)
     return f"WARNING: {'; '.join(found)}" if found else ""

@@ -209,7 +209,7 @@ class Admission:
             allowed = min(limit, mount.suns.distance(here, sun) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
             if not all(clear(start, turned, place, allowed) for start, turned in paths_of(mount, journey(sun.shift))):
-                raise too_near(mount.sources, sun, "The way there passes too close to the Sun.")
+                raise too_near(mount.sources, sun, way=True)
         self._watch.path_leaves_limits = await check_ways(mount, limits, journey(tube))
         self._watch.path_clear = known and not self._watch.path_leaves_limits
 

@@ -151,8 +151,8 @@ def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_
 @pytest.mark.parametrize(
     ("site", "ahead", "words"),
     [
-        ((10.0, -80.0), 0.0, b"The mount stands at 45.0 N 10.0 E, the configuration says 10.0 N 80.0 W."),
-        (None, -21600.0, b"The clocks of the mount and of this computer differ by 6.0 hours."),
+        ((10.0, -80.0), 0.0, b"the config (9224 km from the mount)"),
+        (None, -21600.0, b"the computer (6.0 hours from the mount)"),
     ],
 )
 def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
@@ -165,7 +165,7 @@ def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
             client = bridge.client()
             hour_angle, dec = horizon_to_hour_angle(110.0, 30.0, 45.0)
             there = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec
-            assert await client.ask(as_lx200(*there), until=b"#") == b"111Object Below Horizon. %s#" % words
+            assert await client.ask(as_lx200(*there), until=b"#") == b"112Too low by %s.#" % words
             assert not bridge.sim.slewing
             high = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 20.0) % 360.0, 60.0
             if site is not None:
@@ -291,6 +291,6 @@ def test_a_goto_needs_the_time_where_the_sun_counts(sun: float, told: bool, done
                 await asyncio.sleep(3.0)
             reply = await client.ask(GOTO, until=b"0" if done else b"#")
             assert reply.endswith(b"0" if done else b"#")
-            assert (b"time is unknown" in reply) is not done
+            assert (b"time is unknown" in reply.lower()) is not done
 
     run(program())

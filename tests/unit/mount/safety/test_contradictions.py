@@ -1,0 +1,63 @@
+"""What a refusal says when sources of site or time contradict each other, and whom that keeps from observing."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import pytest
+
+from gateway.app.control.refusals import explain
+from gateway.astro.ephemeris.sky import Sky
+from gateway.core import operations as op
+from gateway.core.errors import Contradicted, Fault
+from gateway.mount.policy import Limits
+from gateway.mount.safety.admission.contradictions import check_contradictions, contradictions, too_near
+from gateway.mount.site.astrometry import Shift, Sun
+from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, Site, SiteClock, Time
+from tests.support.in_process_gateway import EVENING
+
+LONGEST = 60
+HERE, FAR = op.Place(45.0, 10.0), op.Place(-44.0, -171.0)
+
+
+def says_what_to_do(fault: Fault, *sources: str) -> None:
+    """The whole text names both sources and the way out; the brief one fits a hand control's display."""
+    told = explain(fault, Limits(lowest=20.0))
+    for word in sources:
+        assert word.lower() in told.lower()
+    assert "Correct the one that is wrong" in told
+    assert "lowest" not in told
+    assert 0 < len(fault.brief) <= LONGEST, fault.brief
+
+
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS, CONFIGURED, PROGRAM], 2)))
+def test_a_site_that_contradicts_is_named_with_the_way_out(best: str, other: str) -> None:
+    sites, time = [Site(HERE, best), Site(FAR, other)], Time(EVENING, MOUNT)
+    [found] = contradictions(sites, [time])
+    assert "km away" in found.words
+    known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
+    known.sites, known.times = lambda: sites, lambda: [time]  # type: ignore[method-assign]
+    says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1])), best, other)
+    says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1]), way=True), best, other)
+    zenith = op.Equatorial(Sky().sidereal_time(EVENING, 10.0), 45.0)
+    with pytest.raises(Contradicted) as raised:
+        check_contradictions(known, Sky(), Limits(lowest=20.0), zenith, doubted=True)
+    says_what_to_do(raised.value, best, other)
+
+
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS, COMPUTER, PROGRAM], 2)))
+@pytest.mark.parametrize("apart", [200.0, 9000.0, 9e5, 9e7])
+def test_a_clock_that_contradicts_is_named_with_the_way_out(best: str, other: str, apart: float) -> None:
+    times = [Time(EVENING, best), Time(EVENING - apart, other, other == COMPUTER)]
+    known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
+    site = Site(HERE, MOUNT)
+    known.sites, known.times = lambda: [site], lambda: times  # type: ignore[method-assign]
+    says_what_to_do(too_near(known, Sun(0.0, 0.0, False, times[1], site)), best, other)
+
+
+def test_axes_that_are_off_are_named_with_the_way_out() -> None:
+    known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, HERE))
+    fault = too_near(known, Sun(0.0, 0.0, True, Time(EVENING, MOUNT), None, Shift(-180.0, 0.0, False)))
+    assert "axes are 180 degrees off: align the mount again" in str(fault)
+    assert len(fault.brief) <= LONGEST
+    assert too_near(known, Sun(0.0, 0.0, True, Time(EVENING, MOUNT))).brief == ""
