@@ -13,7 +13,6 @@ from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway
 from gateway.console import requests
 from gateway.console.places import target_of
-from gateway.core.operations import Direction
 
 _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released"}
 
@@ -52,44 +51,3 @@ async def command(request: requests.Command, who: str) -> request_types.Request:
             return request_types.Home(number, who=who)
         case requests.Unpark() | requests.Wake():
             return request_types.Unpark(number, who=who)
-
-
-class Jogging:
-    """The direction keys that one page holds down on one mount."""
-
-    def __init__(self, gateway: Gateway, who: str) -> None:
-        self._gateway, self._who = gateway, who
-        self._held: dict[Direction, tuple[str, int]] = {}
-
-    @property
-    def any(self) -> bool:
-        """Whether a key is held down."""
-        return bool(self._held)
-
-    async def press(self, direction: Direction, rate: int) -> tuple[bool, str]:
-        """Press a key and release the opposite one. Return success and a message."""
-        for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
-            await self.let_go(other)
-        known = new_number()
-        self._held[direction] = known, rate
-        done, words = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))
-        if not done and self._held.get(direction, ("", 0))[0] == known:
-            del self._held[direction]
-        return done, words
-
-    async def repeat(self) -> None:
-        """Repeat the orders of all keys that are held down, so that their motion does not time out."""
-        for direction, (known, rate) in list(self._held.items()):
-            done, _ = await carry_out(self._gateway, request_types.Press(known, direction, rate, who=self._who))
-            if not done and self._held.get(direction, ("", 0))[0] == known:
-                del self._held[direction]  # something else has ended it: a stop, a limit, the mount
-
-    async def let_go(self, direction: Direction | None = None) -> tuple[bool, str]:
-        """Release one key, or all. Return success and a message."""
-        done, words = True, "let go"
-        for one in [direction] if direction is not None else list(self._held):
-            if one in self._held:
-                known, _ = self._held.pop(one)
-                ended, said = await carry_out(self._gateway, request_types.LetGo(known, who=self._who))
-                done, words = done and ended, said if not ended else words
-        return done, words

@@ -20,6 +20,7 @@ from gateway.app.recording.recorded_gateway import record
 from gateway.app.recording.recorder import Recorder
 from gateway.clients.any_protocol.deciding import decide
 from gateway.clients.strangers import IDLE
+from gateway.console.arrows import Arrows
 from gateway.console.pages import same_token
 from gateway.console.shown.publisher import Publisher
 from gateway.core.errors import UserError
@@ -42,6 +43,8 @@ class Mounts:
         self.gateways, self.pin = list(gateways), pin
         self.recordings = [Recording(gateway) for gateway in self.gateways]
         self.publisher = Publisher(self.gateways, lambda: [recording.state for recording in self.recordings])
+        #: By mount, the arrows that each page holds.
+        self.arrows: list[list[Arrows]] = [[] for _ in self.gateways]
         self._explaining = asyncio.Lock()
 
     def now(self) -> float:

@@ -1,8 +1,8 @@
 """The session of one open page: what it is sent, what it requests, and what ends when it disconnects.
 
 It is sent the publisher's frames, which all pages share, but only after it has read the earlier ones. So a slow,
-stalled or hidden page delays nothing and gets the newest state when it reads again. A page that holds a direction key
-sends a beat twice a second; after 1.5 seconds without one, its keys are released.
+stalled or hidden page delays nothing and gets the newest state when it reads again. A page sends a beat twice a
+second, which names the direction keys that it holds; after 1.5 seconds without one, its keys are released.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import msgspec
 from gateway.app.control.request_types import Spot
 from gateway.app.control.requests import of_date
 from gateway.console import actions, requests
+from gateway.console.arrows import Arrows
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, suggestions, verdict
 from gateway.console.shown.frame import Frame, talk
@@ -54,7 +55,8 @@ class PageSession:
         self._seen = -1
         #: The number of the next row of the conversation; None while the page does not show it.
         self._row: int | None = None
-        self._jogging = [actions.Jogging(gateway, self._who) for gateway in mounts.gateways]
+        pairs = zip(mounts.gateways, mounts.arrows, strict=True)
+        self._arrows = [Arrows(gateway, self._who, pages) for gateway, pages in pairs]
         self._tasks = BackgroundTasks()
 
     # --- sending ----------------------------------------------------------------------------------------------------
@@ -78,7 +80,8 @@ class PageSession:
         finally:
             subscription.end()
             self._listen(False)
-            await asyncio.shield(self._let_go())
+            for arrows in self._arrows:
+                arrows.close()
             guard.cancel()
             self._tasks.cancel()
 
@@ -105,18 +108,13 @@ class PageSession:
         while True:
             await asyncio.sleep(CHECK)
             now = self._loop.time()
-            if not any(jogging.any for jogging in self._jogging):
-                continue
-            if now - self._heard > SILENT:
-                self._tasks.spawn(self._let_go())
-            elif now - self._repeated > REPEAT:
-                self._repeated = now
-                for jogging in self._jogging:
-                    self._tasks.spawn(jogging.repeat())
-
-    async def _let_go(self) -> None:
-        for jogging in self._jogging:
-            await jogging.let_go()
+            repeats = now - self._repeated > REPEAT
+            for arrows in filter(None, self._arrows):
+                if now - self._heard > SILENT:
+                    arrows.release(lost=True)
+                elif repeats:
+                    self._repeated = now
+                    self._tasks.spawn(arrows.repeat())
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
@@ -129,15 +127,28 @@ class PageSession:
             self._tasks.spawn(self._answer(0, False, f"the console does not understand this: {error}"))
             return
         if isinstance(request, requests.Beat):
+            for number, arrows in enumerate(self._arrows):
+                arrows.keep({(_direction(one.direction), one.press) for one in request.held if one.mount == number})
             return
         if len(self._tasks) >= AT_ONCE and not isinstance(request, requests.Stop | requests.LetGo):
             self._tasks.spawn(self._answer(request.id, False, "too many requests at once; wait a moment"))
             return
-        self._tasks.spawn(self._carry_out(request))
+        self._tasks.spawn(self._carry_out(request, self._press_or_release(request)))
 
-    async def _carry_out(self, request: requests.Asked) -> None:
+    def _press_or_release(self, request: requests.Asked) -> asyncio.Task[tuple[bool, str]] | None:
+        """Press or release an arrow at once, in the order of the messages. Return the outcome of a press."""
+        if not 0 <= request.mount < len(self._arrows):
+            return None
+        arrows = self._arrows[request.mount]
+        if isinstance(request, requests.LetGo):
+            arrows.release(None if request.direction is None else _direction(request.direction), request.press)
+        elif isinstance(request, requests.Jog) and self._acts:
+            return arrows.press(_direction(request.direction), request.rate, request.press)
+        return None
+
+    async def _carry_out(self, request: requests.Asked, pressed: asyncio.Task[tuple[bool, str]] | None = None) -> None:
         try:
-            await self._do(request)
+            await (self._do(request) if pressed is None else self._answer(request.id, *await pressed))
         except (UserError, Fault) as error:
             await self._answer(request.id, False, str(error))
         except ConnectionError:
@@ -158,7 +169,6 @@ class PageSession:
         if isinstance(request, requests.Act) and not self._acts and not isinstance(request, requests.LetGo):
             await self._answer(request.id, False, LOOKS_ONLY)
             return
-        jogging = self._jogging[request.mount]
         controller = gateway.controller
         match request:
             case requests.Talk():
@@ -167,11 +177,8 @@ class PageSession:
                 self._acts = self._acts or mounts.admits(request.pin)
                 words = "this page may act now" if self._acts else "this is not the pin"
                 await self._answer(request.id, self._acts, words)
-            case requests.Jog():
-                await self._answer(request.id, *await jogging.press(Direction[request.direction.upper()], request.rate))
-            case requests.LetGo():
-                one = None if request.direction is None else Direction[request.direction.upper()]
-                await self._answer(request.id, *await jogging.let_go(one))
+            case requests.LetGo() | requests.Jog():  # the outcome of a press is answered elsewhere
+                await self._answer(request.id, True, "let go")
             case requests.Hold() | requests.Release():
                 word = "hold" if isinstance(request, requests.Hold) else "release"
                 await self._answer(request.id, *await actions.order(gateway, word))
@@ -211,3 +218,7 @@ class PageSession:
         if number:
             with contextlib.suppress(ConnectionError):
                 await self._send({"id": number, "ok": done, "words": words, **(more or {})})
+
+
+def _direction(word: requests.Arrow) -> Direction:
+    return Direction[word.upper()]

@@ -24,8 +24,18 @@ class Request(Struct, frozen=True, tag_field="do"):
     mount: Annotated[int, Meta(ge=-1, lt=1000)] = 0
 
 
+class HeldArrow(Struct, frozen=True):
+    """An arrow that a page holds down: the number of the mount, the direction, the number of the press."""
+
+    mount: Annotated[int, Meta(ge=0, lt=1000)]
+    direction: Arrow
+    press: Annotated[int, Meta(ge=0)]
+
+
 class Beat(Request, frozen=True, tag="beat"):
-    """The page is alive. When these messages stop, the motion that it has started by hand ends."""
+    """The page is alive, and holds these arrows. What it does not name is released; without these messages all is."""
+
+    held: Annotated[list[HeldArrow], Meta(max_length=1000)] = []
 
 
 class Talk(Request, frozen=True, tag="talk"):
@@ -84,16 +94,21 @@ class Release(Act, frozen=True, tag="release"):
 
 
 class Jog(Act, frozen=True, tag="jog", kw_only=True):
-    """Press a direction key: the mount moves until the key is released or the page disappears."""
+    """Press a direction key: the mount moves until the key is released or the page disappears.
+
+    ``press`` numbers the presses of a page from 1; with the number of a key that is held the rate is changed.
+    """
 
     direction: Arrow
     rate: Annotated[int, Meta(ge=1, le=9)] = 5
+    press: Annotated[int, Meta(ge=0)] = 0
 
 
 class LetGo(Act, frozen=True, tag="let_go"):
-    """Release one direction key, or all of them."""
+    """Release one direction key, or all of them; with ``press``, only if that press is the one that is held."""
 
     direction: Arrow | None = None
+    press: Annotated[int, Meta(ge=0)] = 0
 
 
 class Aimed(Act, frozen=True):

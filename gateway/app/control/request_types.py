@@ -83,7 +83,9 @@ class Press(Base, frozen=True, tag="press"):
 
 
 class LetGo(Base, frozen=True, tag="let go"):
-    """End the motion that ``Press`` began under this number."""
+    """End the motion that ``Press`` began under this number. One that has not begun is a tap; ``lost`` drops it."""
+
+    lost: bool = False
 
 
 class Track(Base, frozen=True, tag="track"):

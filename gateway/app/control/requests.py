@@ -20,6 +20,7 @@ from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Invalid, Stopped
 from gateway.mount.controller import MountController
+from gateway.mount.motion.taps import holder
 from gateway.mount.motion.wanted import ByHand, Slew
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
@@ -108,7 +109,8 @@ class RequestHandler:
         if active is None:
             active = self._active[number] = ActiveRequest(presence.connected(who), self._controller.stops)
             if len(self._active) > REMEMBERED:
-                presence.disconnected(self._active.pop(next(iter(self._active))).activity)
+                oldest = next((one for one, known in self._active.items() if not self._holds(known)), number)
+                presence.disconnected(self._active.pop(oldest).activity)
         return active
 
     # --- carrying out -----------------------------------------------------------------------------------------------
@@ -133,7 +135,7 @@ class RequestHandler:
             case request_types.Press():
                 return await self._press(request, active)
             case request_types.LetGo():
-                return await self._let_go(active)
+                return await self._let_go(request, active)
             case request_types.Track():
                 return await self._track(request, active)
             case request_types.TellTime():
@@ -186,16 +188,30 @@ class RequestHandler:
             raise Stopped
         if active.pressed == (request.direction, request.key):
             return f"it is moved {request.direction.word}"
+        if active.pressed is not None and not self._holds(active):  # another rate, after something else has ended it
+            raise Stopped
         active.pressed = request.direction, request.key
-        await self._perform(op.Move(request.direction, op.Rate(key=request.key)), active)
+        try:
+            await self._perform(op.Move(request.direction, op.Rate(key=request.key)), active)
+        except Stopped:
+            if not active.cancelled.is_set():
+                raise
         return f"it is moved {request.direction.word}"
 
-    async def _let_go(self, active: ActiveRequest) -> str:
-        """End the motion that ``Press`` began. Raises Fault."""
+    async def _let_go(self, request: request_types.LetGo, active: ActiveRequest) -> str:
+        """End the motion that ``Press`` began, unless another arrow has replaced it. Raises Fault."""
         active.cancelled.set()
-        if active.pressed is not None and self._in_motion(active):
-            await self._controller.perform(op.StopAxis(active.pressed[0].axis), None, active.activity)
+        if active.pressed is not None and self._holds(active):
+            by = None if request.lost else active.activity
+            await self._controller.perform(op.StopAxis(active.pressed[0].axis), None, by)
         return "let go"
+
+    def _holds(self, active: ActiveRequest) -> bool:
+        """Whether this request has pressed the newest arrow of its axis."""
+        return (
+            active.pressed is not None
+            and holder(self._controller.wanted.value, active.pressed[0].axis) is active.activity
+        )
 
     async def _track(self, request: request_types.Track, active: ActiveRequest) -> str:
         """Set the tracking rate if one is given, and turn tracking on or off. Raises Fault."""

@@ -260,11 +260,11 @@ def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
 def test_a_page_that_lives_holds_its_arrow_on(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there, there.page() as page:
-            await page.ask("jog", direction="west", rate=2)
+            await page.ask("jog", direction="west", rate=2, press=1)
             loop = asyncio.get_running_loop()
             began = loop.time()
             while loop.time() < began + 2.2:
-                await page.ws.send_str('{"do":"beat"}')
+                await page.ws.send_str('{"do":"beat","held":[{"mount":0,"direction":"west","press":1}]}')
                 await page.take()
             assert page.mount["by_hand"]
 

@@ -1,16 +1,18 @@
 // Motion by hand: it lasts while a direction is held with a finger, the mouse or an arrow key. It ends on release, and
-// also if the pointer, the focus, the view or the page is lost; if the network is lost, the gateway ends it.
+// also if the pointer, the focus, the view or the page is lost; if the network is lost, the gateway ends it. Every press
+// has a number, and every beat names the presses that are held, so that a late answer belongs to its own press alone.
 
 import { byId, isTyping, say } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
-import { ask, on, tell } from "../core/socket.js";
+import { ask, inBeats, on, tell } from "../core/socket.js";
 import { state, subscribe } from "../core/store.js";
 import { onView } from "../core/views.js";
 
 const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "west", ArrowRight: "east" };
 const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
-/** By direction, what holds it down (a pointer's number or "key"), and on which mount. @type {Map<string, {by: number|string, mount: number}>} */
+/** By direction, what holds it down (a pointer's number or "key"), on which mount, and the number of the press. @type {Map<string, {by: number|string, mount: number, press: number}>} */
 const held = new Map();
+let presses = 0;
 let rate = 5;
 
 const buttonOf = (direction) => byId("pad").querySelector(`[data-go="${direction}"]`);
@@ -22,22 +24,23 @@ function mark(direction, on) {
 async function press(direction, by) {
   if (held.has(direction) || !state.act) return;
   letGo(OPPOSITE[direction]);
-  const mount = state.chosen;
-  held.set(direction, { by, mount });
+  const mine = { by, mount: state.chosen, press: ++presses };
+  held.set(direction, mine);
   mark(direction, true);
-  const answer = await ask({ do: "jog", direction, rate, mount });
-  if (!answer.ok) {
+  const answer = await ask({ do: "jog", direction, rate, mount: mine.mount, press: mine.press });
+  if (answer.ok) return;
+  if (held.get(direction) === mine) {
     held.delete(direction);
     mark(direction, false);
-    notice(answer.words, "refused");
   }
+  notice(answer.words, "refused");
 }
 
 function letGo(direction) {
   const one = held.get(direction);
   if (!held.delete(direction)) return;
   mark(direction, false);
-  tell({ do: "let_go", direction, mount: one.mount });
+  tell({ do: "let_go", direction, mount: one.mount, press: one.press });
 }
 
 /** Release all directions. */
@@ -59,7 +62,7 @@ function setRate(wanted) {
   } catch {
     // Without storage the rate is 5 again the next time.
   }
-  for (const [direction, { mount }] of held) ask({ do: "jog", direction, rate, mount });
+  for (const [direction, { mount, press }] of held) tell({ do: "jog", direction, rate, mount, press });
 }
 
 function remembered() {
@@ -109,6 +112,7 @@ export function start() {
   addEventListener("pagehide", letAllGo);
   document.addEventListener("visibilitychange", () => document.hidden && letAllGo());
   onView(letAllGo);
+  inBeats(() => ({ held: [...held].map(([direction, { mount, press }]) => ({ mount, direction, press })) }));
   on("lost", letAllGo);
   byId("rate").addEventListener("input", () => setRate(Number(byId("rate").value)));
   byId("slower").addEventListener("click", () => setRate(rate - 1));

@@ -14,6 +14,7 @@ let number = 0;
 let attempts = 0;
 let heard = 0;
 let asked = false;
+let beat = () => ({});
 /** @type {Map<number, (answer: any) => void>} */
 const waiting = new Map();
 /** @type {Record<string, Array<(value: any) => void>>} */
@@ -25,6 +26,11 @@ export const token = meta("token");
 /** Subscribe to `talk`, `line` (messages of the gateway), `open` or `lost` (the connection). */
 export const on = (event, listener) => listeners[event].push(listener);
 const emit = (event, value) => listeners[event].forEach((listener) => listener(value));
+
+/** Send with every beat what a function returns. */
+export function inBeats(content) {
+  beat = content;
+}
 
 /** Send a message that needs no answer. False if there is no connection. */
 export function tell(request) {
@@ -104,7 +110,7 @@ async function again() {
 }
 
 setInterval(() => {
-  if (!tell({ do: "beat" })) return;
+  if (!tell({ do: "beat", ...beat() })) return;
   const silence = performance.now() - heard;
   if (silence > DEAD) lost();
   else if (silence > QUIET && !asked) {

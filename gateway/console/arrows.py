@@ -1,0 +1,120 @@
+"""The arrows that pages hold down: which page holds which, on one mount.
+
+A page names with every beat what it holds, and what it does not name is released. Every press has a number, so that
+what concerns an old press changes nothing of a newer one. The newest press of an axis moves it; the release of another
+one changes nothing. If a second page still holds the same arrow, the motion becomes its own.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Set
+from typing import NamedTuple
+
+from gateway.app.control import request_types
+from gateway.app.control.exchange import new_number
+from gateway.app.gateway import Gateway
+from gateway.console import actions
+from gateway.core.operations import Direction
+
+
+class Held(NamedTuple):
+    """An arrow that is held down: the number of the press, and of its request, its rate, and the loop time.
+
+    ``ends`` are the numbers of stops and gotos until then: after another one the arrow moves nothing any more.
+    """
+
+    press: int
+    request: str
+    rate: int
+    since: float
+    ends: tuple[int, int]
+
+
+async def _over() -> tuple[bool, str]:
+    """Answer to another rate for an arrow that something else has ended."""
+    return False, "This arrow is not held any more."
+
+
+class Arrows:
+    """The arrows that one page holds on one mount; ``pages`` are those of all pages."""
+
+    def __init__(self, gateway: Gateway, who: str, pages: list[Arrows]) -> None:
+        self._gateway, self._who, self._pages = gateway, who, pages
+        self._controller = gateway.controller
+        self._held: dict[Direction, Held] = {}
+        #: The number of the newest press.
+        self._newest = 0
+        pages.append(self)
+
+    def __bool__(self) -> bool:
+        """Whether an arrow is held down."""
+        return bool(self._held)
+
+    def press(self, direction: Direction, rate: int, press: int = 0) -> asyncio.Task[tuple[bool, str]]:
+        """Press an arrow and release the opposite one, or change the rate of this ``press``.
+
+        A press without a number is a new one. The outcome is success and words.
+        """
+        held = self._held.get(direction)
+        if held is not None and 0 < press == held.press:
+            held = held._replace(rate=rate)
+        elif 0 < press <= self._newest:
+            return self._controller.spawn(_over())
+        else:
+            for other in [one for one in self._held if one.axis == direction.axis]:
+                self.release(other)
+            self._newest = max(self._newest, press)
+            held = Held(press, new_number(), rate, self._controller.now(), self._ends())
+        self._held[direction] = held
+        return self._controller.spawn(self._move(direction, held))
+
+    async def _move(self, direction: Direction, held: Held) -> tuple[bool, str]:
+        request = request_types.Press(held.request, direction, held.rate, who=self._who)
+        done, words = await actions.carry_out(self._gateway, request)
+        if not done and (now := self._held.get(direction)) is not None and now.request == held.request:
+            del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
+        return done, words
+
+    async def repeat(self) -> None:
+        """Repeat the orders of all arrows that are held down, so that their motion does not time out."""
+        for direction, held in list(self._held.items()):
+            await self._move(direction, held)
+
+    def keep(self, named: Set[tuple[Direction, int]]) -> None:
+        """Release every arrow but these, each with the number of its press."""
+        for direction, held in list(self._held.items()):
+            if (direction, held.press) not in named:
+                self.release(direction, lost=True)
+
+    def release(self, direction: Direction | None = None, press: int = 0, lost: bool = False) -> None:
+        """Release one arrow, or all of them; with the number of a press only if that is the one that is held.
+
+        If the page is ``lost``, a motion that has not begun is dropped.
+        """
+        for one in list(self._held) if direction is None else [direction]:
+            held = self._held.get(one)
+            if held is not None and press in (0, held.press):
+                del self._held[one]
+                any(page.take_over(one, held) for page in self._pages)
+                request = request_types.LetGo(held.request, lost, who=self._who)
+                self._controller.spawn(actions.carry_out(self._gateway, request))
+
+    def take_over(self, direction: Direction, released: Held) -> bool:
+        """Move the mount by this page's arrow, if it was pressed before one that another page has released."""
+        held = self._held.get(direction)
+        if held is None or held.since > released.since or held.ends != self._ends():
+            return False
+        self._held[direction] = held = held._replace(request=new_number())
+        self._controller.spawn(self._move(direction, held))
+        return True
+
+    def _ends(self) -> tuple[int, int]:
+        """Return how many stops and gotos there were so far."""
+        wanted = self._controller.wanted.value
+        return wanted.stops, wanted.gotos
+
+    def close(self) -> None:
+        """Release all arrows: the page is gone."""
+        self._pages.remove(self)
+        self.release(lost=True)

@@ -1,0 +1,251 @@
+"""Arrows on the page: its own scripts over a slow network, the gateway's sessions, and the true axes of the mount."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from random import Random
+
+import pytest
+
+from gateway.app.gateway import Gateway
+from gateway.console.mounts import Mounts
+from gateway.console.page_session import PageSession
+from gateway.core import operations as op
+from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.virtual_time import run
+from tests.support.console.browser import Node, Page, node
+from tests.support.console.plays import DELAYS, JITTERS, play
+from tests.support.sampling import as_a_rule
+from tests.support.taps import LATENCIES, LENGTHS, MOUNTS, Axes, at_keypad, stage
+from tests.support.truth import moving
+
+#: Seconds within which a page whose network is frozen moves nothing any more.
+FROZEN = 2.2
+
+
+@pytest.fixture(scope="module")
+def scripts() -> Iterator[Node]:
+    """One process for all pages: starting it takes longer than a test."""
+    with node() as process:
+        yield process
+
+
+@pytest.fixture(autouse=True)
+def named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Gateway, "names", lambda self: ["lx200@tcp://127.0.0.1:4030"])  # it has no port to tell of
+
+
+@asynccontextmanager
+async def opened(
+    scripts: Node, delay: float = 0.0, mount: str = "cpc", latency: float = 0.1, pages: int = 1
+) -> AsyncIterator[tuple[Stage, list[Page]]]:
+    async with AsyncExitStack() as stack:
+        own = await stack.enter_async_context(stage("lx200", mount, latency))
+        mounts = Mounts([own.gateway])
+        shown = [Page(scripts, number, mounts, delay, 0.0, Random(number)) for number in range(pages)]
+        for page in shown:
+            await stack.enter_async_context(page)
+        await asyncio.sleep(3.0 * delay + 1.0)
+        for page in shown:
+            page.do("rate", 7)
+        yield own, shown
+
+
+def refusals(own: Stage) -> list[str]:
+    return [notice.text for notice in own.controller.wire_log.recent if "console" in notice.side]
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_tap_moves_as_far_as_at_the_keypad(scripts: Node, mount: str) -> None:
+    async def program(latency: float, seconds: float) -> None:
+        async with opened(scripts, 0.0, mount, latency) as (own, [page]):
+            speeds: list[float] = []
+            own.controller.reconciler.begins.connect(
+                lambda one: speeds.append(own.controller.context.speed(one)) if isinstance(one, op.Move) else None
+            )
+            axes = Axes(own)
+            await axes.begin()
+            page.press("north")
+            await asyncio.sleep(seconds)
+            page.lift()
+            await asyncio.sleep(latency * 5.0 + 1.0)
+            await axes.rest(3.0)
+            keypad = await at_keypad(mount, seconds, speeds[0])
+            assert keypad / 2.0 <= abs(axes.moved) <= keypad + speeds[0] * (0.1 + 2.0 * latency), (latency, seconds)
+            assert page.words == [] and refusals(own) == []
+
+    grid = [(latency, seconds) for latency in LATENCIES for seconds in LENGTHS]
+    for latency, seconds in grid[:: as_a_rule(5, whole=1)]:
+        run(program(latency, seconds))
+
+
+@pytest.mark.parametrize("delay", [0.0, *DELAYS])
+@pytest.mark.parametrize("gap", [0.1, 0.2])
+def test_a_double_tap_leaves_nothing_moving(scripts: Node, delay: float, gap: float) -> None:
+    """A tap, and before its answer has come the same arrow is pressed again, held, and let go."""
+
+    async def program() -> None:
+        async with opened(scripts, delay) as (own, [page]):
+            page.press("north")
+            await asyncio.sleep(0.08)
+            page.lift()
+            await asyncio.sleep(gap)
+            page.press("north")
+            await asyncio.sleep(3.0)
+            assert moving(own.sim)
+            page.lift()
+            await asyncio.sleep(delay + 1.0)
+            assert not moving(own.sim)
+            assert page.words == [] and refusals(own) == []
+
+    run(program())
+
+
+def test_random_plays_leave_nothing_moving(scripts: Node) -> None:
+    moved = 0.0
+    for seed in range(as_a_rule(6, whole=60)):
+        delay, jitter = DELAYS[seed % len(DELAYS)], JITTERS[seed % len(JITTERS)]
+        outcome = run(play(scripts, seed, delay, jitter))
+        assert not outcome.run_away, (seed, outcome)
+        moved += outcome.moved
+    assert moved > 10.0
+
+
+def test_a_frozen_network_ends_the_motion(scripts: Node) -> None:
+    async def program() -> None:
+        async with opened(scripts) as (own, [page]):
+            page.press("north")
+            await asyncio.sleep(2.0)
+            page.freeze()
+            began = asyncio.get_running_loop().time()
+            while moving(own.sim):
+                await asyncio.sleep(0.05)
+            assert asyncio.get_running_loop().time() - began <= FROZEN + 0.1
+
+    run(program())
+
+
+@pytest.mark.parametrize("first_releases", [True, False])
+def test_the_release_of_one_page_leaves_the_arrow_of_another_alone(scripts: Node, first_releases: bool) -> None:
+    """Both hold the same arrow; whoever lets go, the other still holds it."""
+
+    async def program() -> None:
+        async with opened(scripts, pages=2) as (own, pages):
+            for page in pages:
+                page.press("east")
+                await asyncio.sleep(1.5)
+            one, other = pages if first_releases else reversed(pages)
+            one.lift()
+            await asyncio.sleep(2.0)
+            assert moving(own.sim)
+            assert 1 in own.controller.wanted.by_hand
+            other.lift()
+            await asyncio.sleep(1.2)
+            assert not moving(own.sim)
+            assert [*one.words, *other.words] == []
+
+    run(program())
+
+
+@pytest.mark.parametrize("end", [b":Q#", b":Sr02:00:00#:Sd+40*00:00#:MS#"])
+def test_what_has_ended_an_arrow_is_not_undone_by_a_finger_that_stays(scripts: Node, end: bytes) -> None:
+    """A stop or a goto of another program: neither another rate nor the release of a second page begins a motion."""
+
+    async def program() -> None:
+        async with opened(scripts, pages=2) as (own, [page, other]):
+            page.press("north")
+            other.press("north")
+            await asyncio.sleep(2.0)
+            own.client("10.0.0.1").tell(end)
+            await asyncio.sleep(1.5)
+            page.do("rate", 9)
+            other.lift()
+            await asyncio.sleep(8.0)
+            assert not own.controller.wanted.by_hand
+            page.press("south", 2)  # a new press counts
+            await asyncio.sleep(3.0)
+            assert own.controller.wanted.by_hand
+
+    run(program())
+
+
+def test_another_rate_while_held_is_taken(scripts: Node) -> None:
+    async def program() -> None:
+        async with opened(scripts, 0.15) as (own, [page]):
+            page.press("north")
+            await asyncio.sleep(1.5)
+            page.do("rate", 9)
+            await asyncio.sleep(1.5)
+            [motion] = own.controller.wanted.by_hand.values()
+            assert motion.rate.key == 9
+            page.lift()
+            await asyncio.sleep(1.5)
+            assert not moving(own.sim)
+
+    run(program())
+
+
+class _Nobody:
+    def waiting(self) -> int:
+        return 0
+
+    async def send(self, text: str) -> None:
+        """Drop what the page is sent."""
+
+
+def test_what_a_beat_does_not_name_is_halted() -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.1) as own:
+            session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+            session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+            session.take('{"do":"jog","direction":"east","rate":7,"press":2}')
+            await asyncio.sleep(2.0)
+            assert own.controller.wanted.axes == {1, 2}
+            session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":2}]}')
+            await asyncio.sleep(0.5)
+            assert own.controller.wanted.axes == {1}
+            session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":1}]}')
+            await asyncio.sleep(0.5)
+            assert not own.controller.wanted.axes
+            session.take('{"do":"jog","direction":"east","rate":7,"press":2}')  # an old one
+            await asyncio.sleep(1.0)
+            assert not own.controller.wanted.axes
+
+    run(program())
+
+
+def test_a_tap_is_carried_out_although_beats_do_not_name_it() -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.3) as own:
+            axes = Axes(own)
+            await axes.begin()
+            session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+            session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+            await asyncio.sleep(0.1)
+            session.take('{"do":"let_go","direction":"north","press":1}')
+            session.take('{"do":"beat","held":[]}')
+            await asyncio.sleep(3.0)
+            assert abs(axes.moved) > 0.02
+            assert not moving(own.sim)
+
+    run(program())
+
+
+def test_a_lost_page_cancels_a_press_that_has_not_begun() -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.3) as own:
+            axes = Axes(own)
+            await axes.begin()
+            session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+            shown = asyncio.ensure_future(session.run())
+            await asyncio.sleep(0.0)
+            session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+            await asyncio.sleep(0.1)
+            shown.cancel()
+            await asyncio.sleep(3.0)
+            assert abs(axes.moved) < 0.003
+            assert not own.controller.wanted.by_hand
+
+    run(program())
