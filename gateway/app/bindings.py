@@ -60,7 +60,7 @@ def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float
         guide_directions=config.guide_directions,
         park=config.park if isinstance(config.park, tuple) else None,
         aux_home=config.aux_home,
-        lowest=config.lowest,
+        lowest=config.limits.lowest,
     )
     return make(settings, now)
 

@@ -21,7 +21,8 @@ CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, w
 
 class Limits(Struct, frozen=True):
     """The operator's limits: altitudes, the largest sync, the smallest distance from the Sun (``sun``, 0 for none), the
-    largest hour angle past the meridian (None for none). All in degrees.
+    largest hour angle past the meridian (None for none). All in degrees. ``at_keys`` are the altitudes for motion at
+    the mount's own keys: only limits that the owner has written down end that.
     """
 
     lowest: float = 0.0
@@ -29,6 +30,7 @@ class Limits(Struct, frozen=True):
     sync: float = 15.0
     sun: float = 20.0
     hour_angle: float | None = None
+    at_keys: tuple[float, float] = (-90.0, 90.0)
 
     def narrowed(self, lowest: float | None, highest: float | None) -> Limits:
         """Return these limits, made tighter for one client, never wider."""
@@ -44,6 +46,10 @@ class Limits(Struct, frozen=True):
             raise BelowHorizon("Object Below Horizon." if self.lowest <= 0 else "Object Below Lower Limit.")
         if altitude > self.highest + AT_LIMIT:
             raise TooHigh("Object Above Higher Limit.")
+
+    def for_keys(self) -> Limits:
+        """Return these limits for motion at the mount's own keys."""
+        return replace(self, lowest=min(self.lowest, self.at_keys[0]), highest=max(self.highest, self.at_keys[1]))
 
     def at_any_altitude(self) -> Limits:
         """Return these limits without the altitudes, for a position that the owner has chosen."""

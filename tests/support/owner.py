@@ -12,8 +12,11 @@ from tests.support import truth
 #: What the keys do, as commands on a separate connection to the mount; typed from the manuals.
 KEYS = {
     "nexstar": {"up": b"P\x02\x11\x24\x07\x00\x00\x00", "let go": b"P\x02\x11\x24\x00\x00\x00\x00", "cancel": b"M",
+                "first on": b"P\x02\x10\x24\x09\x00\x00\x00", "first back": b"P\x02\x10\x25\x09\x00\x00\x00",
+                "down": b"P\x02\x11\x25\x09\x00\x00\x00", "first let go": b"P\x02\x10\x24\x00\x00\x00\x00",
                 "tracking off": b"T\x00", "site": b"W\x33\x1c\x00\x00\x00\x00\x00\x01"},
     "lx200": {"up": b":Mn#", "let go": b":Qn#", "cancel": b":Q#", "tracking off": b":AL#",
+              "first on": b":RS#:Mw#", "first back": b":RS#:Me#", "down": b":RS#:Ms#", "first let go": b":Qw#",
               "site": b":St+51*28#:Sg000*00#"},
 }  # fmt: skip
 
@@ -61,6 +64,19 @@ class Owner:
     def keys(self, *names: str) -> None:
         for name in names:
             self._speak(KEYS[self._driven][name])
+        self._before = len(self._bridge.sent())
+
+    def goto(self, ra: float, dec: float) -> None:
+        """Send the mount to a position of date, degrees."""
+        if self._driven == "nexstar":
+            first, second = (round(degrees % 360.0 / 360.0 * 2**32) % 2**32 for degrees in (ra, dec))
+            self._speak(b"r%08X,%08X" % (first, second))
+        else:
+            seconds, arcseconds = round(ra % 360.0 * 240.0) % 86400, round(abs(dec) * 3600.0)
+            sign = b"-" if dec < 0.0 else b"+"
+            hours = b"%02d:%02d:%02d" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
+            degrees = b"%02d*%02d:%02d" % (arcseconds // 3600, arcseconds // 60 % 60, arcseconds % 60)
+            self._speak(b":Sr" + hours + b"#:Sd" + sign + degrees + b"#:MS#")
         self._before = len(self._bridge.sent())
 
     async def cable_out(self, seconds: float) -> None:

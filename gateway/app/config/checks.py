@@ -37,10 +37,9 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first."""
     yield from _endpoints(config)
     for number, mount in enumerate(config.mount):
-        if mount.lowest >= mount.highest:
-            yield Mistake(
-                ("mount", number, "lowest"), f"{mount.lowest:g}: write less than highest, which is {mount.highest:g}"
-            )
+        lowest, highest = mount.limits.lowest, mount.limits.highest
+        if lowest >= highest:
+            yield Mistake(("mount", number, "lowest"), f"{lowest:g}: write less than highest, which is {highest:g}")
         yield from _park(number, mount)
     yield from _names(config)
     yield from _clients(config)

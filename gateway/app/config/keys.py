@@ -81,11 +81,23 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         ),
     ] = "auto"
     lowest: Annotated[
-        float, key("lowest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
-    ] = 0.0
+        Annotated[float, Meta(ge=-90.0, le=90.0)] | None,
+        key(
+            "lowest altitude for gotos and for motion by hand (degrees; default: 0). Motion at the mount's own keys "
+            "ends there only if this is written",
+            "DEG",
+            15.0,
+        ),
+    ] = None
     highest: Annotated[
-        float, key("highest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
-    ] = 90.0
+        Annotated[float, Meta(ge=-90.0, le=90.0)] | None,
+        key(
+            "highest altitude for gotos and for motion by hand (degrees; default: 90). Motion at the mount's own keys "
+            "ends there only if this is written",
+            "DEG",
+            85.0,
+        ),
+    ] = None
     sync_limit: Annotated[float, key("refuse syncs further away than this (degrees)", "DEG", gt=0.0, le=180.0)] = 15.0
     guide_rate: Annotated[
         Annotated[float, Meta(gt=0.0, le=1.0)] | None,
@@ -179,12 +191,14 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     @property
     def limits(self) -> Limits:
         """The limits that the mount is held to, in degrees."""
+        lowest, highest = self.lowest, self.highest
         return Limits(
-            self.lowest,
-            self.highest,
+            0.0 if lowest is None else lowest,
+            90.0 if highest is None else highest,
             self.sync_limit,
             sun=self.sun,
             hour_angle=None if self.hour_angle_limit is None else self.hour_angle_limit * 15.0,
+            at_keys=(-90.0 if lowest is None else lowest, 90.0 if highest is None else highest),
         )
 
 

@@ -51,7 +51,7 @@ class _Gathering:
         self.night = Night(
             mount["at"], [surface["at"] for surface in config["surface"]], self._began + recording.settings["from"],
             equinox=mount.get("equinox") or "jnow",
-            lowest=mount.get("lowest", 0.0), highest=mount.get("highest", 90.0),
+            lowest=mount.get("lowest") or 0.0, highest=90.0 if mount.get("highest") is None else mount["highest"],
         )  # fmt: skip
         self.night.ended = self.night.began
         by = recording.settings

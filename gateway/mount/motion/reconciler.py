@@ -72,9 +72,9 @@ class Reconciler:
 
     @property
     def busy(self) -> bool:
-        """Whether a stop would change anything: a motion, an order for one, an owed stop, or suspended tracking."""
+        """Whether there is a motion that was ordered, an order for one, an owed stop, or suspended tracking."""
         coming = any(not survives_abort(order.operation) for order in self.wanted.pending)
-        return self.wanted.owed or coming or self._movement.anything or self._driver.tracking_suspended
+        return self.wanted.owed or coming or self._movement.ordered or self._driver.tracking_suspended
 
     # --- orders -----------------------------------------------------------------------------------------------------
 

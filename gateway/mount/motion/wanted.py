@@ -224,11 +224,19 @@ class WantedState:
 
 
 class Moving(Struct, frozen=True):
-    """What moves now: ``by_hand`` is by axis; ``ending``: a stop or a halt was ordered and is not acknowledged."""
+    """What moves now: ``slewing``: the mount reports a goto; ``by_hand`` is by axis; ``ending``: a stop or a halt was
+    ordered and is not acknowledged; ``ordered``: a client ordered the motion, and not a person at the mount's own keys.
+    """
 
     slewing: bool
     by_hand: Mapping[int, op.Move | op.MoveAxis]
     ending: bool = False
+    ordered: bool = True
+
+    @property
+    def slews_by_itself(self) -> bool:
+        """Whether the mount does a goto that no client ordered: one from its own keys, or a flip of its own."""
+        return self.slewing and not self.ordered
 
     @property
     def anything(self) -> bool:
@@ -240,7 +248,7 @@ class Movement:
     """Reports what moves, from what is wanted and from the mount's last replies."""
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
-        self._wanted, self._cache = wanted, cache
+        self._wanted, self._cache, self._own = wanted, cache, False
 
     @property
     def slewing(self) -> bool:
@@ -251,5 +259,14 @@ class Movement:
         """Whether a motion is under way that a stop should end."""
         return bool(self._wanted.value.by_hand) or self.slewing
 
+    @property
+    def ordered(self) -> bool:
+        """Whether a motion is under way that a client ordered.
+
+        A goto that has ended counts until the reading that tells its end is stored: its last position is read before.
+        """
+        self._own = not isinstance(self._wanted.value.motion, NotOrdered) or (self._own and self.slewing)
+        return self._own
+
     def now(self) -> Moving:
-        return Moving(self.slewing, self._wanted.value.by_hand, self._wanted.ending)
+        return Moving(self.slewing, self._wanted.value.by_hand, self._wanted.ending, self.ordered)

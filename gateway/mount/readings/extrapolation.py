@@ -18,7 +18,7 @@ from gateway.core import operations as op
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits
-from gateway.mount.safety.allow import meridian_known, past_meridian
+from gateway.mount.safety.hour_angle import meridian_known, past_meridian
 
 Pair = tuple[float, float]
 Inside = Callable[[float, float], bool]

@@ -134,7 +134,9 @@ class Poller:
             return True
         if kind is op.AxisPosition and now - self._axes_refused > AXES_AGAIN and self._watch.axes_interval is not None:
             return True
-        return (kind is op.Slewing and self._context.movement.slewing) or self._cache.polled(kind, now)
+        if kind is op.Slewing and (self._context.movement.slewing or self._context.driver.moved_by_others):
+            return True
+        return self._cache.polled(kind, now)
 
     @property
     def _watched(self) -> bool:

@@ -7,9 +7,7 @@ past the meridian, where the tube of an equatorial mount meets its pier. Gotos a
 
 from __future__ import annotations
 
-from gateway.astro.spherical import wrap180
-from gateway.core.errors import PastMeridian
-from gateway.mount.policy import AT_LIMIT, Limits
+from gateway.mount.policy import Limits
 from gateway.mount.safety.stop_timing import MIN_INTERVAL
 from gateway.mount.safety.view import ALLOWED, FASTER_THAN_TRACKING, Verdict, View
 
@@ -17,8 +15,6 @@ from gateway.mount.safety.view import ALLOWED, FASTER_THAN_TRACKING, Verdict, Vi
 OVERSHOOT = 0.05
 #: Degrees by which the Sun must have come nearer before it counts as an approach; less is jitter.
 NEARER = 0.05
-#: Degrees past the meridian beyond which a tube has passed under the pole and no longer turns towards the pier.
-AROUND_THE_POLE = 90.0
 
 
 def allow(view: View) -> Verdict:
@@ -126,50 +122,10 @@ def _rate(view: View, number: int) -> float:
 
 def meridian(view: View) -> Verdict:
     """End a motion at the limit of the hour angle. Gotos are exempt, because they may change the pier side."""
-    before, last, changes = view.seen.before, view.seen.last, view.seen.changes
-    limit = view.limits.hour_angle
-    equatorial = view.status is not None and view.status.equatorial
-    if limit is None or not equatorial or view.moving.slewing or not meridian_known(view.german, view.side):
+    limit, past = view.limits.hour_angle, view.past
+    if limit is None or past is None or past.rate <= 0.0 or view.seen.before is None or view.moving.slewing:
         return ALLOWED
-    if before is None or last is None or changes is None or before.hour_angle is None or last.hour_angle is None:
-        return ALLOWED
-    side, earlier = view.side if view.german else None, view.seen.earlier
-    then, now = past_meridian(before.hour_angle, side), past_meridian(last.hour_angle, side)
-    if now <= then:
-        return ALLOWED
-    rate = view.ahead(changes.hour_angle, None if earlier is None else earlier.hour_angle)
-    if now > limit - view.margin(rate):
-        return Verdict(f"the hour angle limit ({now / 15.0:.2f} hours past the meridian)")
-    return view.allowed_within(limit - now, rate, "the hour angle limit")
-
-
-def meridian_known(german: bool | None, side: str | None) -> bool:
-    """Whether the distance past the meridian is known. A German mount must have reported its pier side."""
-    return german is not None and (bool(side) or not german)
-
-
-def past_meridian(hour_angle: float, side: str | None) -> float:
-    """Return by how many degrees the tube is past the meridian, towards the pier; negative on the free side.
-
-    ``side`` is the side of the pier that the tube of a German mount is on. On the west side the tube looks east, and
-    the pier is in its way once the hour angle is positive; on the east side it is the other way round. Without a side
-    the mount is a fork on a wedge, and its hour angle counts in both directions.
-    """
-    hour_angle = wrap180(hour_angle)
-    past = abs(hour_angle) if side is None else hour_angle if side == "W" else -hour_angle
-    return past if side is None or past <= AROUND_THE_POLE else past - 360.0
-
-
-def check_hour_angle(limits: Limits, hour_angle: float) -> None:
-    """Raises PastMeridian if a target is too far from the meridian for a mount that cannot change the pier side."""
-    if limits.hour_angle is not None and abs(wrap180(hour_angle)) > limits.hour_angle + AT_LIMIT:
-        raise PastMeridian
-
-
-def check_shaft(limits: Limits, first: float) -> None:
-    """Like ``check_hour_angle``, by the reading of the first axis of a German mount. Raises PastMeridian.
-
-    The axis reads 90 degrees with the counterweight shaft down. Past the meridian the shaft is above horizontal.
-    """
-    if limits.hour_angle is not None and abs(wrap180(first - 90.0)) - 90.0 > limits.hour_angle + AT_LIMIT:
-        raise PastMeridian
+    rate = view.ahead(past.rate, past.earlier)
+    if past.degrees > limit - view.margin(rate):
+        return Verdict(f"the hour angle limit ({past.degrees / 15.0:.2f} hours past the meridian)")
+    return view.allowed_within(limit - past.degrees, rate, "the hour angle limit")

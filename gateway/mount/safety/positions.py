@@ -23,6 +23,8 @@ BLIND = 1.0
 #: A motion is judged if it is at least this fast, degrees a second, and has lasted this many seconds, including its
 #: start; at least this part of the commanded way must be seen.
 FROM, AFTER, PART = 0.1, 3.0, 0.1
+#: Seconds for which a mount that was moved at the hand control is watched closely.
+WATCH_CLOSELY = 3.0
 #: Seconds; setting the clock by more than this changes the sky.
 CLOCK_JUMP = 30.0
 #: Seconds after that during which a resting mount may report the old sky, the new one, or half of each.
@@ -85,6 +87,26 @@ class StallWatch:
             if elapsed >= max(AFTER, 3.0 * round_trip) and course.seen < PART * course.speed * elapsed:
                 return axis
         return None
+
+
+class OthersWatch:
+    """Notices motion that no client ordered: at the mount's own keys, or by the mount itself.
+
+    ``since`` is the time of the first position that showed it; until the time ``until`` the mount is watched closely.
+    """
+
+    def __init__(self) -> None:
+        self.since = self.until = NEVER
+        self._moves = False
+
+    def see(self, now: float, moves: bool) -> bool:
+        """Take whether the last two positions show such a motion, and return whether it has just begun."""
+        begins, self._moves = moves and not self._moves, moves
+        if begins or not moves:
+            self.since = now
+        if moves:
+            self.until = now + WATCH_CLOSELY
+        return begins
 
 
 class SkyChange:

@@ -23,19 +23,17 @@ from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import AltitudeAxis
-from gateway.mount.safety.positions import SkyChange, StallWatch, blind
+from gateway.mount.safety.hour_angle_watch import HourAngleWatch
+from gateway.mount.safety.positions import OthersWatch, SkyChange, StallWatch, blind
 from gateway.mount.safety.stop_timing import MIN_INTERVAL, StopDeadline
 from gateway.mount.safety.view import FASTER_THAN_TRACKING, Verdict, View
 
 #: A position that changes so many times faster than the mount can move means a new alignment at the hand control.
 REALIGNED = 3.0
-#: Seconds for which a mount that was moved at the hand control is watched closely.
-WATCH_CLOSELY = 3.0
 #: Seconds for which a mount may run on after the end of a motion; what it does meanwhile is not judged.
 COASTING = 1.0
-#: Seconds for which a status "not aligned" or "not tracking" is trusted; and for a pier side.
+#: Seconds for which a status "not aligned" or "not tracking" is trusted.
 STATUS_AGE = 5.0
-SIDE_AGE = 5.0
 UNWATCHED = "not aligned: positions mean nothing yet, so no limit can be watched"
 
 
@@ -56,13 +54,13 @@ class LimitWatch:
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._deadline_passed), StallWatch()
         self.seen = Seen()
         self._limits = mount.policy.limits
-        self._moved_by_others_until = self._coasts_until = self._stopped_at = NEVER
+        self._others, self._coasts_until, self._stopped_at = OthersWatch(), NEVER, NEVER
         #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
         self._at_own_park = self._parked = False
         self._astray = False
         self._sky = SkyChange(mount, being_set)
         self.sky_changed = self._sky.changed
-        self.altitude_axis = AltitudeAxis(mount)
+        self.altitude_axis, self._hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader)
         #: When the last motion ended.
         self.at_rest_since = NEVER
         #: Whether the path of the goto that is about to begin leads beyond an altitude limit, and whether it is known
@@ -73,12 +71,13 @@ class LimitWatch:
     @property
     def moved_by_others(self) -> bool:
         """Whether the mount moves although no client told it to."""
-        return self._mount.now() < self._moved_by_others_until
+        return self._mount.now() < self._others.until
 
     @property
     def axes_interval(self) -> float | None:
-        """How often to read the axes for the altitude, seconds; None if that is not needed."""
-        return self.altitude_axis.interval(self._mount.movement.anything or self.moved_by_others)
+        """How often to read the axes for the limits, seconds; None if that is not needed."""
+        moves = self._mount.movement.anything or self.moved_by_others
+        return self.altitude_axis.interval(moves) or self._hour_angle.interval(moves)
 
     @property
     def fastest(self) -> float:
@@ -185,6 +184,7 @@ class LimitWatch:
     def check_altitude_axis(self, axes: op.Horizontal) -> None:
         """Take an axis reading: azimuth and altitude on an alt-azimuth mount."""
         now, last = self._mount.now(), self.seen.last
+        self._hour_angle.take_reading(axes, now)
         if last is None or last.altitude is None or now < self._coasts_until:
             return
         change = self.altitude_axis.take_reading(
@@ -213,14 +213,16 @@ class LimitWatch:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
         self.position_checked.emit(status)
-        if self.seen.across > FASTER_THAN_TRACKING and not moving.anything:
-            self._moved_by_others_until = now + WATCH_CLOSELY
+        begins = self._others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
+        mount.driver.moved_by_others = self.moved_by_others and mount.driver.exchanges > 1
+        if begins and mount.driver.moved_by_others:
+            mount.cache.changed.emit(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.seen.across > REALIGNED * mount.fastest:
             mount.synced.forget()
             self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
-        if not moving.anything and (not self._at_own_park or self._left_park(status)):
+        if not moving.ordered and (not self._at_own_park or self._left_park(status)):
             self._limits, self._at_own_park = mount.policy.limits, False
 
     def _left_park(self, status: op.Status | None) -> bool:
@@ -237,21 +239,15 @@ class LimitWatch:
         return self._mount.cache.age(op.GetStatus, self._mount.now())
 
     def _view(self) -> View:
-        mount, moving = self._mount, self._mount.movement.now()
+        mount, moving, limits, now = self._mount, self._mount.movement.now(), self._limits, self._mount.now()
+        past = self._hour_angle.look(self.seen)
+        if self.moved_by_others and not moving.ordered:
+            limits = limits.for_keys()
+            if mount.driver.exchanges > 1 and now - mount.cache.age(op.Slewing, now) < self._others.since:
+                moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
-        watches = self._limits.hour_angle is not None and status is not None and status.equatorial
-        side = self._side() if watches and mount.driver.german and not moving.slewing else None
-        german, suns = mount.driver.german, mount.suns
-        return View(
-            self.seen, self._limits, mount.timing, moving, suns.limit, status, german, side, self._astray, suns.own
-        )
-
-    def _side(self) -> str | None:
-        """Return the pier side from the cache, and start a new read if it is old."""
-        mount = self._mount
-        if mount.cache.age(op.PierSide, mount.now()) > SIDE_AGE:
-            mount.tasks.spawn(self._reader.tube_side())
-        return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
+        suns = mount.suns
+        return View(self.seen, limits, mount.timing, moving, suns.limit, status, past, self._astray, suns.own)
 
     def _check_axes(self, now: float, place: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""

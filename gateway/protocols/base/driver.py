@@ -145,8 +145,8 @@ class Driver:
     powerless = False
     #: Seconds after which no reply to a passed-on command counts as an answer; None if the mount answers all it has.
     patience: float | None = None
-    #: Whether the mount hibernates.
-    asleep = False
+    #: Whether the mount hibernates; whether it moves although no client ordered that, so that it may be slewing.
+    asleep = moved_by_others = False
     #: How it talks to the mount, which recordings tell: 1 did not read the tracking mode at once after sending it.
     exchanges = 2
     #: Whether the mount was parked, stands at its park position, and was not unparked or moved since.

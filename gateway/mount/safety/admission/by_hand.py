@@ -21,7 +21,8 @@ from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import too_near
-from gateway.mount.safety.allow import leaving, meridian_known, past_meridian
+from gateway.mount.safety.allow import leaving
+from gateway.mount.safety.hour_angle import meridian_known, past_by_axes, past_meridian, told_by_axes
 from gateway.mount.safety.stop_timing import MIN_INTERVAL
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Sun
@@ -38,14 +39,27 @@ class Start(NamedTuple):
     """Where a stretch begins.
 
     ``tilt`` is by how many degrees the altitude axis differs from the calculated altitude. ``side`` is the side of the
-    pier (E, W) that the tube is on, None if it is unknown or there is no pier. ``suns`` are those to avoid.
+    pier (E, W) that the tube is on, None if it is unknown or there is no pier. ``axes`` are the axis readings, None if
+    the mount reports none or no hour angle is limited. ``suns`` are those to avoid.
     """
 
     seen: op.Equatorial
     status: op.Status
     tilt: float = 0.0
     side: str | None = None
+    axes: op.Horizontal | None = None
     suns: tuple[Sun, ...] = ()
+
+    def past(self, mount: Context, place: op.Equatorial, turned: float) -> float | None:
+        """Return how far the tube is past the meridian after the first axis has ``turned`` west; None if unknown."""
+        if not self.status.equatorial:
+            return None
+        if self.axes is not None:
+            pole = -1 if mount.astrometry.place().latitude < 0 else 1
+            return past_by_axes(mount, replace(self.axes, az=self.axes.az + pole * turned))
+        if not meridian_known(mount.driver.german, self.side):
+            return None
+        return past_meridian(mount.astrometry.sidereal_time() - place.ra, self.side)
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
@@ -71,11 +85,16 @@ def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[i
 def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
     """Check a stretch of so many degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
     steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STEP))
-    here = start.seen
+    here, turned = start.seen, 0.0
     for step in range(1, steps + 1):
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
         _check_step(mount, limits, start, here, soon)
-        here = soon
+        west = turns.get(1, 0.0) * step / steps
+        if limits.hour_angle is not None:
+            now, then = start.past(mount, here, turned), start.past(mount, soon, west)
+            if now is not None and then is not None and then > limits.hour_angle + AT_LIMIT and then > now:
+                raise PastMeridian
+        here, turned = soon, west
 
 
 def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial) -> None:
@@ -86,11 +105,6 @@ def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatoria
         then = mount.suns.distance(soon, sun)
         if then < mount.suns.limit and then < mount.suns.distance(seen, sun):
             raise too_near(mount.sources, sun)
-    if limits.hour_angle is not None and start.status.equatorial and meridian_known(mount.driver.german, start.side):
-        sidereal = mount.astrometry.sidereal_time()
-        now, then = (past_meridian(sidereal - place.ra, start.side) for place in (seen, soon))
-        if then > limits.hour_angle + AT_LIMIT and then > now:
-            raise PastMeridian
 
 
 def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
@@ -144,14 +158,10 @@ class HandAdmission:
         try:
             if leaving(limits, before, after):
                 limits.check_altitude(before)
-            if (
-                limits.hour_angle is not None
-                and start.status.equatorial
-                and meridian_known(mount.driver.german, start.side)
-            ):
-                now = past_meridian(astrometry.sidereal_time() - seen.ra, start.side)
-                then = past_meridian(astrometry.sidereal_time() - soon.ra, start.side)
-                if now > limits.hour_angle and then > now:
+            if limits.hour_angle is not None:
+                now = start.past(mount, seen, 0.0)
+                then = start.past(mount, soon, SIDEREAL_RATE * TRACKING_AHEAD)
+                if now is not None and then is not None and now > limits.hour_angle and then > now:
                     raise PastMeridian
         except Fault as fault:
             raise type(fault)(f"{fault} Tracking stays off, because it would lead further beyond the limit.") from None
@@ -180,11 +190,12 @@ class HandAdmission:
             seen = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
             seen = await self._ask.read_now(op.Position())
-        watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
-        side = await self._ask.tube_side() if watched else None
+        watched = mount.policy.limits.hour_angle is not None and status.equatorial
+        axes = await self._ask.read(op.AxisPosition()) if watched and told_by_axes(mount) else None
+        side = await self._ask.tube_side() if watched and mount.driver.german and axes is None else None
         axis = self._watch.altitude_axis
         tilt = await axis.current_tilt(self._ask) if axis.available else 0.0
-        return Start(seen, status, tilt, side, tuple(mount.suns.up()))
+        return Start(seen, status, tilt, side, axes, tuple(mount.suns.up()))
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""

@@ -24,7 +24,7 @@ from gateway.mount.safety.admission.contradictions import check_contradictions, 
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.admission.ways import Journey, check_ways, paths_of
-from gateway.mount.safety.allow import check_hour_angle, check_shaft
+from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 

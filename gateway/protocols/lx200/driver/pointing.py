@@ -75,15 +75,18 @@ def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
 
 
 def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
-    """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count."""
+    """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count.
+
+    Without a goto that was ordered, the telescope is asked only while it moves nevertheless: it may be one of its keys.
+    """
     if mount.seeking:
         return (yield from still_seeking(mount))
-    if mount.goto is None:
+    if mount.goto is None and not mount.moved_by_others:
         return False
-    moves = yield from _bars(mount)
+    moves: bool = yield from _bars(mount)
     state = mount.goto
     if state is None:
-        return False
+        return moves and mount.moved_by_others
     if moves:
         state.quiet = 0
         return True

@@ -64,7 +64,8 @@ def test_what_is_no_default_says_where_it_comes_from(tmp_path: Path) -> None:
     assert "log = true  # g.toml:1" in lines
     assert "site = [-33.5, 151.25]  # g.toml:5" in lines
     assert "lowest = 12.5  # --lowest" in lines
-    assert "lowest = 0.0" in lines
+    assert "# lowest: not set" in lines
+    assert "sync-limit = 15.0" in lines
     assert 'precision = "high"  # g.toml:19' in lines
     assert any(line.startswith('sync-text = "1M31') and "# client stellarium: " in line for line in lines)
     assert "# mode: not set" in lines

@@ -13,7 +13,8 @@ from gateway.astro.spherical import separation, to_vector
 from gateway.core.errors import PastMeridian
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.slew_paths import STEP, clear, one_rests, together
-from gateway.mount.safety.allow import check_hour_angle, leaving, past_meridian
+from gateway.mount.safety.allow import leaving
+from gateway.mount.safety.hour_angle import check_hour_angle, past_meridian
 from tests.support.each import each
 from tests.support.examples import some
 

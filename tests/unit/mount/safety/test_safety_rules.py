@@ -11,6 +11,7 @@ from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.motions import needs_alignment
 from gateway.mount.safety.allow import allow, altitude, farthest, first_stretch, meridian, near_sun
+from gateway.mount.safety.hour_angle import PastNow
 from gateway.mount.safety.positions import blind
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.safety.view import View
@@ -37,7 +38,7 @@ def sinking(start: float, rate: float, step: float = 0.5) -> Seen:
 
 
 def view(now: Seen, limits: Limits, moving: Moving = Moving(False, {2: DOWN})) -> View:
-    return View(now, limits, TIMING, moving, limits.sun, EQUATORIAL, german=False)
+    return View(now, limits, TIMING, moving, limits.sun, EQUATORIAL)
 
 
 @each(("lowest", "stops"), [(20.0, True), (10.0, False)])
@@ -70,15 +71,39 @@ def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> N
 
 
 @each(
-    ("german", "side", "reason"),
-    [(False, None, True), (True, "W", True), (True, "E", False), (True, None, False), (None, None, False)],
+    ("past", "reason"),
+    [(PastNow(29.0, 1.0), True), (PastNow(29.0, -1.0), False), (PastNow(20.0, 1.0), False), (None, False)],
 )
-def test_past_the_meridian_it_counts_on_which_side_of_the_pier_the_tube_is(
-    german: bool | None, side: str | None, reason: bool
-) -> None:
-    moved = seen(PositionSample(0.0, HERE, 40.0, 28.0), PositionSample(1.0, HERE, 40.0, 29.0))
-    looked = replace(view(moved, Limits(hour_angle=30.0)), german=german, side=side)
-    assert bool(meridian(looked).reason) is reason
+def test_past_the_meridian_only_what_turns_towards_the_pier_is_stopped(past: PastNow | None, reason: bool) -> None:
+    moved = seen(PositionSample(0.0, HERE, 40.0), PositionSample(1.0, HERE, 40.0))
+    assert bool(meridian(replace(view(moved, Limits(hour_angle=30.0)), past=past)).reason) is reason
+
+
+@each("moving", [Moving(True, {}), Moving(True, {}, ordered=False)])
+def test_no_goto_is_judged_by_its_hour_angle(moving: Moving) -> None:
+    moved = seen(PositionSample(0.0, HERE, 40.0), PositionSample(1.0, HERE, 40.0))
+    assert not meridian(replace(view(moved, Limits(hour_angle=30.0), moving), past=PastNow(60.0, 4.0))).reason
+
+
+def test_a_goto_of_the_mount_s_own_may_end_just_before_a_limit() -> None:
+    """At 4 degrees a second it may brake in the remaining 2; it is stopped when it gets there."""
+    by_itself = Moving(True, {}, ordered=False)
+    verdict = altitude(view(sinking(24.0, 4.0), Limits(lowest=20.0), by_itself))
+    assert not verdict.reason and verdict.within == pytest.approx(2.75 / 4.0 - TIMING.exchange)
+    assert altitude(view(sinking(21.9, 4.0), Limits(lowest=20.0), by_itself)).reason
+
+
+@each(
+    ("limits", "lowest", "highest"),
+    [
+        (Limits(), -90.0, 90.0),
+        (Limits(20.0, 80.0, at_keys=(20.0, 80.0)), 20.0, 80.0),
+        (Limits(20.0, at_keys=(20.0, 90.0)).at_any_altitude(), -90.0, 90.0),
+        (Limits(20.0, at_keys=(20.0, 90.0)).narrowed(30.0, 60.0), 20.0, 90.0),
+    ],
+)
+def test_at_the_mount_s_own_keys_only_written_limits_count(limits: Limits, lowest: float, highest: float) -> None:
+    assert (limits.for_keys().lowest, limits.for_keys().highest) == (lowest, highest)
 
 
 def test_of_several_deadlines_the_soonest_counts() -> None:
