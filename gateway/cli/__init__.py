@@ -38,7 +38,7 @@ def main(argv: list[str] | None = None) -> int:
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
         streams.warn(_shortened(str(error)), streams.ERROR)
-        code = 2
+        code = error.exit_code
     except KeyboardInterrupt:
         code = 0
     except SystemExit:  # argparse has printed the help

@@ -19,6 +19,15 @@ class GatewayError(Exception):
 class UserError(GatewayError):
     """Bad input from a person. The text says what is wrong, where, and what would be right."""
 
+    #: The exit code of a command that ends with it.
+    exit_code = 2
+
+
+class SunIsNoGoal(UserError):
+    """The Sun was named as a goal. What was typed is right, so it is refused like any other goal."""
+
+    exit_code = 1
+
 
 def about_file(path: Path | str, error: OSError) -> str:
     """Return why a file cannot be read or written, and what to do about it."""
@@ -60,10 +69,13 @@ class Fault(GatewayError):
     #: Whether the command may have reached the mount.
     sent = True
 
+    #: At most 60 characters for programs that show no more; if there are such, the whole text says what to do as well.
+    brief = ""
+
     def __init__(self, words: str | None = None, brief: str = "") -> None:
-        """``brief`` are at most 60 characters for programs that show no more; then ``words`` say what to do as well."""
         super().__init__(words or self.words)
-        self.brief = brief
+        if words or brief:
+            self.brief = brief
 
 
 class Invalid(Fault):
@@ -174,7 +186,8 @@ class Silence(Fault):
 class Held(Fault):
     """The user holds the mount with ``mount-gateway stop --hold``: no client moves it until the user releases it."""
 
-    words = "The mount is held: mount-gateway stop --release"
+    words = "The mount is held. To release it, type mount-gateway stop --release."
+    brief = "The mount is held: type mount-gateway stop --release."
 
 
 class Busy(Fault):

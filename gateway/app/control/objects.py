@@ -13,7 +13,7 @@ from typing import NamedTuple
 from gateway.app.control.request_types import Body, Spot, Where
 from gateway.astro.catalog import deepsky, names, stars
 from gateway.astro.catalog.objects import Entry, NotInstalled
-from gateway.core.errors import Fault, UserError
+from gateway.core.errors import Fault, SunIsNoGoal, UserError
 from gateway.system.own_commands import how_to_add, pip_command
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
@@ -47,7 +47,10 @@ def describe(text: str) -> Object:
     if body := next((body for body in BODIES if body.lower() == text.lower()), None):
         return Object(body, Body(body), "moon" if body == "Moon" else "planet")
     if text.lower().removeprefix("the ") == "sun":
-        raise UserError("the Sun is no goal here: without a filter before the tube it blinds and burns")
+        raise SunIsNoGoal(
+            "the Sun is no goal here: without a solar filter before the tube it blinds and burns. With a filter, start "
+            "the gateway with --sun 0 and write its place: mount-gateway goto RA DEC"
+        )
     if found := re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text):
         name, entry = _numbered(found[1], int(found[2]))
     else:

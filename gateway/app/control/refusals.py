@@ -12,12 +12,12 @@ from gateway.mount.policy import Limits
 #: The explanation that follows the words for programs; the first row with the class of the fault is used.
 MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.BelowHorizon,
-     "It lies, or the way to it leads, lower than the {limits.lowest:g} degrees that are allowed; wait until it has "
-     "risen, or start the gateway with another --lowest."),
+     "That is lower than the {limits.lowest:g} degrees that are allowed; wait until it has risen, or start the gateway "
+     "with another --lowest."),
     (errors.WayBlocked, "From where it points now, every way to it leads beyond an altitude limit."),
     (errors.TooHigh,
-     "It lies, or the way to it leads, higher than the {limits.highest:g} degrees that are allowed; start the gateway "
-     "with another --highest if that is meant."),
+     "That is higher than the {limits.highest:g} degrees that are allowed; start the gateway with another --highest if "
+     "that is meant."),
     (errors.NearSun,
      "Nothing brings the tube within {limits.sun:g} degrees of the Sun while it is up; --sun changes that, for "
      "a tube with a solar filter."),
@@ -25,7 +25,6 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.NotAligned, "Positions mean nothing before that: align it at the hand control, then ask again."),
     (errors.SyncTooFar,
      "A sync moves the sky, and turns an axis, by {limits.sync:g} degrees at most, all since the alignment together."),
-    (errors.Held, "Nothing moves it until then."),
     (errors.Asleep, "It ignores commands until it is woken: mount-gateway unpark, or its own keys."),
     ((errors.Garbled, errors.NoAnswer),
      "Is it switched on, and the cable in the hand control? mount-gateway status shows the state of the line."),

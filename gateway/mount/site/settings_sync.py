@@ -261,9 +261,12 @@ class SyncSettings:
             )
             if news:
                 note_set(self._context, setting, None if before is None else running.unix - before.unix)
+            self._finish(setting)
+            self._incoming.sending = None
             with contextlib.suppress(Fault):  # it is read again when needed
                 shown: op.Moment = await self._runner.perform(op.GetClock(), READ)
                 self._site_clock.take_mount_clock(shown, ours=True)
+            return
         self._finish(setting)
 
     def _finish(self, setting: Setting) -> None:

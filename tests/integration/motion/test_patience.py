@@ -37,7 +37,7 @@ def motions(bridge: Any) -> list[bytes]:
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
-@pytest.mark.parametrize("gap", [0.0, 0.05, 2.6, 3.0, 4.0, 5.0])
+@pytest.mark.parametrize("gap", [2.8, 3.0, 4.0, 5.0])
 def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: float) -> None:
     async def program() -> None:
         async with bridge_to(mount) as bridge:
@@ -52,7 +52,7 @@ def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: fl
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
-@pytest.mark.parametrize("gap", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("gap", [0.0, 0.05, 0.3, 1.0, 2.0])
 def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str, gap: float) -> None:
     """Programs wait for three to five seconds; what is begun after that would be begun without their knowing."""
 
@@ -60,10 +60,11 @@ def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str, gap:
         async with bridge_to(mount) as bridge:
             await calculates(bridge, gap)
             client = bridge.client()
-            assert await client.ask(GOTO, 3.5, until=b".#") == b"111The mount is busy.#"
+            told = b"112The mount is taking a new clock. Try again in 10 seconds.#"
+            assert await client.ask(GOTO, 3.5, until=b".#") == told
             await asyncio.sleep(60.0)
             assert motions(bridge) == []
-            assert client.heard == b"111The mount is busy.#"
+            assert client.heard == told
 
     run(program())
 
@@ -90,7 +91,7 @@ def test_a_telescope_that_is_busy_for_longer_is_not_waited_for() -> None:
             bridge.client("10.0.0.2").tell(b":gT#")
             await asyncio.sleep(2.0)
             client, began = bridge.client(), bridge.clock()
-            assert await client.ask(GOTO, 30.0, until=b".#") == b"111The mount is busy.#"
+            assert await client.ask(GOTO, 30.0, until=b".#") == b"112The mount is busy.#"
             assert 2.9 < bridge.clock() - began < 3.5
             await asyncio.sleep(90.0)
             assert motions(bridge) == []

@@ -17,7 +17,7 @@ from tests.support.in_process_gateway import Bridge
 EAST = b":Sr06:24:00#:Sd+10*00:00#:MS#"  # three minutes before the meridian
 FAR_EAST = b":Sr12:00:00#:Sd+60*00:00#:MS#"  # 5h 39m before it
 WEST = b":Sr02:00:00#:Sd+60*00:00#:MS#"  # 4h 21m past it
-NO = b"111Beyond the hour angle limit.#"
+NO = b"112Beyond the hour angle limit.#"
 
 
 async def settle(client: Any) -> None:

@@ -170,10 +170,15 @@ def time_unknown(best: Time) -> bool:
 def contradiction_warning(mount: Context) -> str:
     """Return the contradictions as one warning line; empty if there are none."""
     status, driver = mount.cache.value(GetStatus), mount.driver
-    by_axis = status is not None and not status.equatorial and driver.implementation(AxisPosition) and not driver.german
-    refused = "that come near the Sun by either" if by_axis else "that either of them would forbid"
+    by_axis = status is not None and status.aligned and not status.equatorial and not driver.german
+    if not (by_axis and driver.implementation(AxisPosition)):
+        refused = "gotos that either of them would forbid are refused"
+    elif mount.policy.limits.sun > 0.0:
+        refused = "gotos that come near the Sun by either are refused, the altitude limits go by its axis"
+    else:
+        refused = "nothing is refused for that, the altitude limits go by its axis"
     found = [
-        f"{one.words} (gotos {refused} are refused)"
+        f"{one.words} ({refused})"
         for one in contradictions(mount.sources.sites(), mount.sources.times())
         if one.place is not None
     ]

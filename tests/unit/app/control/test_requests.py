@@ -79,8 +79,7 @@ def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
             owner = Owner(bridge)
             answer = await owner.wish(request_types.Goto("g", request_types.Spot(83.6, -70.0)))
             assert answer.startswith(
-                "failed Object Below Lower Limit. It lies, or the way to it leads, lower than the "
-                "15 degrees that are allowed"
+                "failed Object Below Lower Limit. That is lower than the 15 degrees that are allowed"
             )
             assert not moves(bridge)
             far = await owner.wish(request_types.Sync("s", request_types.Spot(200.0, 40.0)))

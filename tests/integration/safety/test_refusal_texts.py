@@ -1,0 +1,146 @@
+"""What a refused goto is told: true, short enough for a display, and with a way out.
+
+A goal that is up is never said to be below the horizon: the digit is 2 then, with at most 60 characters. What comes of
+a contradiction or of the way says nothing of ``lowest``, which is not the way out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.app.control.refusals import explain
+from gateway.core import errors
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.diagnostics.virtual_time import run
+from gateway.mount.policy import Limits
+from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
+from tests.support.in_process_gateway import EVENING, Bridge
+from tests.unit.mount.site.test_sources import as_lx200
+
+JUNE = 1782039600.0
+SHOWN = 60
+
+
+def faults(kind: type[Fault] = Fault) -> list[type[Fault]]:
+    """Every class of refusal."""
+    found = [one for below in kind.__subclasses__() for one in (below, *faults(below))]
+    return [one for one in found if one.__module__ == errors.__name__]
+
+
+@each("kind", faults())
+def test_only_what_is_low_is_called_low(kind: type[Fault]) -> None:
+    """By the class of the refusal alone, as the tables of :MS# have it."""
+    replies = {reply.fault: reply.wire for reply, _ in load("lx200").commands["MS"].replies if reply.fault is not None}
+    named = next((one.__name__ for one in kind.__mro__ if one.__name__ in replies), "BelowHorizon")
+    about_the_mount = (errors.NoTarget, errors.NoAnswer, errors.NotAligned, errors.Stopped, errors.Refused)
+    if issubclass(kind, (errors.TooHigh, errors.NearSun, errors.PastMeridian, errors.Held, errors.Busy)) or (
+        kind is errors.Contradicted
+    ):
+        assert replies[named].startswith("2") and len(kind().brief or str(kind())) <= SHOWN
+    else:
+        assert replies[named].startswith("1") or kind in about_the_mount
+
+
+@each("kind", faults())
+def test_every_text_is_sentences(kind: type[Fault]) -> None:
+    fault = kind()
+    for text in (str(fault), fault.brief or str(fault), explain(fault, Limits())):
+        assert text[0].isupper() and text.endswith("."), text
+    if not issubclass(kind, (errors.BelowHorizon, errors.TooHigh)) or issubclass(kind, errors.WayBlocked):
+        assert "lowest" not in explain(fault, Limits())
+
+
+#: A mount, its settings, and how far this computer's clock is ahead: what forbids a goto somewhere.
+REFUSING: dict[str, tuple[str, dict[str, Any], float, float]] = {
+    "another site": ("cge", {"site": (-33.9, 151.2)}, 0.0, EVENING),
+    "a site nearby": ("cge", {"site": (30.0, 40.0)}, 0.0, EVENING),
+    "another clock": ("cge", {}, 6 * 3600.0, EVENING),
+    "the other clock": ("avx", {}, -5 * 3600.0, EVENING),
+    "the Sun": ("cpc", {}, 0.0, JUNE),
+    "the Sun of another clock": ("cge", {}, 3 * 3600.0, JUNE),
+    "the Sun of another site": ("cpc", {"site": (45.0, 60.0)}, 0.0, JUNE),
+    "the pier": ("6-8se", {"hour_angle_limit": 3.0}, 0.0, EVENING),
+    "the way": ("cge", {"lowest": 30.0}, 0.0, EVENING),
+    "the way over the top": ("cpc", {"highest": 60.0}, 0.0, EVENING),
+    "a hold": ("cpc", {}, 0.0, EVENING),
+}
+
+
+@pytest.mark.parametrize("why", REFUSING)
+def test_no_goal_that_is_up_is_said_to_be_low(why: str) -> None:
+    mount, config, ahead, start = REFUSING[why]
+    refused: list[bytes] = []
+
+    async def program() -> None:
+        async with Bridge(mount, config=config, host_ahead=ahead, start=start) as bridge:
+            bridge.controller.hold.on = why == "a hold"
+            if why == "the pier":
+                bridge.sim.feed(b"T\x02")  # on its wedge
+                await asyncio.sleep(10.0)
+            lowest = config.get("lowest", 0.0)
+            client, sky = bridge.client(), bridge.sim.mechanics.sky
+            for hour_angle in range(-170, 180, 20):
+                for dec in range(-40, 90, 25):
+                    ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
+                    altitude = bridge.controller.astrometry.altitude(ra, dec)
+                    assert altitude is not None
+                    reply = (await client.ask(as_lx200(ra, float(dec)), 4.0, until=b"#"))[2:]
+                    if reply == b"0":
+                        bridge.controller.begin_stop()
+                        await asyncio.sleep(1.0)
+                    elif altitude > lowest + 0.1:
+                        refused.append(reply)
+                        assert reply[:1] == b"2" and len(reply) <= SHOWN + 2, (altitude, reply)
+                        assert b"orizon" not in reply and b"lowest" not in reply.lower()
+
+    run(program())
+    assert refused, "something was refused"
+
+
+@pytest.mark.parametrize("why", ["another site", "another clock", "the Sun of another clock", "the pier", "the way"])
+def test_a_terminal_gets_the_way_out_and_no_word_of_lowest(why: str) -> None:
+    mount, config, ahead, start = REFUSING[why]
+
+    async def program() -> None:
+        async with Bridge(mount, config=config, host_ahead=ahead, start=start) as bridge:
+            sky, said = bridge.sim.mechanics.sky, set()
+            lowest = config.get("lowest", 0.0)
+            for hour_angle in range(-170, 180, 20):
+                for dec in range(-40, 90, 25):
+                    ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
+                    up = (bridge.controller.astrometry.altitude(ra, dec) or 0.0) > lowest + 0.1
+                    try:
+                        await bridge.controller.admission.admit(op.Goto(ra, float(dec)))
+                    except Fault as fault:
+                        words = explain(fault, bridge.controller.policy.limits)
+                        if up or fault.brief:
+                            assert "lowest" not in words, words
+                        if "differ by" in words or "says" in words:
+                            assert "Correct the one that is wrong" in words and (" km " in words or "differ" in words)
+                        said.add(type(fault))
+            assert said
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("mount", "sun", "words"),
+    [
+        ("cge", 20.0, "gotos that either of them would forbid are refused"),
+        ("cpc", 20.0, "gotos that come near the Sun by either are refused, the altitude limits go by its axis"),
+        ("cpc", 0.0, "(nothing is refused for that, the altitude limits go by its axis)"),
+    ],
+)
+def test_the_warning_at_the_start_says_what_is_refused(mount: str, sun: float, words: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, config={"site": (10.0, 80.0), "sun": sun}) as bridge:
+            await asyncio.sleep(2.0)
+            [warning] = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount stands")]
+            assert words in warning
+
+    run(program())
