@@ -33,6 +33,7 @@ from gateway.core.wire_log import SKY_READY, Sink
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
 from gateway.system.file_limits import raise_limit
+from gateway.system.short_slices import ask_for_short_slices
 from gateway.system.systemd import notify
 
 if TYPE_CHECKING:
@@ -99,6 +100,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     def offers() -> list[Offer]:
         return [offer for offer in surfaces() if offer.wide]
 
+    ask_for_short_slices()
     if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
         screen.warn(words)
     for mount in config.mount:

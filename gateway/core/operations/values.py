@@ -197,8 +197,12 @@ class Chosen(Struct, frozen=True):
 
 
 class Pulsed(Struct, frozen=True):
-    """A guide pulse began: seconds until its end, whether the motor ``ends`` it, milliseconds ``left`` to send."""
+    """A guide pulse began: seconds until its end, whether the motor ``ends`` it, milliseconds ``left`` to send.
+
+    ``since`` is the loop time from which the seconds count; None is now.
+    """
 
     seconds: float
     ends: bool
     left: int = 0
+    since: float | None = None

@@ -16,6 +16,7 @@ from gateway.core.operations import Operation
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_TOO_LATE, STOP
+from gateway.mount.link.transaction import GAP
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Steps, Wait
 
@@ -83,8 +84,8 @@ class DriverRunner:
         #: The number of exchanges of the last operation, and the loop time at which it sent the first of its last
         #: ``Driver.position_reads`` requests: a position read cannot be older than that.
         self.exchanges, self.asked_at = 0, 0.0
-        #: The loop time at which the last command was written to the line.
-        self.sent_at = 0.0
+        #: The loop time at which the last operation's first command was written.
+        self.began_at = 0.0
 
     async def perform(self, operation: Operation, priority: int) -> Any:
         """Have the driver carry out an operation and return its answer. Raises Fault."""
@@ -94,9 +95,9 @@ class DriverRunner:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
         ``MAX_START_DELAY`` seconds after ``since`` (loop time), or if the line delayed a motion by hand as long.
         """
-        now, driver = self._context.now, self._context.driver
+        now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
         self.exchanges = exchanges = 0
-        asked: list[float] = []
+        asked, sent = list[float](), list[float]()
         late = since is not None and now() - since > MAX_START_DELAY
         if priority == MOTION:
             self.may_move.emit(None)
@@ -109,8 +110,9 @@ class DriverRunner:
             if driver.asleep:
                 self._gate.admit(command, priority)
             reply, times = await self._verifier.exchange(command, priority)
+            driver.sent_at, driver.next_at = line.wrote, line.heard + GAP
+            sent.append(driver.sent_at)
             late = late or now() - began > MAX_START_DELAY
-            self.sent_at = self._context.link.transaction.wrote
             if driver.asleep:
                 self._gate.answered(command)
             exchanges += times
@@ -120,6 +122,7 @@ class DriverRunner:
         try:
             value = await run_driver(steps, exchange, self.scheduled.emit, self._context.note_once)
             self.exchanges, self.asked_at = exchanges, min(asked[-driver.position_reads :], default=math.inf)
+            self.began_at = sent[0] if sent else now()
             return value
         except (Fault, asyncio.CancelledError):
             raise

@@ -67,7 +67,8 @@ class Transaction:
         self.heard_ever = False
         self.trouble = b"", b""
         self._buffer, self._arrived = b"", TimedEvent()
-        self._heard = self._stray = -1e9
+        #: Loop time of the last byte.
+        self.heard = self._stray = -1e9
         self._last: Send | None = None
         self._stops = 0
         #: Loop time of the last request whose reply is still missing.
@@ -94,7 +95,7 @@ class Transaction:
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self.heard_ever = True
-        self._heard = self._now()
+        self.heard = self._now()
         self._arrived.set()
 
     def connection_lost(self, reason: str) -> None:
@@ -128,7 +129,7 @@ class Transaction:
     def quiet_needed(self, command: Send) -> float:
         """Return the seconds of quiet needed before a command, so that no late bytes are taken for its reply."""
         now = self._now()
-        left = self._heard + GAP - now
+        left = self.heard + GAP - now
         if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
         if not self._buffer:
@@ -182,7 +183,7 @@ class Transaction:
         if command.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length]}
         self._cut(length)
-        self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not command.long)
+        self.times.answered(self.heard - began, self._now() - began, counts=bool(length) and not command.long)
         if expected.delay_after and await self._pause(expected.delay_after, firm):
             outcome = self._objection(command) or outcome
         return outcome
@@ -281,13 +282,13 @@ class Transaction:
         """Wait until the wire has been quiet for so many seconds, and drop what came; return whether anything came."""
         give_up = self._now() + DRAIN
         while not self.lost and self._now() < give_up:
-            left = max(self._heard, self.wrote) + quiet - self._now()
+            left = max(self.heard, self.wrote) + quiet - self._now()
             self._arrived.clear()
             if left <= 1e-6 or not await self._arrived.within(left):
                 break
         anything = bool(self._buffer)
         if anything and self._unanswered_since is not None:
-            self.times.came_late(self._heard - self._unanswered_since)
+            self.times.came_late(self.heard - self._unanswered_since)
         self._unanswered_since = None
         self.discard("drained")
         return anything

@@ -18,13 +18,16 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import MOTION, SETTING, STOP
 from gateway.mount.motion.ends import EndWatch
-from gateway.mount.motion.outcomes import Done
+from gateway.mount.motion.outcomes import Done, PulseEnded
 from gateway.mount.motion.taps import LONGEST_WAIT, TapDropped
 from gateway.mount.motion.wanted import IN_ORDER, Order
 from gateway.mount.readings.client_readings import ClientReadings
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.watch import LimitWatch
 from gateway.protocols.base.driver import FollowUps
+
+#: By which part a guide pulse must have been too long to be worth a line in the log.
+TOLD_FROM = 0.1
 
 
 async def _no_announcement() -> None:
@@ -49,9 +52,12 @@ class OrderRunner:
         """Carry out an order; return the operation as admitted, and its answer. ``stop`` ends motion. Raises Fault."""
         operation = order.operation
         if order.follow_up:
-            special = self._follow_ups.get(type(operation))
+            began, special = self._context.now(), self._follow_ups.get(type(operation))
             steps = special(self._driver, operation) if special else self._driver.perform(operation)
-            return operation, await self._runner.drive(steps, STOP if order.urgent else MOTION)
+            answer = await self._runner.drive(steps, STOP if order.urgent else MOTION)
+            if isinstance(operation, op.StopAxis):
+                answer = self._pulse_ended(operation.axis, began)
+            return operation, answer
         arrow = isinstance(operation, op.Move | op.MoveAxis) and order.rank == IN_ORDER
         since = order.since if arrow else None
         if order.held is not None and self._context.now() - order.since > LONGEST_WAIT:
@@ -64,8 +70,25 @@ class OrderRunner:
             await stop()
         priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.keeps_repeating else STOP
         answer = await self._runner.drive(self._driver.perform(operation), priority, since)
-        self.sent = self._runner.sent_at
+        self.sent = self._driver.sent_at
         return operation, answer
+
+    def _pulse_ended(self, axis: int, began: float) -> PulseEnded:
+        """Return how late a guide pulse was ended, and log it if that matters. The end ``began`` at this loop time."""
+        pulse = next((one for one in self._context.wanted.value.pulses if one.axis == axis), None)
+        late = 0.0 if pulse is None else self._runner.began_at - pulse.until
+        if pulse is not None and pulse.operation is not None and late > TOLD_FROM * pulse.operation.ms / 1000.0:
+            asleep = max(0.0, began - pulse.until)
+            why = (
+                f"this computer did not run the gateway for {asleep:.2f} s"
+                if asleep > late / 2
+                else "the line was busy"
+            )
+            self._context.note(
+                f"a guide pulse of {pulse.operation.ms / 1000.0:g} s was {late:.2f} s too long: {why}. The next pulse "
+                "in this direction is shortened by that"
+            )
+        return PulseEnded(axis, late)
 
     async def check_other_axis(self, stop: Callable[[], object]) -> None:
         """After the end of one axis, check that the other may move on alone; if not, call ``stop``."""

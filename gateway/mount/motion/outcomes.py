@@ -31,10 +31,19 @@ from gateway.mount.motion.wanted import (
 )
 from gateway.mount.site.pending_settings import IncomingSettings
 
+#: Seconds after which a program that guides has measured what a guide pulse has done.
+SEEN_AFTER = 10.0
 #: Seconds that an order waits at most while the mount accepts no commands, and seconds between two checks.
 LONGEST, LOOK = 15.0, 0.1
 #: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for one on its way.
 FOR_SETTINGS, FOR_EXCHANGE = 20.0, 1.0
+
+
+class PulseEnded(NamedTuple):
+    """A guide pulse that the gateway times was ended, ``late`` seconds later than planned."""
+
+    axis: int
+    late: float
 
 
 class Done(NamedTuple):
@@ -50,9 +59,11 @@ def removed(wanted: Wanted, order: Order) -> Wanted:
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
 
 
-def carried_out(wanted: Wanted, order: Order, now: float) -> Wanted:
+def carried_out(wanted: Wanted, order: Order, now: float, answer: object = None) -> Wanted:
     """Remove an order that the mount has carried out; note the time if it was a halt."""
     wanted = removed(wanted, order)
+    if isinstance(answer, PulseEnded):
+        wanted = pulse_ended(wanted, answer)
     if not isinstance(order.operation, ENDS) or order.follow_up:
         return wanted
     others = tuple(one for one in wanted.halted if one.operation != order.operation)
@@ -129,10 +140,10 @@ def ended_short(wanted: Wanted, words: str) -> Wanted:
 
 def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
     """Note a guide pulse that began, and add the order for its end or its remainder, with this ``number``."""
-    axis, until = pulse_axis(order), now + pulse.seconds
-    assert axis is not None
+    axis, until = pulse_axis(order), (now if pulse.since is None else pulse.since) + pulse.seconds
+    assert axis is not None and isinstance(order.operation, op.Pulse | op.PulseAxis)
     others = tuple(one for one in wanted.pulses if one.axis != axis)
-    wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until)))
+    wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until, order.operation)))
     if not pulse.ends:
         end = Order(number, op.StopAxis(axis), rank=FIRST, at=until, follow_up=True, urgent=True)
         return replace(wanted, pending=(*wanted.pending, end))
@@ -141,6 +152,32 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
         rest = replace(order, number=number, operation=operation, at=until, follow_up=True)
         return replace(wanted, pending=(*wanted.pending, rest))
     return wanted
+
+
+def pulse_ended(wanted: Wanted, ended: PulseEnded) -> Wanted:
+    """Note by how much a guide pulse was too long."""
+    return replace(
+        wanted,
+        pulses=tuple(
+            replace(one, excess=max(0.0, ended.late)) if one.axis == ended.axis else one for one in wanted.pulses
+        ),
+    )
+
+
+def without_excess(wanted: Wanted, order: Order, now: float) -> tuple[Wanted, Order]:
+    """Take what the last guide pulse of an axis was too long from the next one in the same direction.
+
+    Later the program that guides has seen where the star is.
+    """
+    pulse, axis = order.operation, pulse_axis(order)
+    last = next((one for one in wanted.pulses if one.axis == axis and now < one.until + SEEN_AFTER), None)
+    if order.follow_up or not isinstance(pulse, op.Pulse | op.PulseAxis) or last is None or last.operation is None:
+        return wanted, order
+    taken = min(pulse.ms, round(1000.0 * last.excess)) if replace(last.operation, ms=pulse.ms) == pulse else 0
+    pulses = tuple(
+        replace(one, excess=max(0.0, one.excess - taken / 1000.0)) if one is last else one for one in wanted.pulses
+    )
+    return replace(wanted, pulses=pulses), replace(order, operation=replace(pulse, ms=pulse.ms - taken))
 
 
 def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:

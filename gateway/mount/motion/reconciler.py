@@ -185,9 +185,10 @@ class Reconciler:
             self._timer.cancel()
             self._timer = None
         if order is not None:
-            self._put(replace(self.wanted, active=order.number))
-            self._active = order.number
-            self._work = self._loop.create_task(self._orders.carry_out(order, self.stop))
+            if (wanted := self.wanted).pulses:
+                wanted, order = outcomes.without_excess(wanted, order, self._loop.time())
+            self._put(replace(wanted, active=order.number))
+            self._active, self._work = order.number, self._loop.create_task(self._orders.carry_out(order, self.stop))
             self._work.add_done_callback(partial(self._has_ended, order))
         elif self.wanted.pending and (moment := next_moment(self.wanted)) is not None:
             self._timer = self._loop.call_at(moment, self._start_next)
@@ -270,11 +271,11 @@ class Reconciler:
 
     def _has_succeeded(self, order: Order, operation: op.Operation, value: Any) -> None:
         now = self._loop.time()
-        self._want(outcomes.carried_out(self.wanted, order, now))
+        self._want(outcomes.carried_out(self.wanted, order, now, value))
         if isinstance(value, op.Pulsed):
             self._want(outcomes.pulsed(self.wanted, order, value, next(self.numbers), now))
             if not value.ends:
-                self._link.queue.expect_urgent(now + value.seconds)
+                self._link.queue.expect_urgent((now if value.since is None else value.since) + value.seconds)
         if order.follow_up and not ends_focus(operation):
             self.lasting.emit(None)
         else:

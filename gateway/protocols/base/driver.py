@@ -103,13 +103,13 @@ class Driver:
     state of a driver does not import the functions that use it.
     """
 
-    #: Whether site and time can be set on an aligned mount without consequences.
-    takes_site_aligned = False
-    #: Whether setting site or time costs the mount its alignment.
-    loses_alignment = False
+    #: Whether site and time can be set on an aligned mount without consequences, or whether that costs the alignment.
+    takes_site_aligned = loses_alignment = False
     #: How many commands it takes to read the position.
     position_reads = 1
-    #: When the two coordinates of the last position were read, loop times, if they take one command each.
+    #: Loop times: when the last command was written and the next one can be; and, if they take one command each, when
+    #: both halves of the last position were read.
+    sent_at = next_at = 0.0
     read_at: tuple[float, float] | None = None
     #: Resolution of the reported position, degrees: at rest two readings differ by no more than this.
     resolution = 20.0 / 3600.0

@@ -56,7 +56,8 @@ def move(mount: NexStar, operation: Move) -> Steps:
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """Guide along a motor axis, or in right ascension or declination with both motors; return Pulsed, not ended.
 
-    The rates also make up for the tracking lost until each motor has received its rate. A pulse too short for the
+    The rates also make up for the tracking lost until each motor is sent its rate, and the length for what the first
+    one lost beyond that, because the gateway was not run. A pulse too short for the
     commands that begin and end it is sent longer and slower.
     """
     direction = operation.direction
@@ -78,10 +79,15 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     if mount.settings.guide_directions == "sky":
         first, second = _motor_ratios(direction, where, mount)
         added = rate * first, rate * second
-    catch_up = delay / lasts if tracked else 0.0
     mount.pulsing.add(direction.axis)
-    heard = yield from _add_rates(mount, direction.axis, added, (catch_up, 2.0 * catch_up))
-    return Pulsed(max(0.0, lasts - (mount.now() - heard) - max(0.0, (mount.motor_delay or 0.0) - BETWEEN)), ends=False)
+    loses = tracked and delay > 0.0  # while the motors are told
+    began, late = yield from _add_rates(mount, direction.axis, added, lasts if loses else None)
+    longer = 0.0
+    if loses:
+        moves, tracks = added[direction.axis - 1], mount.tracking_rates[direction.axis - 1]
+        beyond = moves + tracks * (began - late - mount.suspended_at) / lasts
+        longer = tracks * late / beyond if abs(beyond) > abs(moves) / 2.0 else 0.0
+    return Pulsed(lasts + max(-lasts / 2.0, min(lasts / 2.0, longer)), ends=False, since=began)
 
 
 def stop_axis(mount: NexStar, axis: int) -> Steps:
@@ -107,7 +113,7 @@ def send_rates(mount: NexStar, first: int) -> Steps:
     """Send the present sum of rates to each axis without fast hand motion, beginning with axis ``first``."""
     for axis in (first, 3 - first):
         if axis not in mount.moving or axis in mount.added_rates:
-            yield _rate(mount, axis, (0.0, 0.0), prompt=False)
+            yield _rate(mount, axis, 0.0, prompt=False)
 
 
 def _read_direction(mount: NexStar) -> Steps:
@@ -130,19 +136,23 @@ def _motor_rates(axis: int, rate: float) -> Pair:
     return (rate, 0.0) if axis == 1 else (0.0, rate)
 
 
-def _add_rates(mount: NexStar, axis: int, added: Pair, catch_up: Pair = (0.0, 0.0)) -> Steps:
-    """Add a rate and send the sums. Return when the first motor acknowledged its own.
+def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = None) -> Steps:
+    """Add a rate and send the sums. Return when the first motor was sent its own, loop time, and how late that was.
 
-    ``catch_up``: for both motors, by which fraction tracking is faster to make up for lost time.
+    If tracking was on until now, and the rates are wanted for ``lasts`` seconds, they make up for the tracking that
+    each motor has lost by then.
     """
     before = mount.added_rates.get(axis)
     mount.added_rates[axis] = added
-    heard: list[float] = []
+    sent, late = list[float](), list[float]()
     try:
         for number in (axis, 3 - axis):
             if number not in mount.moving or number in mount.added_rates:
-                yield _rate(mount, number, catch_up if number == axis else catch_up[::-1], prompt=True)
-                heard.append(mount.now())
+                planned = max(mount.now(), mount.next_at)
+                lost = 0.0 if lasts is None else planned - mount.suspended_at
+                yield _rate(mount, number, lost / (lasts or 1.0), prompt=True)
+                sent.append(mount.sent_at)
+                late.append(mount.sent_at - planned)
     except Busy:  # it was never sent
         if before is None:
             del mount.added_rates[axis]
@@ -151,15 +161,18 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, catch_up: Pair = (0.0, 0.
         if not mount.added_rates and not mount.moving:
             yield from tracking.resume(mount)
         raise
-    if len(heard) > 1:
-        mount.motor_delay = min(FARTHEST, heard[1] - heard[0])
-    return heard[0]
+    if len(sent) > 1:
+        mount.motor_delay = min(FARTHEST, sent[1] - sent[0])
+    return sent[0], late[0]
 
 
-def _rate(mount: NexStar, axis: int, catch_up: Pair, prompt: bool) -> Send:
-    """Return the command with the sum of rates of one axis: tracking, if it was on, and everything added."""
+def _rate(mount: NexStar, axis: int, catch_up: float, prompt: bool) -> Send:
+    """Return the command with the sum of rates of one axis: tracking, if it was on, and everything added.
+
+    ``catch_up`` is the fraction by which tracking is faster.
+    """
     tracks = mount.tracking_rates[axis - 1] if mount.suspended is Tracking.ALTAZ else 0.0
-    total = tracks * (1.0 + catch_up[0]) + sum(added[axis - 1] for added in mount.added_rates.values())
+    total = tracks * (1.0 + catch_up) + sum(added[axis - 1] for added in mount.added_rates.values())
     fastest = float(mount.rates["fastest"])
     code = tracking.rate_code(min(abs(total), fastest) * 3600.0)
     return Send(f"rate_{AXES[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, prompt=prompt)

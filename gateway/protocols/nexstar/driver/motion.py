@@ -243,7 +243,7 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
         return op.Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     mount.pulsing.add(axis)
     turns = yield from guide_speed.begin(mount, axis, sign, fraction)
-    return op.Pulsed(guide_speed.pulse_seconds(operation.ms, fraction, turns), ends=False)
+    return op.Pulsed(guide_speed.pulse_seconds(operation.ms, fraction, turns), ends=False, since=mount.sent_at)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------

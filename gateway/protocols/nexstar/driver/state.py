@@ -83,8 +83,10 @@ class NexStar(HandControl):
         #: motors; and the tracking rates of both motors. Degrees a second.
         self.added_rates: dict[int, tuple[float, float]] = {}
         self.tracking_rates: tuple[float, float] = (0.0, 0.0)
-        #: Seconds between the acknowledgements of both motors' last rates; None before the first.
+        #: Seconds between the commands that gave both motors their last rates; None before the first.
         self.motor_delay: float | None = None
+        #: When tracking was last turned off, loop time.
+        self.suspended_at = 0.0
         #: By axis, when the last pulse that the motor times itself ends.
         self.pulse_ends: dict[int, float] = {}
         # position

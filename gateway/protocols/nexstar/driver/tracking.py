@@ -137,7 +137,7 @@ def suspend(mount: NexStar) -> Steps:
         return None
     began = mount.now()
     yield from _set_mode(mount, op.Tracking.OFF)
-    mount.tracking = op.Tracking.OFF
+    mount.tracking, mount.suspended_at = op.Tracking.OFF, mount.sent_at
     return mount.now() - began
 
 

@@ -1,0 +1,29 @@
+"""Short time slices are asked for where Linux grants them, and nothing else of the scheduling is changed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from gateway.system import short_slices
+
+PROGRAM = """
+import os
+from gateway.system.short_slices import ask_for_short_slices
+os.nice(3)
+print(ask_for_short_slices(), os.getpriority(os.PRIO_PROCESS, 0), os.sched_getscheduler(0) == os.SCHED_OTHER)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="not Linux")
+def test_niceness_and_policy_stay() -> None:
+    said = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True).stdout
+    assert said in ("True 3 True\n", "False 3 True\n")
+
+
+def test_an_unknown_machine_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(short_slices.platform, "machine", lambda: "z80")
+    assert not short_slices.ask_for_short_slices()
