@@ -74,7 +74,12 @@ class Arrows:
         done, words = await actions.carry_out(self._gateway, request)
         if not done and (now := self._held.get(direction)) is not None and now.request == held.request:
             del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
+            self._let_go(held, lost=True)
         return done, words
+
+    def _let_go(self, held: Held, lost: bool) -> None:
+        request = request_types.LetGo(held.request, lost, who=self._who)
+        self._controller.spawn(actions.carry_out(self._gateway, request))
 
     async def repeat(self) -> None:
         """Repeat the orders of all arrows that are held down, so that their motion does not time out."""
@@ -97,8 +102,7 @@ class Arrows:
             if held is not None and press in (0, held.press):
                 del self._held[one]
                 any(page.take_over(one, held) for page in self._pages)
-                request = request_types.LetGo(held.request, lost, who=self._who)
-                self._controller.spawn(actions.carry_out(self._gateway, request))
+                self._let_go(held, lost)
 
     def take_over(self, direction: Direction, released: Held) -> bool:
         """Move the mount by this page's arrow, if it was pressed before one that another page has released."""

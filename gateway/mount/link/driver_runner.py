@@ -91,9 +91,12 @@ class DriverRunner:
         """Have the driver carry out an operation and return its answer. Raises Fault."""
         return await self.drive(self._context.driver.perform(operation), priority)
 
-    async def drive(self, steps: Steps, priority: int, since: float | None = None) -> Any:
+    async def drive(
+        self, steps: Steps, priority: int, since: float | None = None, may_begin: Callable[[], None] = lambda: None
+    ) -> Any:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
         ``MAX_START_DELAY`` seconds after ``since`` (loop time), or if the line delayed a motion by hand as long.
+        ``may_begin`` is called before a motion by hand begins, and may raise a Fault instead.
         """
         now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
         self.exchanges = exchanges = 0
@@ -106,6 +109,8 @@ class DriverRunner:
             nonlocal exchanges, late
             if late and (command.prompt or not exchanges):
                 raise Busy(STARTED_TOO_LATE)
+            if command.prompt:
+                may_begin()
             began = now()
             if driver.asleep:
                 self._gate.admit(command, priority)

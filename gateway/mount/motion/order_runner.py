@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -16,7 +17,7 @@ from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import ENDS, GOTOS, MOVING
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
-from gateway.mount.link.queue import MOTION, SETTING, STOP
+from gateway.mount.link.queue import MAX_START_DELAY, MOTION, SETTING, STOP
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done, PulseEnded
 from gateway.mount.motion.taps import LONGEST_WAIT, TapDropped
@@ -60,8 +61,7 @@ class OrderRunner:
             return operation, answer
         arrow = isinstance(operation, op.Move | op.MoveAxis) and order.rank == IN_ORDER
         since = order.since if arrow else None
-        if order.held is not None and self._context.now() - order.since > LONGEST_WAIT:
-            raise TapDropped
+        self._check_tap(order.number, LONGEST_WAIT)
         operation = await self._in_time(order)
         self.admitted = order.number
         if isinstance(operation, MOVING):
@@ -69,9 +69,16 @@ class OrderRunner:
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
         priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.keeps_repeating else STOP
-        answer = await self._runner.drive(self._driver.perform(operation), priority, since)
+        check = partial(self._check_tap, order.number, MAX_START_DELAY)
+        answer = await self._runner.drive(self._driver.perform(operation), priority, since, check)
         self.sent = self._driver.sent_at
         return operation, answer
+
+    def _check_tap(self, number: int, longest: float) -> None:
+        """Raises TapDropped if the order is an arrow that was released already, and was pressed too long ago."""
+        for order in self._context.wanted.value.pending:
+            if order.number == number and order.held is not None and self._context.now() - order.since > longest:
+                raise TapDropped
 
     def _pulse_ended(self, axis: int, began: float) -> PulseEnded:
         """Return how late a guide pulse was ended, and log it if that matters. The end ``began`` at this loop time."""

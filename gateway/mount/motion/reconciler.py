@@ -80,10 +80,10 @@ class Reconciler:
 
     def order(self, order: Order) -> Outcome:
         """Take an order, and return its outcome, or that of an equal pending halt. Raises Fault if it is refused."""
-        late = dropped(self.wanted, order) if isinstance(order.operation, op.StopAxis) else None
+        after = apply(self.wanted, order, self._loop.time(), self._movement.slewing)
+        late = dropped(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
         if late is not None and (outcome := self._outcomes.pop(late.number, None)) is not None:
             outcome.set_exception(TapDropped())
-        after = apply(self.wanted, order, self._loop.time(), self._movement.slewing)
         if after.stops != self.wanted.stops:
             return self.begin_stop()
         asked = any(one.number == order.number for one in after.pending)

@@ -110,12 +110,12 @@ def ended(wanted: Wanted, end: Order) -> Wanted:
     return replace(wanted, pending=(*wanted.pending, end))
 
 
-def dropped(wanted: Wanted, release: Order) -> Order | None:
-    """Return the press that its release drops, because it has waited and was held too long; None if there is none."""
+def dropped(wanted: Wanted, after: Wanted, release: Order) -> Order | None:
+    """Return the press that its release has dropped, because it has waited and was held too long; None if none was."""
     waiting = unbegun(wanted, release)
-    if waiting and over(wanted, axis_of(release)) and _late(waiting[-1], release):
-        return waiting[-1]
-    return None
+    if not waiting or not over(wanted, axis_of(release)) or not _late(waiting[-1], release):
+        return None
+    return None if any(one.number == waiting[-1].number for one in after.pending) else waiting[-1]
 
 
 def without_presses(wanted: Wanted) -> Wanted:

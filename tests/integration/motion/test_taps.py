@@ -197,6 +197,25 @@ def test_a_short_press_that_has_begun_late_keeps_its_length_and_a_long_one_ends_
     assert run(program(1.2)) <= 0.35
 
 
+def test_an_arrow_that_is_held_waits_for_the_tap_before_it_and_is_ended_by_its_own_release() -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.24) as own:
+            client = own.client()
+            client.tell(b":RM#:Mw#")
+            await asyncio.sleep(0.08)
+            client.tell(b":Qw#")
+            await asyncio.sleep(0.02)
+            client.tell(b":Me#")
+            await asyncio.sleep(4.0)
+            assert 1 in own.controller.wanted.by_hand
+            assert refusals(own) == []
+            client.tell(b":Qe#")
+            await asyncio.sleep(1.5)
+            assert not moving(own.sim)
+
+    run(program())
+
+
 def test_a_connection_for_every_command_taps_as_well() -> None:
     async def program() -> None:
         async with stage("lx200", "cpc", 0.15) as own:

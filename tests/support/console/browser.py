@@ -65,6 +65,13 @@ class Way:
         self._last = 0.0
         self.frozen = self.cut = False
         self._kept: list[Callable[[], None]] = []
+        #: The gateway's end, once the connection is accepted.
+        self.session: PageSession | None = None
+
+    def take(self, text: str) -> None:
+        """Let the gateway's end receive a message."""
+        assert self.session is not None
+        self.session.take(text)
 
     def send(self, arrives: Callable[[], None]) -> None:
         at = self._loop.time() + self._delay + self._random.random() * self._jitter
@@ -126,7 +133,7 @@ class Page:
 
     def _accepted(self, up: Way, down: Way) -> None:
         session = PageSession(self._mounts, _Wire(self, down), "10.0.0.9", acts=True)
-        self._session = session
+        up.session = session
         if not down.cut:
             self._shown = asyncio.ensure_future(session.run())
             down.send(lambda: self.do("opened"))
@@ -139,12 +146,9 @@ class Page:
         self.words += told["notices"]
         for text in told["sent"]:
             if text is not None:
-                self._up.send(partial(self._take, text))
+                self._up.send(partial(self._up.take, text))
         if told["next"] is not None:
             self._timer = self._loop.call_at(max(told["next"] / 1000.0, self._loop.time() + 0.001), self.do, "wait")
-
-    def _take(self, text: str) -> None:
-        self._session.take(text)
 
     def hears(self, text: str) -> None:
         self.do("message", text)
