@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.config.programs import as_fields, first_bytes, hold, open_needs, programs, with_needs
+from gateway.app.config.programs import as_fields, first_bytes, hold, open_needs, programs, stops_arrows, with_needs
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -83,6 +83,7 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
         made.model,
         made.settings,
         default_equinox=spec.equinox,
+        stops_arrows=stops_arrows(endpoint.protocol, config.client),
         fit=made.fit,
     )
 
@@ -213,7 +214,8 @@ def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> 
     for first, program in first_bytes(surface).items():
         needs = as_fields(open_needs(surface, program))
         equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
-        yield ClientProfile(first, programs(protocol)[program].name, needs, equinox, hold(surface, protocol, program))
+        row = programs(protocol)[program]
+        yield ClientProfile(first, row.name, needs, equinox, hold(surface, protocol, program), row.stops_arrows)
 
 
 def connect_watchdog(controller: MountController, watched: WatchedMount) -> None:

@@ -82,6 +82,7 @@ class ClientConnection:
         self._filter: StrangerFilter | None = None
         self._binding, self._rights = binding, rights
         self._controller, self._wanted = client.controller, client.controller.wanted
+        client.releases.by_stop = binding.stops_arrows
         #: The client program that was recognised.
         self.profile = ""
         #: Whether it is no telescope program.
@@ -188,7 +189,7 @@ class ClientConnection:
         client.runner.equinox = profile.equinox or client.runner.equinox
         session.settings = replace(session.settings, **profile.settings)
         session.kept.precision = profile.settings.get("precision", session.kept.precision)
-        client.unread.hold = profile.hold
+        client.unread.hold, client.releases.by_stop = profile.hold, profile.stops_arrows
         self.profile = profile.program
         client.log.note(f"recognised client {profile.program}: applying its profile")
         return False

@@ -55,6 +55,8 @@ class ClientProfile(Struct, frozen=True):
     equinox: EquinoxConverter | None
     #: Seconds for which the text of a refusal is held back.
     hold: float
+    #: Whether the program releases its arrows by a full stop.
+    stops_arrows: bool
 
 
 class SurfaceBinding(Struct, frozen=True):
@@ -73,6 +75,8 @@ class SurfaceBinding(Struct, frozen=True):
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
     hold: float = 0.0
+    #: Whether its program releases its arrows by a full stop.
+    stops_arrows: bool = False
     #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()

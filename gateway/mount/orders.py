@@ -19,6 +19,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import equal_pending_halt, interrupted, too_late, without_superseded
 from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.motion.taps import stopped_at_once
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import NOBODY, HostActivity
 from gateway.mount.readings.cache import MAX_AGE
@@ -82,6 +83,13 @@ class Orders:
         same = equal_pending_halt(wanted, operation)
         reconciler.want(wanted if same is None else interrupted(wanted, same))
         return same is not None
+
+    def releases_arrow(self, activity: HostActivity) -> bool:
+        """Let a full stop that only releases an arrow follow the shortest motion; False if the stop is to go first."""
+        after = None if self._movement.slewing else stopped_at_once(self._wanted.value, activity, self._context.now())
+        if after is not None:
+            self._reconciler.want(after)
+        return after is not None
 
     async def perform(
         self,

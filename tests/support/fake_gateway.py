@@ -58,6 +58,10 @@ class FakeController:
     def halt_is_pending(self, operation: op.Operation) -> None:
         """Do nothing: no stop is ever under way here, because each is done at once."""
 
+    def releases_arrow(self, activity: HostActivity) -> bool:
+        """Return that no arrow waits: everything is done at once."""
+        return False
+
     def peek(self, operation: op.Operation, program: Program = NOBODY) -> Any:
         if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
             return self.mount.perform(operation)

@@ -35,7 +35,7 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One program. ``first``: the bytes with which only it begins a connection; ``told``: how that is known.
 
-    ``leaves_text``: it does not read the text of a refusal.
+    ``leaves_text``: it does not read the text of a refusal. ``stops_arrows``: it releases its arrows by a full stop.
     """
 
     name: str
@@ -43,6 +43,7 @@ class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     first: str | None = None
     told: str = ""
     leaves_text: bool = False
+    stops_arrows: bool = False
 
 
 @lru_cache
@@ -99,6 +100,12 @@ def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
     return HOLD if row is None else float("inf") if row.leaves_text else 0.0
 
 
+def stops_arrows(protocol: str, program: str) -> bool:
+    """Whether a program releases its arrows by a full stop."""
+    row = programs(protocol).get(program)
+    return row is not None and row.stops_arrows
+
+
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     """Return first bytes -> program, for the programs that need something else than the surface has.
 
@@ -111,5 +118,5 @@ def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     return {
         row.first.encode("latin-1"): key
         for key, row in programs(endpoint.protocol).items()
-        if row.first is not None and (row.leaves_text or open_needs(surface, key))
+        if row.first is not None and (row.leaves_text or row.stops_arrows or open_needs(surface, key))
     }

@@ -48,7 +48,7 @@ class CommandProcessor:
         self.framer, self.write = binding.framing(), write
         self.log = ClientLog(name, controller.wire_log)
         self._inbox = Inbox(self.log)
-        self._releases = Releases(controller, binding.surface, self._inbox)
+        self.releases = Releases(controller, binding.surface, self._inbox)
         self.runner = TurnRunner(controller, binding.surface, session, activity, self.log)
         self._cache = self.runner.cache
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
@@ -150,12 +150,13 @@ class CommandProcessor:
     def _end_motion(self, frame: bytes, ending: Ending) -> None:
         """End a motion before all waiting commands, and remove those that would begin it."""
         now = self.arrival()
-        ends = self._releases.ends(frame, ending, now, self._turn)
+        ends = self.releases.ends(frame, ending, now, self._turn)
         if ends is None:
             return
         self._inbox.take_back(ends.takes_back, frame)
         if isinstance(ends.operation, AbortMotion):
-            self.controller.begin_stop()
+            if not (self.releases.by_stop and self.controller.orders.releases_arrow(self.activity)):
+                self.controller.begin_stop()
         else:
             self.runner.background.start(ends.operation, self._wanted.value.stops, now)
 

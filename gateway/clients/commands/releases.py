@@ -23,6 +23,8 @@ class Releases:
         self._controller, self._surface, self._inbox = controller, surface, inbox
         #: The releases a moment ago, with the loop times of their arrival.
         self._recent: dict[bytes, float] = {}
+        #: Whether the program releases its arrows by a full stop.
+        self.by_stop = False
 
     def ends(self, frame: bytes, ending: Ending, now: float, under_way: Turn | None) -> Ending | None:
         """Return what a command ends; None if it releases only an arrow whose press waits behind ``under_way``."""

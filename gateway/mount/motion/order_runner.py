@@ -72,6 +72,9 @@ class OrderRunner:
         check = partial(self._check_tap, order.number, MAX_START_DELAY)
         answer = await self._runner.drive(self._driver.perform(operation), priority, since, check)
         self.sent = self._driver.sent_at
+        if any(one.number == order.number and one.then_stop for one in self._context.wanted.value.pending):
+            await self._runner.perform(op.AbortMotion(), STOP)
+            return op.AbortMotion(), None
         return operation, answer
 
     def _check_tap(self, number: int, longest: float) -> None:
@@ -154,6 +157,9 @@ class Consequences:
             cache.changed.emit(op.Position)  # no new position, but it must be polled more often from now on
         elif isinstance(operation, op.StopAxis):
             self._halted(operation.axis, done.before.by_hand.get(operation.axis))
+        elif isinstance(operation, op.AbortMotion):  # of an arrow that was stopped at once
+            self.stop_sent(None)
+            self.at_rest(None)
         elif isinstance(operation, op.AbortSlew):
             cache.put(op.Slewing, False, self._now())
         elif isinstance(operation, op.Sync):

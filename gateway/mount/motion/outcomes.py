@@ -89,7 +89,7 @@ def failed(wanted: Wanted, order: Order) -> Wanted:
 def may_have_begun(order: Order, error: BaseException) -> bool:
     """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
     unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
-    return unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
+    return order.then_stop or unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
 
 
 def acknowledged(
@@ -115,6 +115,8 @@ def acknowledged(
             return wanted
         case op.StopAxis():
             return _with(wanted, operation.axis, None)
+        case op.AbortMotion():
+            return at_rest(wanted)
         case op.AbortSlew():
             return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
         case op.Hibernate():

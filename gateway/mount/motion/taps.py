@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Busy
 from gateway.core.motion_kinds import ENDS, axis_moved
-from gateway.mount.motion.wanted import FIRST, AxisMotion, ByHand, Order, Tap, Wanted
+from gateway.mount.motion.wanted import FIRST, AxisMotion, ByHand, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
 #: A press that has waited longer than this for its turn is dropped with its release, and one that was held longer.
@@ -22,6 +22,8 @@ LONGEST_WAIT, LONGEST_HELD = 1.5, 1.0
 #: A motion that has begun, a moment after the press, lasts this part of the time for which its arrow was held, if that
 #: was LONGEST_HELD at most, and all of it if it was no longer than SHORT.
 PART, SHORT = 0.75, 0.3
+#: A full stop of a program that releases arrows by it lets an arrow move that was pressed no longer ago than this.
+JUST_PRESSED = 0.5
 
 
 class TapDropped(Busy):
@@ -101,6 +103,25 @@ def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
     """Note that the mount has acknowledged the motion of an arrow that was released after ``held`` seconds."""
     others = tuple(tap for tap in wanted.taps if tap.axis != axis)
     return replace(wanted, taps=(*others, Tap(axis, motion.by, motion.sent + held)))
+
+
+def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | None:
+    """Return what is wanted after a full stop that only releases an arrow: the shortest motion, and then the stop.
+
+    None if the stop goes first: the motion has begun, the press is too old, or something else moves or waits.
+    """
+    waiting = [one for one in wanted.pending if not one.follow_up]
+    moving = not isinstance(wanted.motion, NotOrdered) or wanted.owed or wanted.pulses or wanted.taps
+    if moving or len(waiting) != 1:
+        return None
+    [press] = waiting
+    if axis_moved(press.operation) is None or press.held is not None or not _same(press.by, by):
+        return None
+    if now - press.since > JUST_PRESSED:
+        return None
+    tap = replace(press, held=0.0, then_stop=True)
+    pending = tuple(tap if one is press else one for one in wanted.pending)
+    return replace(wanted, pending=pending, pressed=(), stops=wanted.stops + 1)
 
 
 def ended(wanted: Wanted, end: Order) -> Wanted:

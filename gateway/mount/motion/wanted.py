@@ -31,9 +31,10 @@ class Order(Struct, frozen=True):
     the one from which it is due, ``until`` the one at which the client stops waiting for the outcome. A ``follow_up``
     is the gateway's own order, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts
     commands. ``unless`` is the number of a goto: once that has begun, this order is void. ``held`` is how many seconds
-    an arrow was held that was released before its motion has begun; None while it is held. A halt has four more fields:
-    whether it ``overtakes`` waiting orders, how many equal halts it ``repeats``, ``Wanted.asked`` at its arrival, and
-    whether it ``ends_tap``, an arrow that was released earlier.
+    an arrow was held that was released before its motion has begun; None while it is held. ``then_stop``: a full stop
+    follows it at once, with nothing in between. A halt has four more fields: whether it ``overtakes`` waiting orders,
+    how many equal halts it ``repeats``, ``Wanted.asked`` at its arrival, and whether it ``ends_tap``, an arrow
+    that was released earlier.
     """
 
     number: int
@@ -51,6 +52,7 @@ class Order(Struct, frozen=True):
     repeats: int = 0
     asked: int = 0
     held: float | None = None
+    then_stop: bool = False
     ends_tap: bool = False
 
     @property

@@ -238,3 +238,63 @@ def test_a_connection_for_every_command_taps_as_well() -> None:
             assert not moving(own.sim)
 
     run(program())
+
+
+#: How a full stop follows a press, what was done before, and whether the arrow still moves the mount.
+STOPS = {
+    "a press just now": (b"", 0.1, True),
+    "a press a while ago": (b"", 0.6, False),
+    "another arrow moves": (b":Me#", 0.1, False),
+}
+
+
+@pytest.mark.parametrize("how", STOPS)
+@pytest.mark.parametrize("known", [True, False])
+def test_a_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, known: bool) -> None:
+    before, seconds, taps = STOPS[how]
+
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.3) as own:
+            axes, client = Axes(own), own.client()
+            client._guest.client.releases.by_stop = known
+            client.tell(b":RM#")
+            await asyncio.sleep(1.0)
+            await axes.begin()
+            client.tell(before)
+            await asyncio.sleep(2.0)
+            client.tell(b":Mn#")
+            await asyncio.sleep(seconds)
+            stops = own.controller.stops
+            client.tell(b":Q#")
+            assert own.controller.stops == stops + 1
+            await asyncio.sleep(4.0)
+            assert not moving(own.sim)
+            assert not own.controller.wanted.by_hand
+            assert own.sent().count(b"M") >= 1, "the stop is sent"
+            if taps and known:
+                assert 0.02 <= abs(axes.moved) <= 0.1 + 2.0 * 0.3
+            else:
+                assert abs(axes.moved) < 0.005
+
+    run(program())
+
+
+@pytest.mark.parametrize("presses", [b":Mn#:Qn#", b":Mn#:Mn#"])
+def test_a_full_stop_that_comes_again_goes_first(presses: bytes) -> None:
+    async def program() -> None:
+        async with stage("lx200", "cpc", 0.3) as own:
+            axes, client = Axes(own), own.client()
+            client._guest.client.releases.by_stop = True
+            client.tell(b":RM#")
+            await asyncio.sleep(1.0)
+            await axes.begin()
+            client.tell(presses[:4])
+            await asyncio.sleep(0.1)
+            client.tell(presses[4:] if b"Q" in presses else b":Q#")
+            await asyncio.sleep(0.1)
+            client.tell(b":Q#")
+            await asyncio.sleep(3.0)
+            assert abs(axes.moved) < 0.005
+            assert not moving(own.sim)
+
+    run(program())

@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from gateway.app.bindings import profiles
-from gateway.app.config import SurfaceConfig
+from gateway.app.bindings import make_surface, profiles
+from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.app.config.describing import find_key
 from gateway.app.config.programs import first_bytes, open_needs, programs, with_needs
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.virtual_time import run
+from gateway.mount.policy import Limits
 from tests.support.each import each
 from tests.support.fake_gateway import FakeGateway
 from tests.support.fake_mount import Mount, Talk
@@ -110,6 +111,24 @@ def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
         target = built.mount.asked[-1]
         sky = built.mount.sky.to_of_date(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.controller.clock())
         assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
+
+    run(story())
+
+
+def test_programs_that_release_arrows_by_a_full_stop_are_known() -> None:
+    async def story() -> None:
+        built, _ = gateway()
+        mobile, other = built.connect(), built.connect()
+        for data in MOBILE:
+            await mobile.ask(data)
+        await other.ask(b":GR#")
+        by_stop = [one._guest.client.releases.by_stop for one in (mobile, other)]
+        assert by_stop == [True, False]
+        for client, stops in (("skysafari", True), ("indi", False)):
+            assert (
+                make_surface(Endpoint("lx200", "-"), SurfaceConfig(at=TCP, client=client), Limits()).stops_arrows
+                is stops
+            )
 
     run(story())
 
