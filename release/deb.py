@@ -1,6 +1,6 @@
 """Makes the Debian package: an environment of its own below /opt, with everything that mount-gateway needs from PyPI.
 
-    python3 release/deb.py WHEEL VERSION ARCHITECTURE FOLDER
+    python3 release/deb.py WHEEL VERSION FOLDER
 
 Run it in a root of the Debian release that the package is for: the environment belongs to the Python of that release.
 For another architecture than this machine's the compiled parts are taken from that one's wheels; nothing is run then.
@@ -9,7 +9,6 @@ For another architecture than this machine's the compiled parts are taken from t
 from __future__ import annotations
 
 import gzip
-import os
 import re
 import shutil
 import subprocess
@@ -26,50 +25,61 @@ MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 #: The newest C library that the wheels may need: Debian 12 has 2.36.
 MANYLINUX = ("manylinux_2_34", "manylinux_2_28", "manylinux_2_17", "manylinux2014")
 PYTHON = f"{sys.version_info[0]}.{sys.version_info[1]}"
+PIP = [sys.executable, "-m", "pip", "--python", str(HOME / "bin" / "python"), "install", "--quiet", "--no-compile"]
+#: Where each shell looks for completion.
+SHELLS = {
+    "bash": "usr/share/bash-completion/completions/mount-gateway",
+    "zsh": "usr/share/zsh/vendor-completions/_mount-gateway",
+}
 
 
 def main() -> int:
-    wheel, version, architecture, into = sys.argv[1:]
-    with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder) / "tree"
-        environment(tree, Path(wheel).resolve(), architecture)
-        about(tree, version, architecture)
-        name = f"mount-gateway_{version}-1~{release()}_{architecture}.deb"
-        command = ["dpkg-deb", "--root-owner-group", "--build", "-Zxz", str(tree), str(Path(into) / name)]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    print(f"{name}: {(Path(into) / name).stat().st_size / 1e6:.0f} MB")
+    wheel, version, into = sys.argv[1:]
+    completions = environment(Path(wheel).resolve())
+    made(version, machine(), completions, Path(into))
+    for architecture in sorted(set(MACHINES) - {machine()}):
+        foreign(Path(wheel).resolve(), architecture)
+        made(version, architecture, completions, Path(into))
     return 0
 
 
-def environment(tree: Path, wheel: Path, architecture: str) -> None:
-    """Make the environment in its place, install into it, and move it into the package's tree."""
+def environment(wheel: Path) -> dict[str, str]:
+    """Make the environment in its place and install into it; return the completion of each shell."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(HOME)], check=True)
-    pip = [sys.executable, "-m", "pip", "--python", str(HOME / "bin" / "python"), "install", "--quiet", "--no-compile"]
-    subprocess.run([*pip, f"{wheel}[{EXTRAS}]"], check=True)
-    if architecture != machine():
-        [site] = HOME.glob("lib/python*/site-packages")
-        shutil.rmtree(site)
-        machine_name = MACHINES[architecture]
-        foreign = [
-            "--only-binary",
-            ":all:",
-            "--implementation",
-            "cp",
-            "--python-version",
-            PYTHON,
-            "--target",
-            str(site),
-        ]
-        foreign += [word for kind in MANYLINUX for word in ("--platform", f"{kind}_{machine_name}")]
-        subprocess.run([*pip, *foreign, f"{wheel}[{EXTRAS}]"], check=True)
-        shutil.rmtree(site / "bin", ignore_errors=True)
-    for cache in HOME.rglob("__pycache__"):
-        shutil.rmtree(cache)
+    subprocess.run([*PIP, f"{wheel}[{EXTRAS}]"], check=True)
     for program in (HOME / "bin").iterdir():  # the programs of the packages in it are nobody's business
         if not program.name.startswith(("python", "mount-gateway")):
             program.unlink()
-    (tree / HOME.parent.relative_to("/")).mkdir(parents=True)
-    shutil.move(HOME, tree / HOME.relative_to("/"))
+    command = [str(HOME / "bin" / "python"), "-B", str(HOME / "bin" / "mount-gateway"), "completion"]
+    return {
+        shell: subprocess.run([*command, shell], check=True, capture_output=True, text=True).stdout for shell in SHELLS
+    }
+
+
+def foreign(wheel: Path, architecture: str) -> None:
+    """Replace the packages in the environment by those for another architecture."""
+    [site] = HOME.glob("lib/python*/site-packages")
+    shutil.rmtree(site)
+    words = ["--only-binary", ":all:", "--implementation", "cp", "--python-version", PYTHON, "--target", str(site)]
+    words += [word for kind in MANYLINUX for word in ("--platform", f"{kind}_{MACHINES[architecture]}")]
+    subprocess.run([*PIP, *words, f"{wheel}[{EXTRAS}]"], check=True)
+    shutil.rmtree(site / "bin", ignore_errors=True)
+
+
+def made(version: str, architecture: str, completions: dict[str, str], into: Path) -> None:
+    """Make the package of the environment as it is."""
+    for cache in list(HOME.rglob("__pycache__")):
+        shutil.rmtree(cache)
+    name = f"mount-gateway_{version}-1~{release()}_{architecture}.deb"
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
+        shutil.copytree(HOME, tree / HOME.relative_to("/"), symlinks=True)
+        about(tree, version, architecture)
+        for shell, text in completions.items():
+            put(tree, SHELLS[shell], text)
+        command = ["dpkg-deb", "--root-owner-group", "--build", "-Zzstd", str(tree), str(into / name)]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    print(f"{name}: {(into / name).stat().st_size / 1e6:.0f} MB", flush=True)
 
 
 def about(tree: Path, version: str, architecture: str) -> None:
@@ -92,24 +102,6 @@ def about(tree: Path, version: str, architecture: str) -> None:
     program.parent.mkdir(parents=True)
     program.symlink_to(HOME / "bin" / "mount-gateway")
     (tree / "etc/mount-gateway").mkdir(parents=True)
-    for shell, place in (
-        ("bash", "usr/share/bash-completion/completions/mount-gateway"),
-        ("zsh", "usr/share/zsh/vendor-completions/_mount-gateway"),
-    ):
-        put(tree, place, completion(tree, shell))
-
-
-def completion(tree: Path, shell: str) -> str:
-    """Return the completion of a shell, printed by the program itself, from its source: it may be foreign."""
-    site = next((tree / HOME.relative_to("/")).glob("lib/python*/site-packages"))
-    code = f"import sys; sys.path.append({str(site)!r}); from gateway.cli import main; main(['completion', '{shell}'])"
-    return subprocess.run(
-        [sys.executable, "-B", "-c", code],
-        check=True,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "HOME": "/tmp"},
-    ).stdout
 
 
 def put(tree: Path, name: str, text: str, mode: int = 0o644) -> None:

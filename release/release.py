@@ -191,9 +191,9 @@ def debian_packages(wheel: Path, into: Path) -> list[Path]:
     step("Debian packages: made, installed, upgraded, removed, purged")
     version = wheel.name.split("-")[1]
     for release in NUMBERS:
-        for architecture in ("amd64", "arm64"):
-            made = f"python3 release/deb.py /shared/{wheel.name} {version} {architecture} /shared"
-            debian(into, release, "python3-venv python3-pip", made)
+        debian(
+            into, release, "python3-venv python3-pip", f"python3 release/deb.py /shared/{wheel.name} {version} /shared"
+        )
         print(f"-- Debian {release}", flush=True)
         [own] = into.glob(f"mount-gateway_{version}-1~{NUMBERS[release]}_amd64.deb")
         debian(into, release, "", f"sh release/debian/trial.sh /shared/{own.name}")
