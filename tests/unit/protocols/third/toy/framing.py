@@ -8,6 +8,8 @@ from gateway.protocols.base.frames import Dropped, Unterminated
 class Lines:
     """Cuts a byte stream into lines."""
 
+    held = False
+
     def __init__(self) -> None:
         self._rest = b""
         self.dropped = Dropped()

@@ -1,0 +1,113 @@
+"""What a release consists of: files that say the same as the program, and no placeholder in what people install."""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from gateway.cli.serve.service import UNIT
+from tests.support.each import each
+from tests.support.pages import ROOT
+
+sys.path.insert(0, str(ROOT / "release"))
+import build
+
+import release as making
+
+#: What stands in a template until somebody writes the real thing.
+PLACEHOLDER = re.compile(
+    r"example\.(com|org|net)|\bTODO\b|\bFIXME\b|change-?me|your[-_ ]|<[a-z -]+>|\bOWNER\b|\bUSER\b", re.I
+)
+
+
+def test_nothing_that_is_installed_holds_a_placeholder() -> None:
+    """The project's fields and the readme, which become the wheel's metadata; code in the readme is not meant."""
+    fields = (ROOT / "pyproject.toml").read_text("utf-8").partition("[project.scripts]")[0]
+    assert PLACEHOLDER.findall(fields) == []
+    assert "urls" not in fields or "https://" in fields.partition("urls")[2]
+
+
+@each("text", ["homepage = 'https://example.com'", "name = 'Your name'", "url = '<address of the project>'", "# TODO"])
+def test_placeholders_are_noticed(text: str) -> None:
+    assert PLACEHOLDER.search(text)
+
+
+def settings(unit: str) -> list[str]:
+    """The lines of a unit that take rights away."""
+    return re.findall(
+        r"(?m)^(?:NoNew|Capab|Protect|Lock|Restrict(?!ed)|SystemCall|Timeout|Watchdog|Start|Type)\S*=.*$", unit
+    )
+
+
+def test_the_packages_unit_has_the_rights_that_service_prints() -> None:
+    packaged = (ROOT / "release" / "debian" / "mount-gateway@.service").read_text("utf-8")
+    assert settings(packaged) == settings(UNIT)
+    assert "run --wait --config /etc/mount-gateway/%i.toml" in packaged
+
+
+def test_a_source_distribution_is_packed_again_the_same() -> None:
+    def packed(mtime: int, owner: str, names: list[str]) -> bytes:
+        out = io.BytesIO()
+        with tarfile.open(fileobj=out, mode="w:gz") as file:
+            for name in names:
+                member = tarfile.TarInfo(name)
+                member.mtime, member.uname, member.uid, member.size = mtime, owner, mtime, len(name)
+                file.addfile(member, io.BytesIO(name.encode()))
+        return out.getvalue()
+
+    first = build.packed_again(packed(1, "me", ["a", "b", "a/c"]), 1767225600)
+    assert first == build.packed_again(packed(2, "you", ["b", "a/c", "a"]), 1767225600)
+    with tarfile.open(fileobj=io.BytesIO(first)) as file:
+        members = file.getmembers()
+        assert [(one.name, one.mtime, one.uid, one.uname) for one in members] == [
+            (name, 1767225600, 0, "") for name in ("a", "a/c", "b")
+        ]
+        content = file.extractfile("a/c")
+        assert content is not None and content.read() == b"a/c"
+
+
+def test_the_version_after_a_release() -> None:
+    assert making.following("0.2.0") == "0.3.0.dev0"
+    assert making.following("1.9.3") == "1.10.0.dev0"
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The files of which a release changes a line."""
+    for name, text in {
+        "PROJECT": '[project]\nname = "mount-gateway"\nversion = "0.2.0"\nrequires-python = ">=3.11"\n',
+        "ABOUT": "#: Unix seconds, 2026-01-01: it is later than that.\nRELEASED = 1767225600.0\n",
+        "CHANGES": "# Changelog\n\n## Unreleased\n\n- A line.\n",
+    }.items():
+        (tmp_path / name).write_text(text)
+        monkeypatch.setattr(making, name, tmp_path / name)
+    monkeypatch.setattr(making, "git", lambda *words: "")
+    return tmp_path
+
+
+def test_a_release_writes_version_date_and_heading_and_the_next_opens_anew(project: Path) -> None:
+    making.raise_version("0.3.0", released=True)
+    assert 'version = "0.3.0"\n' in (project / "PROJECT").read_text()
+    assert re.search(r"(?m)^RELEASED = 1[789]\d{8}\.0$", (project / "ABOUT").read_text())
+    assert re.search(r"(?m)^## 0\.3\.0 \(\d{4}-\d\d-\d\d\)$", (project / "CHANGES").read_text())
+    making.raise_version("0.4.0.dev0", released=False)
+    assert 'version = "0.4.0.dev0"\n' in (project / "PROJECT").read_text()
+    assert re.findall(r"(?m)^## (\S+)", (project / "CHANGES").read_text()) == ["Unreleased", "0.3.0"]
+
+
+@each("version", ["0.3", "v0.3.0", "0.3.0.dev0", "three"])
+def test_what_is_no_version_is_refused(version: str) -> None:
+    with pytest.raises(SystemExit, match="is no version"):
+        making.raise_version(version, released=True)
+
+
+def test_the_containerfile_is_short_and_runs_as_nobody_in_particular() -> None:
+    lines = (ROOT / "release" / "Containerfile").read_text("utf-8").splitlines()
+    assert len(lines) <= 25
+    assert any(line.startswith("USER ") and "root" not in line for line in lines)
+    assert any(line.startswith("HEALTHCHECK ") for line in lines)
