@@ -12,6 +12,8 @@ from .processes import Workshop
 from .sky import NIGHT, Site
 
 PRODUCT = (sys.executable, "-m", "gateway")
+#: The mount's night is long past: today's Sun would count as well, and this computer's clock contradicts the mount's.
+OF_ANOTHER_NIGHT = ("--sun", "0", "--computer-clock", "doubtful")
 
 
 class Endpoint(NamedTuple):
@@ -84,8 +86,7 @@ def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport:
         "--surface",
         f"{surface}@{where}",
     ]
-    # The mount's night is long past, so today's Sun would count as well, and what is refused depend on the hour.
-    argv += ["--sun", "0"]
+    argv += OF_ANOTHER_NIGHT
     process = workshop.start(argv, ends_well=True)
     return endpoints(process.wait_for_lines("ready ", 1))[0]
 
@@ -106,7 +107,7 @@ def start_any_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> End
     """The gateway over a simulated mount of a protocol, for programs of every protocol and browsers."""
     at = f"{protocol}@socket://127.0.0.1:{mount.port}"
     argv = [*PRODUCT, "run", "--mount", at, "--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"]
-    process = workshop.start([*argv, "--sun", "0", "--log"], ends_well=True)
+    process = workshop.start([*argv, *OF_ANOTHER_NIGHT, "--log"], ends_well=True)
     surface, _ = process.wait_for_lines("ready ", 2)  # the console is the other
     return endpoints([surface])[0]
 

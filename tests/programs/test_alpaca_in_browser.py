@@ -12,7 +12,7 @@ import json
 from .browser import Browser, Site
 from .hand_control import HandControl
 from .processes import Workshop, requires, wait_until
-from .product import PRODUCT, endpoints, start_simulator
+from .product import OF_ANOTHER_NIGHT, PRODUCT, endpoints, start_simulator
 from .sky import NORTH
 from .tap import Tap
 from .test_browser import QUESTIONS
@@ -74,7 +74,7 @@ def start(workshop: Workshop, *surfaces: str) -> tuple[list[int], Tap, HandContr
     tap = Tap(workshop, wire.port)
     flags = [word for surface in surfaces for word in ("--surface", surface)]
     gateway = workshop.start(
-        [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{tap.port}", "--sun", "0", "--no-discovery",
+        [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{tap.port}", *OF_ANOTHER_NIGHT, "--no-discovery",
          "--console", "tcp://127.0.0.1:0", *flags],
         ends_well=True,
     )  # fmt: skip

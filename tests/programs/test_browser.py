@@ -16,7 +16,7 @@ from .browser import Browser, Site
 from .hand_control import HandControl
 from .meade import Meade
 from .processes import Process, Workshop, requires, wait_until
-from .product import PRODUCT, endpoints, start_meade, start_simulator
+from .product import OF_ANOTHER_NIGHT, PRODUCT, endpoints, start_meade, start_simulator
 from .sky import NORTH
 from .tap import Tap
 
@@ -63,8 +63,7 @@ def set_up(workshop: Workshop, mount: str) -> Setup:
         "--no-console",
         "--mount",
         f"{mount}@socket://127.0.0.1:{tap.port}",
-        "--sun",
-        "0",
+        *OF_ANOTHER_NIGHT,
         "--hibernate",
         "--log",
     ]

@@ -14,7 +14,7 @@ from . import scenario
 from .hand_control import HandControl
 from .meade import Meade
 from .processes import Workshop, accepts, free_port, requires, wait_until
-from .product import PRODUCT, Endpoint, endpoints
+from .product import OF_ANOTHER_NIGHT, PRODUCT, Endpoint, endpoints
 from .sky import NIGHT, NORTH, target_up
 from .telescope import Telescope
 
@@ -52,8 +52,7 @@ def virtual_port(workshop: Workshop, mount: str, port: int, surface: str) -> End
         f"{mount}@rfc2217://127.0.0.1:{port}",
         "--surface",
         f"{surface}@rfc2217://127.0.0.1:0",
-        "--sun",
-        "0",
+        *OF_ANOTHER_NIGHT,
     ]
     (ready,) = endpoints(workshop.start(argv, ends_well=True).wait_for_lines("ready ", 1))
     assert ready.where.startswith("rfc2217://127.0.0.1:") and ready.port > 0

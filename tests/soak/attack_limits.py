@@ -42,6 +42,7 @@ class Attack(Struct, frozen=True):
     host: str = ""
     sim: tuple[str, ...] = ()
     settled: float = 2.0
+    site: tuple[float, float] = SITE
 
 
 def goto(program: Program, ra: float, dec: float) -> bool:

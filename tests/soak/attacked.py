@@ -41,7 +41,7 @@ class Relay:
     """Passes everything between the gateway and the mount, except what it is ordered to lose or change."""
 
     def __init__(self, to: tuple[str, int]) -> None:
-        self._to = to
+        self.to = to
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._server.getsockname()[1]
         self._links: list[socket.socket] = []
@@ -80,7 +80,7 @@ class Relay:
                 if time.monotonic() < self._cut_until:
                     near.close()
                     continue
-                far = socket.create_connection(self._to, PATIENCE)
+                far = socket.create_connection(self.to, PATIENCE)
                 self._links += [near, far]
                 asked: list[bytes] = [b""]
                 threading.Thread(target=self._pass, args=(near, far, asked, True), daemon=True).start()
@@ -104,10 +104,10 @@ class Relay:
 
 
 class Program:
-    """A client: one TCP connection that sends bytes."""
+    """A client: one TCP connection that sends bytes, from an address of this computer."""
 
-    def __init__(self, where: tuple[str, int]) -> None:
-        self.link = socket.create_connection(where, PATIENCE)
+    def __init__(self, where: tuple[str, int], host: str = "127.0.0.1") -> None:
+        self.link = socket.create_connection(where, PATIENCE, source_address=(host, 0))
 
     def tell(self, data: bytes) -> None:
         self.link.sendall(data)
@@ -155,9 +155,10 @@ class Attacked:
         start: str = EVENING,
         host: str = "",
         sim: tuple[str, ...] = (),
+        site: tuple[float, float] = SITE,
     ) -> None:
-        """``host`` is the time on the gateway's computer, if not the true one."""
-        self.mount, self._started = mount, datetime.fromisoformat(start).timestamp()
+        """``host`` is the time on the gateway's computer, if not the true one; ``site`` the true one."""
+        self.mount, self._started, self.site = mount, datetime.fromisoformat(start).timestamp(), site
         self._truth, self._said = place / "truth.jsonl", place / "said.txt"
         self._said.touch()
         self._processes: list[subprocess.Popen[str]] = []
@@ -175,14 +176,11 @@ class Attacked:
             "--time",
             start,
             "--site",
-            f"{SITE[0]:g},{SITE[1]:g}",
+            f"{site[0]:g},{site[1]:g}",
             *sim,
         )
         self.relay = Relay(mounted)
-        ahead = (datetime.fromisoformat(host).timestamp() if host else self.now) - time.time()
-        self._surface = self._run(
-            tree,
-            ahead,
+        self._gateway = (
             "run",
             "--no-console",
             "--mount",
@@ -195,6 +193,21 @@ class Attacked:
             str(place / "state"),
             *options,
         )
+        self._tree, self._host = tree, host
+        self._surface = self._start()
+
+    def _start(self) -> tuple[str, int]:
+        ahead = (datetime.fromisoformat(self._host).timestamp() if self._host else self.now) - time.time()
+        return self._run(self._tree, ahead, *self._gateway)
+
+    def restart(self) -> None:
+        """End the gateway and start it again, with the same state folder."""
+        process = self._processes.pop()
+        process.terminate()
+        process.wait(PATIENCE)
+        if process.stdout is not None:
+            process.stdout.close()
+        self._surface = self._start()
 
     def __enter__(self) -> Self:
         return self
@@ -234,8 +247,12 @@ class Attacked:
 
     # --- actions of an attack -----------------------------------------------------------------------------------------
 
-    def program(self) -> Program:
-        return Program(self._surface)
+    def program(self, host: str = "127.0.0.1") -> Program:
+        return Program(self._surface, host)
+
+    def owner(self) -> Program:
+        """Return a connection to the mount itself, past the gateway."""
+        return Program(self.relay.to)
 
     @property
     def now(self) -> float:
@@ -249,11 +266,11 @@ class Attacked:
         return self._rows()[-1]
 
     def sky(self) -> Sky:
-        return Sky(*SITE)
+        return Sky(*self.site)
 
     def place(self, azimuth: float, altitude: float) -> tuple[float, float]:
         """Return right ascension and declination of a point above the true horizon."""
-        hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, SITE[0])
+        hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, self.site[0])
         return wrap360(self.sky().sidereal(self.now) - hour_angle), dec
 
     def at_hour_angle(self, hour_angle: float) -> float:
@@ -300,7 +317,7 @@ class Attacked:
 
     def equatorial(self, row: dict[str, Any]) -> tuple[float, float]:
         """Return where the tube pointed on the sky, of one row of the truth."""
-        dec = horizon_to_hour_angle(row["azimuth"], row["altitude"], SITE[0])[1]
+        dec = horizon_to_hour_angle(row["azimuth"], row["altitude"], self.site[0])[1]
         return wrap360(self.sky().sidereal(row["t"]) - row["hour_angle"]), dec
 
     def off(self, ra: float, dec: float) -> float:

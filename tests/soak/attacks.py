@@ -20,13 +20,16 @@ from typing import Any
 
 from tests.soak.attack_limits import LIMITS, Attack
 from tests.soak.attack_motion import MOTION
+from tests.soak.attack_settings import SETTINGS
 from tests.soak.attacked import HERE, Attacked
 
-ATTACKS = [*LIMITS, *MOTION]
-UNITS = {"altitude": "°", "sun": "°", "turned": "°", "past meridian": "°", "off": "°", "after the stop": " s",
+ATTACKS = [*LIMITS, *MOTION, *SETTINGS]
+UNITS = {"altitude": "°", "sun": "°", "turned": "°", "past meridian": "°", "off": "°",
+         "told": "°", "after the stop": " s",
          "drift": "″/min"}  # fmt: skip
 SHOWN = {"altitude": "worst altitude", "sun": "nearest to the Sun", "turned": "turned",
-         "past meridian": "past the meridian", "off": "off the goal", "after the stop": "in motion after the stop",
+         "past meridian": "past the meridian", "off": "off the goal",
+         "told": "told a site that is wrong by", "after the stop": "in motion after the stop",
          "drift": "drift changed by"}  # fmt: skip
 Row = dict[str, Any]
 
@@ -48,6 +51,7 @@ def once(attack: Attack, mount: str, tree: Path) -> Row:
                 start=attack.start,
                 host=attack.host,
                 sim=attack.sim,
+                site=attack.site,
             ) as at:
                 time.sleep(attack.settled)
                 extra = attack.script(at) or {}

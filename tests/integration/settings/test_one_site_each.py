@@ -147,21 +147,24 @@ def test_a_zone_that_was_set_alone_survives_a_reconnect(again: str) -> None:
     run(program())
 
 
-def test_a_site_that_its_owner_sets_at_the_keypad_counts_ten_seconds_later() -> None:
-    """With a program that polls, and without any."""
+@pytest.mark.parametrize("polls", [True, False])
+def test_a_site_that_its_owner_sets_at_the_keypad_counts_ten_seconds_later(polls: bool) -> None:
+    """At whatever moment, with a program that polls, and without any."""
 
     async def program() -> None:
-        for polls in (True, False):
+        for since in range(3, 60, 8):
             async with Bridge("cge", config={"sun": 0.0}) as bridge:
-                await asyncio.sleep(40.0)
-                bridge.sim.feed(b"W" + bytes((33, 52, 0, 1, 151, 12, 0, 0)))
                 client = bridge.client()
-                for _ in range(10):
+                for second in range(since + 10):
                     await asyncio.sleep(1.0)
+                    if second == since:
+                        bridge.sim.feed(b"W" + bytes((33, 52, 0, 1, 151, 12, 0, 0)))
                     if polls:
                         await client.ask(b":GR#")
                 reply = await bridge.client().ask(as_lx200(*below(bridge)), until=b"#")
-                assert reply.startswith(b"111Object Below Horizon"), (polls, reply)
+                assert reply.startswith(b"111Object Below Horizon"), (since, reply)
+                site = bridge.controller.sources.site()
+                assert site is not None and site.latitude == pytest.approx(-33.87, abs=0.01), since
 
     run(program())
 
