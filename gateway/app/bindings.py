@@ -205,7 +205,8 @@ def exposure_warning(where: str, surface: SurfaceConfig) -> str:
         return ""
     return (
         f"{where}: there is no password, whoever can reach this port can move the mount; "
-        'allow = ["192.168.1.0/24"] on this surface, or --allow 192.168.1.0/24, lets in only those'
+        'allow = ["192.168.1.0/24", "127.0.0.1"] on this surface, or --allow 192.168.1.0/24,127.0.0.1, lets in only '
+        "those and this computer"
     )
 
 

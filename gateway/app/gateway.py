@@ -231,7 +231,7 @@ class Gateway:
         """Carries out requests from the command line; made at the first request, so that the start is faster."""
         from gateway.app.control.requests import RequestHandler
 
-        return RequestHandler(self.controller, self.config.name or "", str(self.mount), self.programs)
+        return RequestHandler(self.controller, self.config.name or "", str(self.mount), self)
 
     def programs(self) -> list[str]:
         """Return the hosts of the connected programs."""

@@ -40,11 +40,25 @@ class StatusLine(Struct, frozen=True):
     held: bool = False
 
 
+class Served(Struct, frozen=True):
+    """A surface, or the console, and where it is reached: ``at`` is its own address; ``addresses`` are those at which
+    other computers reach it now; ``words`` says what to type there, or that no other computer reaches it."""
+
+    name: str
+    at: str
+    addresses: tuple[str, ...] = ()
+    words: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.at}{'; ' * bool(self.words)}{self.words}"
+
+
 class State(Struct, frozen=True):
     """All that is known of a mount: what it does, what was asked of it, its limits, and the state of its line.
 
     Texts are for the user, and empty if nothing is known. ``reply`` is the typical reply time in seconds, ``answers``
     the number of replies so far; ``lately`` is what was refused, or done by the gateway itself, in the last minute.
+    ``folder`` is the gateway's state folder.
     """
 
     look: StatusLine
@@ -60,6 +74,8 @@ class State(Struct, frozen=True):
     reply: float = 0.0
     answers: int = 0
     lately: tuple[str, ...] = ()
+    served: tuple[Served, ...] = ()
+    folder: str = ""
 
     @property
     def found(self) -> str:

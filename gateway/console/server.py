@@ -16,6 +16,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from gateway.app.discovery.offer import web_address
 from gateway.app.gateway import Gateway
 from gateway.clients.access import Access
 from gateway.console.mounts import Mounts
@@ -24,7 +25,6 @@ from gateway.console.pages import Pages, from_own_page, guarded, listen, runner_
 from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system.own_names import known_host
-from gateway.transport.listening import in_brackets
 
 PAGE = Path(__file__).parent / "page"
 #: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
@@ -52,8 +52,7 @@ class Console:
     @property
     def where(self) -> str:
         """The address to enter in a browser on this computer."""
-        host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, in_brackets(self.host))
-        return f"http://{host}:{self.port}/"
+        return web_address(self.host, self.port)
 
     async def open(self, host: str, port: int, others: int = OTHERS) -> None:
         """Listen on a port, or on the next free one of ``others``. Raises OSError."""

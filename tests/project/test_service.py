@@ -42,6 +42,19 @@ def test_it_runs_and_stops_this_program() -> None:
     assert lines(made(state="/srv/state"), "ExecStopPost") == ["/usr/bin/mount-gateway stop --state /srv/state"]
 
 
+def test_two_gateways_have_a_unit_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text('[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://0.0.0.0:4030"\n')
+    for words, name in (([], "mount-gateway"), (["--unit", "east"], "mount-gateway-east")):
+        assert main(["service", "--config", str(path), "--user", "daemon", *words]) == 0
+        text = capsys.readouterr().out
+        assert text.startswith(f"# /etc/systemd/system/{name}.service, made by mount-gateway service\n")
+        assert lines(text, "StateDirectory") == lines(text, "SyslogIdentifier") == [name]
+        assert lines(text, "Restart") == ["on-failure"] and lines(text, "After") == ["network.target"]
+    assert main(["service", "--config", str(path), "--user", "daemon", "--unit", "a b"]) == 2
+    assert "write a word of letters" in capsys.readouterr().err
+
+
 def test_it_may_write_where_it_is_told_to_and_sees_serial_ports() -> None:
     text = made(state="/srv/my state")
     assert lines(text, "ReadWritePaths") == ["-/run/scopes", '"-/srv/my state"', "-/srv/nights", "-/tmp"]

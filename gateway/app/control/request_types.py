@@ -118,7 +118,9 @@ class End(Base, frozen=True, tag="end"):
 
 
 class See(Struct, frozen=True, tag="see"):
-    """Ask for everything that is known of the mount (a ``State``)."""
+    """Ask for everything that is known of the mount (a ``State``); unless ``fresh`` without asking the mount."""
+
+    fresh: bool = True
 
 
 Request = (

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from gateway.app.control import request_types
 from gateway.app.control.gather import collect_state
 from gateway.app.control.refusals import explain
+from gateway.app.discovery.served import Serving, served
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Invalid, Stopped
@@ -71,17 +72,17 @@ async def of_date(controller: MountController, where: request_types.Where) -> op
 
 
 class RequestHandler:
-    """Carries out requests. ``programs`` returns the hosts of connected programs; ``name``: the mount's, or empty."""
+    """Carries out requests for a gateway; ``name`` is the mount's, or empty."""
 
-    def __init__(
-        self, controller: MountController, name: str, mount: str, programs: Callable[[], Sequence[str]]
-    ) -> None:
-        self._controller, self._name, self._mount, self._programs = controller, name, mount, programs
+    def __init__(self, controller: MountController, name: str, mount: str, gateway: Serving) -> None:
+        self._controller, self._name, self._mount, self._gateway = controller, name, mount, gateway
         self._active: dict[str, ActiveRequest] = {}
 
     def state(self) -> State:
         """Return what is known of the mount, without asking it."""
-        return collect_state(self._controller, self._name, self._mount, self._programs())
+        state = collect_state(self._controller, self._name, self._mount, self._gateway.programs())
+        folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
+        return replace(state, served=tuple(served(self._gateway)), folder=folder)
 
     async def carry_out(self, line: str) -> str:
         """Return ``done WORDS``, ``under way WORDS`` or ``failed REASON``; for ``See`` a ``State`` as JSON."""
@@ -90,7 +91,8 @@ class RequestHandler:
         except ValueError:
             return f"{FAILED} the gateway does not understand this: it is of another version than the command"
         if isinstance(request, request_types.See):
-            await self._refresh()
+            if request.fresh:
+                await self._refresh()
             return msgspec.json.encode(self.state()).decode()
         if isinstance(request, request_types.Follow):
             return await self._follow(request.number)

@@ -83,12 +83,19 @@ class Announcement:
         return 0 if self._skyfi is None else int(self._skyfi.get_extra_info("sockname")[1])
 
     def publish(self, offers: Sequence[Offer], interfaces: Sequence[str] | None = None) -> None:
-        """Begin to announce the offers by mDNS, on all interfaces or on those with these addresses."""
+        """Begin to announce these offers by mDNS, and no others, on all interfaces or on those with these addresses."""
         if offers:
-            self._publishing = asyncio.get_running_loop().create_task(self._publish(offers, interfaces))
+            before, loop = self._publishing, asyncio.get_running_loop()
+            self._publishing = loop.create_task(self._publish(offers, interfaces, before))
 
-    async def _publish(self, offers: Sequence[Offer], interfaces: Sequence[str] | None) -> None:
+    async def _publish(
+        self, offers: Sequence[Offer], interfaces: Sequence[str] | None, before: asyncio.Task[None] | None
+    ) -> None:
+        if before is not None:
+            await before
         try:
+            if self._publisher is not None:
+                await self._publisher.close()
             self._publisher = publish(interfaces)
             await self._publisher.add(offers)
         except ImportError:

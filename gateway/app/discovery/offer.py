@@ -10,10 +10,12 @@ from ipaddress import IPv4Address, IPv6Address
 from msgspec import Struct
 
 from gateway.system.own_names import interface_addresses
-from gateway.transport.listening import split_address
+from gateway.transport.listening import in_brackets, split_address
 
 EVERYWHERE = ("0.0.0.0", "::")
 SCHEMES = ("tcp", "rfc2217")
+#: The protocol of an offer that is a web page.
+WEB = "http"
 #: Interfaces of containers and virtual machines within this computer: other computers cannot use their addresses.
 _INNER = ("docker", "br-", "veth", "virbr", "vmnet", "vboxnet", "lxc", "lxd", "podman")
 #: A remote address (of a network reserved for examples): the interface of its route has this computer's main address.
@@ -85,10 +87,19 @@ def reachable_addresses(
     return sorted(dict.fromkeys(old or new), key=lambda address: address != likeliest)
 
 
+def web_address(host: str, port: int) -> str:
+    """Return the address of a web page for a browser on this computer."""
+    return f"http://{ {'0.0.0.0': '127.0.0.1', '::': '[::1]'}.get(host, in_brackets(host)) }:{port}/"
+
+
 def phone_line(offer: Offer, addresses: list[str]) -> str:
-    """Return the line that says what to type on a phone or another computer."""
+    """Return the line that says what to type on a phone or another computer, for a web page into its browser."""
+    page = offer.protocol == WEB
     if not addresses:
-        return f"no other computer reaches port {offer.port}: this one is in no network now"
+        port = f"the console's port {offer.port}" if page else f"port {offer.port}"
+        return f"no other computer reaches {port}: this one is not in a network yet"
+    if page:
+        return f"on your phone: {' or '.join(f'http://{in_brackets(one)}:{offer.port}/' for one in addresses)}"
     where = " or ".join(addresses)
     if offer.scheme != "tcp":
         return f"on another computer: {offer.scheme}://{where}:{offer.port}"

@@ -8,13 +8,13 @@ from __future__ import annotations
 import argparse
 import asyncio
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.request_types import See
-from gateway.app.status import OLD_AFTER, Rate, State, activity, status, where
+from gateway.app.status import OLD_AFTER, Rate, Served, State, activity, status, where
 from gateway.cli.command_line import Commands
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
@@ -31,8 +31,9 @@ def add_status(commands: Commands) -> None:
     command = commands.add_parser(
         "status", help="how the mount is: what is wanted, allowed and seen by the gateway that runs",
         description="Tells of every gateway that runs here where its mount points, what it does and for whom, which "
-                    "programs are connected, how its line is, what limits hold, and what was refused or ended in the "
-                    "last minute. Exit code 1: no gateway runs here, or one does not answer.",
+                    "programs are connected and where others can connect, how its line is, what limits hold, which "
+                    "folder its state is in, and what was refused or ended in the last minute. Exit code 1: no gateway "
+                    "runs here, or one does not answer.",
         epilog=EXAMPLES,
     )  # fmt: skip
     command.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
@@ -44,7 +45,8 @@ def add_watch(commands: Commands) -> None:
     command = commands.add_parser(
         "watch", help="tell every second how the mount is, until Ctrl-C",
         description="Tells every second where the mount of the gateway that runs here points and what it does: on a "
-                    "terminal on one line, else line by line.",
+                    "terminal on one line, else line by line; and at first, and when they change, the addresses where "
+                    "programs connect.",
         epilog="Example:\n  mount-gateway watch\n",
     )  # fmt: skip
     gateway_client.add_which(command)
@@ -63,7 +65,7 @@ async def _state(endpoint: ControlEndpoint) -> State | str:
 async def _show_once(arguments: argparse.Namespace) -> int:
     endpoints = gateway_client.chosen_gateways(arguments)
     answers = await asyncio.gather(*map(_state, endpoints))
-    states = [answer for answer in answers if isinstance(answer, State)]
+    states = sorted([answer for answer in answers if isinstance(answer, State)], key=lambda state: state.folder)
     for endpoint, answer in zip(endpoints, answers, strict=True):
         if isinstance(answer, str):
             streams.warn(f"{endpoint.name or endpoint.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
@@ -71,7 +73,7 @@ async def _show_once(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:
-        print("\n\n".join("\n".join(lines(state)) for state in states))
+        print("\n\n".join("\n".join(block) for block in blocks(states)))
     if not endpoints:
         gateway_client.report_no_gateway(arguments)
     return 0 if endpoints and len(states) == len(endpoints) else 1
@@ -80,7 +82,7 @@ async def _show_once(arguments: argparse.Namespace) -> int:
 async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
     from gateway.cli.serve.live import Screen, find_terminal
 
-    screen, rate = Screen(find_terminal()), Rate()
+    screen, rate, told = Screen(find_terminal()), Rate(), tuple[Served, ...]()
     streams.replace_unencodable()
     now = asyncio.get_running_loop().time
     try:
@@ -88,6 +90,10 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
             if isinstance(answer, str):
                 screen.clear()
                 return gateway_client.report(answer)
+            if answer.served != told:
+                told = answer.served
+                for one in told:
+                    screen.say(str(one))
             look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
             if screen.terminal is not None:
                 screen.show(status([look], screen.columns))
@@ -98,6 +104,16 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
     finally:
         screen.clear()
     return 0
+
+
+def blocks(states: Sequence[State]) -> Iterator[list[str]]:
+    """Yield the lines of every mount; with several state folders, those of one folder stand below its name."""
+    folders = {state.folder for state in states}
+    above = None
+    for state in states:
+        heading = [f"of the state folder {state.folder or 'of an older version'}:"]
+        yield [*(heading if len(folders) > 1 and state.folder != above else []), *lines(state)]
+        above = state.folder
 
 
 def lines(state: State) -> Iterator[str]:
@@ -117,7 +133,9 @@ def lines(state: State) -> Iterator[str]:
         "site": [state.site or "not known: altitudes cannot be computed"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
+        "served": [str(one) for one in state.served] or ["not told: this gateway is of an older version"],
         "programs": [", ".join(_counted(state.programs)) or "none"],
+        "state": [state.folder or "not told"],
         "lately": state.lately or ["nothing was refused in the last minute"],
     }
     for name, sentences in rows.items():

@@ -19,6 +19,7 @@ from gateway.transport.listening import SERVED, split_address
 
 if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
+    from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
     from gateway.clients.access import Access
     from gateway.console.server import Console
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
     from gateway.fleet.station import Station
 
 
-async def open_console(config: Config, gateways: Sequence[Gateway], screen: Screen) -> Console | None:
+async def open_console(
+    config: Config, gateways: Sequence[Gateway], screen: Screen, phone: PhoneLines
+) -> Console | None:
     """Open the console and print its address; return None if it is off or cannot be opened."""
     if config.page is None:
         return None
@@ -42,8 +45,10 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
         )
         return None
     screen.say(f"ready console {page.where}")
-    for line in phone_lines(page):
+    for line in phone.news(console_offers(page)):
         screen.say(line)
+        for row in qr_code(line):
+            screen.say(row)
     return page
 
 
@@ -85,9 +90,9 @@ def _access(page: ConsoleConfig) -> Access:
 
 def console_offer(page: Console) -> Offer:
     """Return the console as an offer for announcements on the network."""
-    from gateway.app.discovery.offer import Offer
+    from gateway.app.discovery.offer import WEB, Offer
 
-    return Offer("http", "mount-gateway", "tcp", page.host, page.port)
+    return Offer(WEB, "mount-gateway", "tcp", page.host, page.port)
 
 
 def http_offers(page: Console | None) -> list[Offer]:
@@ -103,26 +108,13 @@ def console_offers(page: Console | None) -> list[Offer]:
     return [found] if page is not None and (found := console_offer(page)).wide else []
 
 
-def phone_lines(page: Console) -> list[str]:
-    """Return lines with the address for a phone and its QR code, if other computers reach the page."""
-    from gateway.app.discovery.offer import reachable_addresses
-
-    found = console_offer(page)
-    if not found.wide:
-        return []
-    addresses = [
-        f"http://{f'[{address}]' if ':' in address else address}:{page.port}/" for address in reachable_addresses(found)
-    ]
-    if not addresses:
-        return [f"no other computer reaches the console's port {page.port}: this one is in no network now"]
-    return [f"on your phone: {' or '.join(addresses)}", *qr_code(addresses[0])]
-
-
-def qr_code(address: str) -> list[str]:
-    """Return an address as a QR code in block characters; empty without a terminal or the library."""
+def qr_code(line: str) -> list[str]:
+    """Return the first web address of a line as a QR code in block characters; empty without a terminal or the
+    library."""
     import sys
 
-    if not sys.stdout.isatty():
+    address = next((word for word in line.split() if word.startswith("http://")), "")
+    if not address or not sys.stdout.isatty():
         return []
     try:
         import segno

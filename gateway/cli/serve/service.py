@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -24,13 +25,15 @@ if TYPE_CHECKING:
     from gateway.app.config import Config
 
 DEFAULT = Path("/etc/mount-gateway.toml")
+#: What the unit is called, and what its name begins with if there are several.
+UNIT_NAME = "mount-gateway"
 #: The groups that may open serial ports: on Debian and most others, and on Arch.
 GROUPS = ("dialout", "uucp")
 
 UNIT = """\
-# /etc/systemd/system/mount-gateway.service, made by mount-gateway service
+# /etc/systemd/system/{name}.service, made by mount-gateway service
 [Unit]
-Description=Gateway between LX200 and NexStar programs and mounts
+Description=Gateway between LX200 and NexStar programs and mounts ({name})
 After=network.target
 # Give up after some restarts: a wrong configuration stays wrong, but a network address may only be missing at first.
 StartLimitIntervalSec=300
@@ -43,8 +46,8 @@ SupplementaryGroups={group}
 ExecStart={program} run --wait --config {config}
 # However the gateway ended, the mount is stopped.
 {stop}
-StateDirectory=mount-gateway
-SyslogIdentifier=mount-gateway
+StateDirectory={name}
+SyslogIdentifier={name}
 # If the gateway hangs, systemd ends it, the mount is stopped, and the gateway is started again.
 WatchdogSec=20
 Restart=on-failure
@@ -83,6 +86,8 @@ Example:
   sudo systemctl enable --now mount-gateway
   systemctl status mount-gateway        how the mount is
   journalctl -u mount-gateway -f        what is going on
+  mount-gateway service --config /etc/mount-gateway-east.toml --unit east
+                                        a second one, mount-gateway-east, for another mount
 """
 
 
@@ -100,11 +105,18 @@ def add_service(commands: Commands) -> None:
         metavar="NAME",
         help="who it runs as: who runs the programs that use its virtual serial ports (default: you)",
     )
+    service.add_argument(
+        "--unit",
+        metavar="NAME",
+        default="",
+        help="for a gateway of its own beside others: the unit and its state folder are called mount-gateway-NAME",
+    )
     service.set_defaults(run=_service)
 
 
 def _service(arguments: argparse.Namespace) -> int:
     from gateway.app.config import make_config, read_tables
+    from gateway.app.config.keys import WORD
 
     path = (arguments.file or arguments.config).absolute()
     if not os.path.lexists(path):
@@ -115,7 +127,10 @@ def _service(arguments: argparse.Namespace) -> int:
     config = make_config(*read_tables(path))
     if arguments.user and not _is_user(arguments.user):
         raise UserError(f"service: this computer has no user {arguments.user!r}; systemd would not start it")
-    print(unit(config, path, arguments.user or _user(), program()), end="")
+    if arguments.unit and not re.fullmatch(WORD, arguments.unit):
+        raise UserError(f"service: --unit {arguments.unit!r}: write a word of letters, digits and _ . -")
+    name = "-".join(filter(None, (UNIT_NAME, arguments.unit)))
+    print(unit(config, path, arguments.user or _user(), program(), name), end="")
     if not any(reached_from_elsewhere(surface.at) for surface in config.surface):
         streams.warn(
             f"only programs on this computer will reach this gateway, no phone: {path} has no surface at "
@@ -133,8 +148,8 @@ def reached_from_elsewhere(at: str) -> bool:
     return not where.startswith("pty:") and (exposed(where) or "://" not in where)
 
 
-def unit(config: Config, path: Path, user: str, run: list[str]) -> str:
-    """Return the unit for the program ``run`` with the configuration file at ``path``. Raises UserError."""
+def unit(config: Config, path: Path, user: str, run: list[str], name: str = UNIT_NAME) -> str:
+    """Return the unit ``name`` for the program ``run`` with the configuration file at ``path``. Raises UserError."""
     program = " ".join([word(run[0], variables=False), *map(word, run[1:])])
     states = {None if mount.state is None else absolute(mount.state, path) for mount in config.mount}
     stop = [
@@ -143,6 +158,7 @@ def unit(config: Config, path: Path, user: str, run: list[str]) -> str:
     ]
     writable = [f"ReadWritePaths={word(f'-{folder}', variables=False)}" for folder in sorted(folders(config, path))]
     return UNIT.format(
+        name=name,
         user=user,
         group=_group(),
         program=program,

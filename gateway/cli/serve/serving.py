@@ -38,10 +38,13 @@ from gateway.system.systemd import notify
 
 if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
+    from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
 
+#: Seconds between two looks at the addresses of this computer.
+LOOK_EVERY = 3.0
 #: Timeout in seconds for a stop before the process is suspended.
 SUSPEND = 4.0
 
@@ -75,6 +78,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     """
     from gateway.app.discovery.announcing import Announcement
     from gateway.app.discovery.offer import network_offers
+    from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
     from gateway.astro.ephemeris.sky import Sky
     from gateway.clients.any_protocol.web import Web
@@ -91,6 +95,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     recorders: list[Recorder] = []
     status_tasks: list[asyncio.Task[None]] = []
     console = broker = None
+    phone = PhoneLines()
     web = Web(asyncio.get_running_loop().call_later) if config.page is not None else Web()
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
@@ -99,6 +104,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     def offers() -> list[Offer]:
         return [offer for offer in surfaces() if offer.wide]
+
+    def reached() -> list[Offer]:
+        every = network_offers(name for gateway in gateways for name in gateway.names())
+        return [offer for offer in [*every, *console_offers(console)] if offer.wide]
 
     ask_for_short_slices()
     if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
@@ -141,7 +150,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         def ready(gateway: Gateway) -> None:
             for name in gateway.names():
                 screen.say(f"ready {name}")
-            for line in _phone_lines(gateway.names()):
+            for line in phone.news(network_offers(gateway.names())):
                 screen.say(line)
             status_tasks.append(asyncio.ensure_future(_print_first_messages(gateway, screen, len(gateways) > 1)))
             to_be_ready.remove(gateway)
@@ -153,16 +162,20 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         )
         garbage.started()
         if not done.is_set():
-            console = await open_console(config, gateways, screen)
+            console = await open_console(config, gateways, screen, phone)
             garbage.started()  # again, for the objects of the web server
             if console is not None:
-                web.open(console.serve)
+                web.open(console.serve, (console.host, console.port))
             else:
                 web.close()
-        pages = console_offers(console) if config.discovery else []
         if config.discovery:
             await announcement.answer_discovery([*surfaces(), *http_offers(console)])
-        announcement.publish([*offers(), *pages])  # only now, when the presented model is known
+
+        def publish() -> None:
+            announcement.publish(reached() if config.discovery else [])
+
+        publish()  # only now, when the presented model is known
+        status_tasks.append(asyncio.ensure_future(_say_new_addresses(phone, reached, screen.say, publish)))
         await done.wait()
     finally:
         notify("STOPPING=1")
@@ -186,11 +199,16 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     return 0
 
 
-def _phone_lines(names: Sequence[str]) -> list[str]:
-    """Return lines with the addresses of surfaces for phones and other computers; none for local surfaces."""
-    from gateway.app.discovery.offer import network_offers, phone_line, reachable_addresses
-
-    return [phone_line(offer, reachable_addresses(offer)) for offer in network_offers(names) if offer.wide]
+async def _say_new_addresses(
+    phone: PhoneLines, reached: Callable[[], list[Offer]], say: Callable[[str], None], publish: Callable[[], None]
+) -> None:
+    """Say what to type on a phone whenever that changes, as after a start before the Wi-Fi, and publish it anew."""
+    while True:
+        await asyncio.sleep(LOOK_EVERY)
+        if lines := phone.news(reached()):
+            for line in lines:
+                say(line)
+            publish()
 
 
 async def _print_first_messages(gateway: Gateway, screen: Screen, several: bool) -> None:

@@ -44,6 +44,8 @@ class Web:
     def __init__(self, later: Callable[[float, Callable[[], None]], object] | None = None) -> None:
         self._later = later
         self._serve: Serve | None = None
+        #: The host and port of the server itself, once it is open.
+        self.where: tuple[str, int] | None = None
         self._waiting: list[Browser] = []
 
     def enter(self, browser: Browser) -> None:
@@ -65,16 +67,16 @@ class Web:
         if browser in self._waiting:
             self._waiting.remove(browser)
 
-    def open(self, serve: Serve) -> None:
+    def open(self, serve: Serve, where: tuple[str, int] | None = None) -> None:
         """The web server is open from now on."""
-        self._serve = serve
+        self._serve, self.where = serve, where
         waiting, self._waiting = self._waiting, []
         for browser in waiting:
             self._hand_over(browser, serve)
 
     def close(self) -> None:
         """The web server has closed, or will never open."""
-        self._serve = self._later = None
+        self._serve = self._later = self.where = None
         waiting, self._waiting = self._waiting, []
         for browser in waiting:
             browser.hang_up(answer(*NONE))

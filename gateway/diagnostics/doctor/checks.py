@@ -222,7 +222,10 @@ def gateways(facts: Facts) -> Iterator[Said]:
     hidden: dict[tuple[str, bool], list[str]] = {}
     for running in facts.gateways:
         if running.mount:
-            yield GOOD, f"a gateway runs for {running.mount} (process {running.process})", ""
+            folder = f", state folder {running.folder}" if running.folder else ""
+            yield GOOD, f"a gateway runs for {running.mount} (process {running.process}{folder})", ""
+            for place in running.served:
+                yield GOOD, f"{running.mount}: {place}", ""
         else:
             hidden.setdefault((running.user, running.foreign), []).append(str(running.process))
     for (user, foreign), numbers in hidden.items():

@@ -59,13 +59,15 @@ class Listener(Struct, frozen=True):
 class Running(Struct, frozen=True):
     """A running gateway and its mount; ``mount`` is empty if the gateway cannot be queried from here.
 
-    ``foreign``: it belongs to another user.
+    ``foreign``: it belongs to another user. ``served``: where programs connect to it now; ``folder``: of its state.
     """
 
     process: int
     mount: str = ""
     user: str = ""
     foreign: bool = False
+    served: tuple[str, ...] = ()
+    folder: str = ""
 
 
 class Facts(Struct, frozen=True):

@@ -7,6 +7,7 @@ describe a computer of its own.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import platform
@@ -15,11 +16,15 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
-from gateway.app.control.exchange import is_listening
-from gateway.app.reach import Scope, reachable, search, unreachable_gateways
+import msgspec
+
+from gateway.app.control.exchange import ControlEndpoint, is_listening
+from gateway.app.control.request_types import See, encode
+from gateway.app.reach import Scope, ask, reachable, search, unreachable_gateways
+from gateway.app.status import State
 from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import here, holder
 from gateway.diagnostics.doctor import installed
@@ -32,7 +37,7 @@ from gateway.transport.wires import group_of
 
 #: Programs that are known to disturb serial ports.
 MEDDLERS = ("ModemManager", "brltty")
-#: Timeout of timedatectl, seconds.
+#: Timeout of timedatectl, and of a gateway's answer, seconds.
 PATIENCE = 3.0
 PROC, UDEV = Path("/proc"), Path("/run/udev/data")
 #: The state of a listening TCP socket in the kernel's table.
@@ -107,11 +112,24 @@ def unwritable(folder: Path) -> str:
 
 def running(scope: Scope) -> Iterator[Running]:
     """List the gateways that can be queried, and those that are only visible as processes."""
-    for _, endpoint in search(scope).gateways:
-        if is_listening(endpoint):
-            yield Running(endpoint.pid, endpoint.name or endpoint.mount)
+    found = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
+    for endpoint, places in zip(found, asyncio.run(_all_served(found)), strict=True):
+        yield Running(endpoint.pid, endpoint.name or endpoint.mount, served=places, folder=endpoint.state)
     for process in unreachable_gateways(scope):
         yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
+
+
+async def _all_served(endpoints: Sequence[ControlEndpoint]) -> list[tuple[str, ...]]:
+    return await asyncio.gather(*map(_served, endpoints))
+
+
+async def _served(endpoint: ControlEndpoint) -> tuple[str, ...]:
+    """Return where programs connect to a gateway now, as it says itself; nothing if it does not answer."""
+    answer = await ask(endpoint, f"wish {encode(See(fresh=False))}", PATIENCE)
+    try:
+        return tuple(map(str, msgspec.json.decode(answer or "", type=State).served))
+    except msgspec.MsgspecError:
+        return ()
 
 
 def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:

@@ -217,7 +217,7 @@ HOME = held(
         ("::", HOME, "on your phone: 192.168.1.23 or 10.8.0.2, port 4030"),
         ("::", held("wlan0=2001:db8::7"), "on your phone: 2001:db8::7, port 4030"),
         ("10.8.0.2", HOME, "on your phone: 10.8.0.2, port 4030"),
-        ("0.0.0.0", held("lo=127.0.0.1"), "no other computer reaches port 4030: this one is in no network now"),
+        ("0.0.0.0", held("lo=127.0.0.1"), "no other computer reaches port 4030: this one is not in a network yet"),
     ],
 )
 def test_it_is_told_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:

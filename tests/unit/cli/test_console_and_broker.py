@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from gateway.app.discovery.announcing import service
-from gateway.cli.serve.console_and_broker import console_offers, phone_lines
+from gateway.app.discovery.served import PhoneLines
+from gateway.cli.serve.console_and_broker import console_offers
 
 
 @pytest.mark.parametrize(
@@ -16,7 +17,7 @@ from gateway.cli.serve.console_and_broker import console_offers, phone_lines
 )
 def test_only_a_console_that_others_reach_is_told_of(host: str, wide: bool) -> None:
     page: Any = SimpleNamespace(host=host, port=4080)
-    assert bool(console_offers(page)) is wide and bool(phone_lines(page)) is wide
+    assert bool(console_offers(page)) is wide and bool(PhoneLines().news(console_offers(page))) is wide
 
 
 def test_without_a_console_there_is_nothing_to_tell() -> None:
@@ -29,4 +30,4 @@ def test_it_is_announced_as_a_web_page() -> None:
     [found] = console_offers(page)
     told = service(found)
     assert told.type == "_http._tcp.local." and told.port == 4080
-    assert b"".join(phone_lines(page)[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"
+    assert b"".join(PhoneLines().news(console_offers(page))[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"

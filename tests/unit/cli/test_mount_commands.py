@@ -80,6 +80,11 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert out.splitlines()[0] == "6-8se (nexstar@sim)"
     assert "  mount     Celestron NexStar, 6-8se, version 4.21" in out
     assert "  wanted    no motion" in out
+    assert f"  served    lx200:autostar {where}; this computer only" in out
+    assert f"  state     {tmp_path}" in out
+    [state] = json.loads(say("status", "--json", *which)[1])
+    assert state["folder"] == str(tmp_path)
+    assert state["served"] == [{"name": "lx200:autostar", "at": where, "addresses": [], "words": "this computer only"}]
     code, out, err = say("move", "north", "--rate", "9", "--seconds", "0.5", *which)
     assert (code, err) == (0, "")
     assert re.fullmatch(r"it was moved north for (0\.[5-9]|1\.\d) s", out)  # a machine under load is late
@@ -165,10 +170,31 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
     assert say("status", "--mount", "attic", *which)[2].startswith("mount-gateway: no gateway runs here for attic; ")
 
 
+def test_gateways_of_two_folders_stand_apart(
+    tmp_path: Path, started: list[Running], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = [tmp_path / name for name in ("east", "west")]
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "home"))
+    for name in ("XDG_RUNTIME_DIR", "TMPDIR"):  # else it sees the gateways of other tests
+        monkeypatch.setenv(name, str(tmp_path))
+    for folder in folders:
+        gateway(started, folder).ready()
+    assert main(["status"]) == 0
+    told = capsys.readouterr().out
+    for folder in folders:
+        assert f"of the state folder {folder}:\n6-8se (nexstar@sim)\n" in told
+        assert f"  state     {folder}\n" in told
+    assert main(["status", "--state", str(folders[0])]) == 0
+    told = capsys.readouterr().out
+    assert str(folders[1]) not in told and "of the state folder" not in told
+
+
 def test_watch_tells_a_line_a_second(tmp_path: Path, started: list[Running]) -> None:
-    gateway(started, tmp_path).ready()
+    where = gateway(started, tmp_path).ready()
     command = Running("watch", "--state", str(tmp_path))
     assert command.process.stdout is not None
+    assert command.process.stdout.readline() == f"lx200:autostar {where}; this computer only\n"
     for _ in range(2):
         assert command.process.stdout.readline().startswith("6-8se  ")
     assert command.finish(signal.SIGINT).returncode == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -12,6 +13,7 @@ from gateway.app.control.requests import RequestHandler
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
+from gateway.clients.any_protocol.web import Web
 from gateway.core.operations import Direction
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
@@ -25,9 +27,11 @@ class Owner:
     """Somebody at the keyboard of a bridge's gateway."""
 
     def __init__(self, bridge: Any, name: str = "") -> None:
-        self.request_handler = RequestHandler(
-            bridge.controller, name, "nexstar@sim", lambda: bridge.acceptor.present_hosts()
+        surfaces = ["lx200:autostar@tcp://127.0.0.1:4030", "nexstar:6-8se@pty:/tmp/nexstar pier"]
+        serving: Any = SimpleNamespace(
+            programs=lambda: bridge.acceptor.present_hosts(), names=lambda: surfaces, web=Web(), store=None
         )
+        self.request_handler = RequestHandler(bridge.controller, name, "nexstar@sim", serving)
         self._controller = bridge.controller
 
     async def wish(self, wish: request_types.Request) -> str:

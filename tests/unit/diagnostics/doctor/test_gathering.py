@@ -8,13 +8,17 @@ import socket
 from datetime import UTC, datetime
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from gateway.app.reach import Scope
 from gateway.cli import main
 from gateway.cli.inspect import doctor
 from gateway.diagnostics.doctor import gathering, installed
+from gateway.diagnostics.doctor.checks import examine
 from gateway.diagnostics.doctor.facts import BAD, GOOD, Listener, Result
 from gateway.system.own_commands import how_to_add, pip_command
+from tests.support.process import Running
 
 SOCKETS = """\
   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
@@ -141,3 +145,18 @@ def test_how_packages_are_installed_where_this_one_is(tmp_path: Path, monkeypatc
     assert pip_command() == str(tmp_path / "bin" / "pip") and f"type {pip_command()} install" in how_to_add("library")
     (tmp_path / "pipx_metadata.json").touch()
     assert pip_command() == "pipx runpip mount-gateway"
+
+
+def test_a_gateway_tells_where_programs_connect(tmp_path: Path, started: list[Running]) -> None:
+    gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
+    started.append(gateway)
+    where = gateway.ready()
+    [found] = gathering.running(Scope(tmp_path, alone=True))
+    assert found.served == (f"lx200:autostar {where}; this computer only",)
+    assert found.folder == str(tmp_path)
+    facts = msgspec.structs.replace(gathering.gather(str(tmp_path)), gateways=[found])
+    told = [result.found for result in examine(facts) if result.check == "gateways"]
+    assert told == [
+        f"a gateway runs for nexstar@sim (process {gateway.process.pid}, state folder {tmp_path})",
+        f"nexstar@sim: lx200:autostar {where}; this computer only",
+    ]

@@ -1,0 +1,65 @@
+"""Where the surfaces of a gateway, and its console, are reached now, in the words that are typed into a program.
+
+A computer gets its addresses after the gateway has started (Wi-Fi), and others later (a new lease); so they are looked
+up whenever they are told, and ``PhoneLines`` tells each of them once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
+
+from gateway.app.discovery.offer import WEB, Offer, network_offers, phone_line, reachable_addresses, web_address
+from gateway.app.state.store import StateStore
+from gateway.app.status import Served
+from gateway.clients.any_protocol.web import Web
+
+#: The name of the console among the surfaces.
+CONSOLE = "console"
+
+
+class Serving(Protocol):
+    """What is asked of a gateway."""
+
+    web: Web
+    store: StateStore | None
+
+    def names(self) -> Sequence[str]: ...
+    def programs(self) -> Sequence[str]: ...
+
+
+def served(gateway: Serving) -> Iterator[Served]:
+    """Yield every surface of a gateway, then its console."""
+    for name in gateway.names():
+        what, _, rest = name.partition("@")
+        where = rest.partition(" ")[0]
+        yield _served(what, where, next(iter(network_offers([name])), None))
+    if gateway.web.where is not None:
+        yield _served(CONSOLE, web_address(*gateway.web.where), Offer(WEB, CONSOLE, "tcp", *gateway.web.where))
+
+
+def _served(name: str, where: str, offer: Offer | None) -> Served:
+    """Return one surface; ``offer`` is None for a serial port, a real or a virtual one."""
+    if offer is None:
+        return Served(name, where)
+    if not offer.wide:
+        return Served(name, where, (), "this computer only")
+    addresses = reachable_addresses(offer)
+    return Served(name, where, tuple(addresses), phone_line(offer, addresses))
+
+
+class PhoneLines:
+    """The lines that say what to type on a phone; each is told when it is new, and again when it changes."""
+
+    def __init__(self) -> None:
+        self._told: dict[tuple[str, int], str] = {}
+
+    def news(self, offers: Iterable[Offer]) -> list[str]:
+        """Return the lines of the offers that have not been told, or differ from what was told."""
+        lines = []
+        for offer in offers:
+            key, line = (offer.protocol, offer.port), phone_line(offer, reachable_addresses(offer))
+            if offer.wide and self._told.get(key) != line:
+                self._told[key] = line
+                lines.append(line)
+        return lines

@@ -1,0 +1,100 @@
+"""Where programs connect now: what ``status`` names, and what is said when this computer gets another address."""
+
+from __future__ import annotations
+
+import asyncio
+from ipaddress import ip_address
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gateway.app.discovery import served as module
+from gateway.app.discovery.offer import Offer, reachable_addresses
+from gateway.app.discovery.served import PhoneLines, served
+from gateway.app.status import Served
+from gateway.cli.serve import serving
+from gateway.diagnostics.virtual_time import run
+
+NAMES = [
+    "lx200:autostar@tcp://0.0.0.0:4030 pier",
+    "nexstar:6-8se@tcp://127.0.0.1:4031",
+    "lx200:lx200@pty:/tmp/lx200",
+    "lx200@rfc2217://0.0.0.0:4032",
+]
+
+
+@pytest.fixture
+def addresses(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The addresses of this computer, besides that of the loopback interface; a test may change them."""
+    own: list[str] = []
+
+    def every() -> list[tuple[str, Any]]:
+        return [("lo", ip_address("127.0.0.1")), *(("wlan0", ip_address(text)) for text in own)]
+
+    monkeypatch.setattr(module, "reachable_addresses", lambda offer: reachable_addresses(offer, every, lambda far: ""))
+    return own
+
+
+def gateway(console: tuple[str, int] | None = ("0.0.0.0", 4080)) -> Any:
+    return SimpleNamespace(names=lambda: NAMES, web=SimpleNamespace(where=console))
+
+
+def test_every_surface_is_named_with_the_addresses_that_reach_it(addresses: list[str]) -> None:
+    addresses[:] = ["192.168.1.77"]
+    assert [str(one) for one in served(gateway())] == [
+        "lx200:autostar tcp://0.0.0.0:4030; on your phone: 192.168.1.77, port 4030",
+        "nexstar:6-8se tcp://127.0.0.1:4031; this computer only",
+        "lx200:lx200 pty:/tmp/lx200",
+        "lx200 rfc2217://0.0.0.0:4032; on another computer: rfc2217://192.168.1.77:4032",
+        "console http://127.0.0.1:4080/; on your phone: http://192.168.1.77:4080/",
+    ]
+    assert next(served(gateway())).addresses == ("192.168.1.77",)
+    local = served(gateway(("127.0.0.1", 4081)))
+    assert list(local)[-1] == Served("console", "http://127.0.0.1:4081/", (), "this computer only")
+    assert len(list(served(gateway(None)))) == len(NAMES)
+
+
+def test_they_are_those_of_now(addresses: list[str]) -> None:
+    here = gateway()
+    assert next(served(here)).words == "no other computer reaches port 4030: this one is not in a network yet"
+    assert list(served(here))[-1].words == (
+        "no other computer reaches the console's port 4080: this one is not in a network yet"
+    )
+    addresses[:] = ["10.0.0.5"]
+    assert next(served(here)).words == "on your phone: 10.0.0.5, port 4030"
+
+
+def test_a_line_is_told_once_and_again_when_it_changes(addresses: list[str]) -> None:
+    phone, offers = (
+        PhoneLines(),
+        [Offer("lx200", "autostar", "tcp", "0.0.0.0", 4030), Offer("lx200", "", "tcp", "127.0.0.1", 1)],
+    )
+    assert len(phone.news(offers)) == 1
+    assert phone.news(offers) == []
+    addresses[:] = ["10.0.0.5"]
+    assert phone.news(offers) == ["on your phone: 10.0.0.5, port 4030"]
+    assert phone.news(offers) == []
+
+
+def test_the_gateway_says_a_new_address_by_itself(addresses: list[str]) -> None:
+    """As after a start before the Wi-Fi, and with a new lease."""
+
+    async def program() -> None:
+        said, published, phone = list[str](), list[bool](), PhoneLines()
+        offers = [Offer("lx200", "autostar", "tcp", "0.0.0.0", 4030)]
+        assert phone.news(offers)[0].startswith("no other computer")
+        task = asyncio.ensure_future(
+            serving._say_new_addresses(phone, lambda: offers, said.append, lambda: published.append(True))
+        )
+        await asyncio.sleep(60.0)
+        assert (said, published) == ([], [])
+        for own in ("192.168.1.23", "192.168.1.99"):
+            addresses[:] = [own]
+            await asyncio.sleep(serving.LOOK_EVERY + 0.1)
+            assert said[-1] == f"on your phone: {own}, port 4030"
+        await asyncio.sleep(60.0)
+        assert len(said) == len(published) == 2
+        task.cancel()
+
+    run(program())
