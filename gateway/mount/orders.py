@@ -19,7 +19,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import equal_pending_halt, interrupted, too_late, without_superseded
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.taps import stopped_at_once
+from gateway.mount.motion.taps import LENGTHENED, at_guide_rate, stopped_at_once
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import NOBODY, HostActivity
 from gateway.mount.readings.cache import MAX_AGE
@@ -188,6 +188,8 @@ class Orders:
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
             )
             return reconciler.begin_stop()
+        guides = isinstance(operation, op.Move) and at_guide_rate(operation)
+        exchange = self._link.typical_rtt if guides else 0.0
         wakes = isinstance(operation, op.Wake) and self._context.driver.asleep  # earlier orders would get no reply
         if isinstance(operation, GOTOS) and by is not None and self._context.site_clock.programs.half:
             self._settings.complete(by.program)
@@ -196,6 +198,8 @@ class Orders:
             operation,
             by,
             rank=FIRST if wakes else IN_ORDER,
+            at=now + exchange if guides else 0.0,
+            shortest=exchange / LENGTHENED if guides and not self._context.driver.times_pulses else 0.0,
             since=now if asked is None else asked,
             until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
         )

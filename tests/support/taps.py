@@ -18,6 +18,8 @@ MOUNTS = {
     "lx200gps": ("lx200gps", "lx200", 2.0),
     "classic": ("lx200", "lx200", 2.0),
 }
+#: A mount without guide pulses of its own.
+OLDER = {"cge": ("cge", "nexstar", 1.0)}
 #: What is tapped: seconds that the finger is down, and response times of the mount's line.
 LENGTHS, LATENCIES = (0.06, 0.08, 0.12, 0.2, 0.3, 0.6), (0.0, 0.02, 0.1, 0.15, 0.3)
 #: Seconds of tracking that are compared, before the tap.
@@ -48,7 +50,7 @@ FACES = {
 
 def stage(face: str, mount: str, latency: float, **settings: Any) -> Stage:
     """Return a gateway with this surface over this mount."""
-    model, driven, _ = MOUNTS[mount]
+    model, driven, _ = (MOUNTS | OLDER)[mount]
     one = FACES[face]
     return Stage(
         model, start=EVENING, driven=driven, presented=one.presented, surface=one.surface, latency=latency,

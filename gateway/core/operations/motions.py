@@ -52,7 +52,8 @@ class Sync(Operation[None], frozen=True):
 class Move(Operation[None], frozen=True):
     """Start moving in a sky direction at a hand rate, until halted.
 
-    ``lowest`` and ``highest`` narrow the altitude limits during the motion.
+    ``lowest`` and ``highest`` narrow the altitude limits during the motion. ``ms``: it is a tap of so many milliseconds
+    at guide rate, for which a mount that times guide pulses is sent one -> Pulsed.
     """
 
     called = "Arrow"
@@ -61,6 +62,7 @@ class Move(Operation[None], frozen=True):
     rate: Rate
     lowest: float | None = None
     highest: float | None = None
+    ms: int | None = None
 
     @property
     def axis(self) -> int:

@@ -75,6 +75,8 @@ class OrderRunner:
         if any(one.number == order.number and one.then_stop for one in self._context.wanted.value.pending):
             await self._runner.perform(op.AbortMotion(), STOP)
             return op.AbortMotion(), None
+        if isinstance(operation, op.Move) and isinstance(answer, op.Pulsed):  # a tap at guide rate
+            return op.Pulse(operation.direction, operation.ms or 0), answer
         return operation, answer
 
     def _check_tap(self, number: int, longest: float) -> None:

@@ -142,6 +142,8 @@ def ended_short(wanted: Wanted, words: str) -> Wanted:
 
 def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
     """Note a guide pulse that began, and add the order for its end or its remainder, with this ``number``."""
+    if isinstance(order.operation, op.Move):  # a tap at guide rate
+        order = replace(order, operation=op.Pulse(order.operation.direction, order.operation.ms or 0))
     axis, until = pulse_axis(order), (now if pulse.since is None else pulse.since) + pulse.seconds
     assert axis is not None and isinstance(order.operation, op.Pulse | op.PulseAxis)
     others = tuple(one for one in wanted.pulses if one.axis != axis)

@@ -24,6 +24,8 @@ LONGEST_WAIT, LONGEST_HELD = 1.5, 1.0
 PART, SHORT = 0.75, 0.3
 #: A full stop of a program that releases arrows by it lets an arrow move that was pressed no longer ago than this.
 JUST_PRESSED = 0.5
+#: A tap at guide rate lasts no longer than this multiple of the time that its arrow was held.
+LENGTHENED = 1.5
 
 
 class TapDropped(Busy):
@@ -49,8 +51,9 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
     held = release.since - begun.asked
     if held > LONGEST_HELD:
         return None
-    # A release may have waited since it was read: then its motion had not begun.
-    least = held if release.since < begun.since else max(min(held, SHORT), held * PART)
+    # A release may have waited since it was read: then its motion had not begun. At guide rate the length counts.
+    whole = release.since < begun.since or at_guide_rate(begun.operation)
+    least = held if whole else max(min(held, SHORT), held * PART)
     return begin(wanted, begun, axis, least) if begun.sent + least > release.since else None
 
 
@@ -63,7 +66,28 @@ def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
     taps = {one.number: replace(one, held=max(0.0, end.since - one.since)) for one, end in spans}
     kept = (one for one in wanted.pending if one not in waiting or one.number in taps)
-    return _joined(replace(wanted, pending=tuple(taps.get(one.number, one) for one in kept)), taps[spans[-1][0].number])
+    wanted = replace(wanted, pending=tuple(taps.get(one.number, one) for one in kept))
+    last = taps[spans[-1][0].number]
+    if at_guide_rate(last.operation) and last.number != wanted.active:
+        return _as_pulse(wanted, last)
+    return _joined(wanted, last)
+
+
+def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
+    """Give a tap at guide rate as a guide pulse; keep one for the next tap that the mount would lengthen too much."""
+    before = sum(one.held or 0.0 for one in wanted.kept if one.operation == tap.operation)
+    kept = tuple(one for one in wanted.kept if axis_of(one) != axis_of(tap))
+    tap = replace(tap, held=before + (tap.held or 0.0), at=0.0)
+    others = tuple(one for one in wanted.pending if one.number != tap.number)
+    if (tap.held or 0.0) < tap.shortest:
+        return replace(wanted, pending=others, kept=(*kept, tap))
+    pulse = replace(tap, operation=replace(tap.operation, ms=round((tap.held or 0.0) * 1000.0)))
+    return replace(wanted, pending=(*others, pulse), kept=kept)
+
+
+def at_guide_rate(operation: op.Operation) -> bool:
+    """Whether an operation is an arrow at the guide rate."""
+    return isinstance(operation, op.Move) and operation.rate.name == "guide"
 
 
 def _joined(wanted: Wanted, tap: Order) -> Wanted:
@@ -96,7 +120,7 @@ def serves_as_well(order: Order, wanted: Wanted) -> bool:
     axis = axis_moved(order.operation)
     begun = motion_of(wanted, axis or 0)
     joined = order.held is not None and begun is not None and _same(begun.by, order.by)
-    return axis is not None and (joined or any(_arrow_of(order, one) for one in wanted.pending))
+    return axis is not None and (joined or any(_arrow_of(order, one) for one in (*wanted.pending, *wanted.kept)))
 
 
 def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:

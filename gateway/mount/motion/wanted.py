@@ -30,11 +30,13 @@ class Order(Struct, frozen=True):
     ``number`` is its sequence number, ``by`` the client's connection, ``since`` the loop time of its arrival, ``at``
     the one from which it is due, ``until`` the one at which the client stops waiting for the outcome. A ``follow_up``
     is the gateway's own order, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts
-    commands. ``unless`` is the number of a goto: once that has begun, this order is void. ``held`` is how many seconds
-    an arrow was held that was released before its motion has begun; None while it is held. ``then_stop``: a full stop
-    follows it at once, with nothing in between. A halt has four more fields: whether it ``overtakes`` waiting orders,
-    how many equal halts it ``repeats``, ``Wanted.asked`` at its arrival, and whether it ``ends_tap``, an arrow
-    that was released earlier.
+    commands. ``unless`` is the number of a goto: once that has begun, this order is void.
+
+    An arrow that was released before its motion has begun was ``held`` for so many seconds; None while it is held.
+    ``then_stop``: a full stop follows it at once. A tap of less than ``shortest`` seconds is added to the next one.
+
+    A halt has four more fields: whether it ``overtakes`` waiting orders, how many equal halts it ``repeats``,
+    ``Wanted.asked`` at its arrival, and whether it ``ends_tap``, an arrow that was released earlier.
     """
 
     number: int
@@ -53,6 +55,7 @@ class Order(Struct, frozen=True):
     asked: int = 0
     held: float | None = None
     then_stop: bool = False
+    shortest: float = 0.0
     ends_tap: bool = False
 
     @property
@@ -141,6 +144,7 @@ class Halted(Struct, frozen=True):
 class Wanted(Struct, frozen=True):
     """``active`` is the number of the order that is being carried out, 0 for none.
 
+    ``kept`` are taps that are too short for this mount, and are added to the next ones.
     ``stops`` and ``gotos`` count the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged,
     ``asked`` all orders that end nothing. A stop is ``owed`` until the mount has acknowledged it. ``homed``: the mount
     was sent home, and no order has moved it since. ``short`` is why the last goto ended before its goal, in
@@ -153,6 +157,7 @@ class Wanted(Struct, frozen=True):
     pulses: tuple[GuidePulse, ...] = ()
     pressed: tuple[Press, ...] = ()
     taps: tuple[Tap, ...] = ()
+    kept: tuple[Order, ...] = ()
     halted: tuple[Halted, ...] = ()
     owed: bool = False
     homed: bool = False

@@ -117,8 +117,8 @@ class Driver:
     speed_factor = 1.0
     #: The years that its clock, or the gateway's substitute for it, can be set to.
     years = range(1900, 2100)
-    #: Whether the mount has a GPS receiver of its own.
-    gps = False
+    #: Whether the mount has a GPS receiver of its own, and whether it times guide pulses itself.
+    gps = times_pulses = False
     #: Whether the gateway stores a sync that the mount's own axis readings do not include.
     has_sync_offset = False
     #: Whether it does so because the hand control has no sync command.

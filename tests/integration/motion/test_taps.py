@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
@@ -298,3 +299,59 @@ def test_a_full_stop_that_comes_again_goes_first(presses: bytes) -> None:
             assert not moving(own.sim)
 
     run(program())
+
+
+async def away_from_the_pole(client: Visitor) -> None:
+    """Move there, because the sense of north changes at the pole; then choose the guide rate."""
+    client.tell(b":RM#:Ms#")
+    await asyncio.sleep(4.0)
+    client.tell(b":Qs#")
+    await asyncio.sleep(4.0)
+    client.tell(b":RG#")
+
+
+@pytest.mark.parametrize("latency", [0.05, 0.15, 0.3])
+@pytest.mark.parametrize("mount", ["cgem", "lx200gps"])
+def test_a_tap_at_guide_rate_is_a_guide_pulse_of_its_own_length(mount: str, latency: float) -> None:
+    rates: list[float] = []
+
+    async def program(seconds: float) -> float:
+        async with stage("lx200", mount, latency) as own:
+            axes, client = Axes(own), own.client()
+            await away_from_the_pole(client)
+            rates.append(
+                (own.driver.guide_rates[2] if mount == "cgem" else own.driver.guide_rate) * SIDEREAL_ARCSECONDS
+            )
+            await axes.begin()
+            client.tell(b":Mn#")
+            await asyncio.sleep(seconds)
+            client.tell(b":Qn#")
+            await asyncio.sleep(3.0)
+            assert refusals(own) == []
+            assert not moving(own.sim)
+            return abs(axes.moved) * 3600.0
+
+    for seconds in (0.04, 0.12, 0.6, 0.95):
+        moved = run(program(seconds))
+        assert moved == pytest.approx(seconds * rates[-1], rel=0.1, abs=0.1), seconds
+
+
+def test_taps_at_guide_rate_add_up_where_the_mount_has_no_pulses() -> None:
+    """Each is shorter than an exchange, and none is lengthened to more than half as much again."""
+
+    async def program(times: int) -> float:
+        async with stage("lx200", "cge", 0.3) as own:
+            axes, client = Axes(own), own.client()
+            await away_from_the_pole(client)
+            await axes.begin()
+            for _ in range(times):
+                client.tell(b":Mn#")
+                await asyncio.sleep(0.08)
+                client.tell(b":Qn#")
+                await asyncio.sleep(1.0)
+            await asyncio.sleep(3.0)
+            assert refusals(own) == []
+            return abs(axes.moved) * 3600.0
+
+    assert run(program(1)) < 0.1
+    assert run(program(6)) == pytest.approx(6 * 0.08 * 7.5, rel=0.5)

@@ -46,7 +46,10 @@ def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
 
 
 def move(mount: Lx200Driver, operation: op.Move) -> Steps:
-    """:M… in a sky direction."""
+    """:M… in a sky direction. A tap at guide rate is a guide pulse, if the model has them."""
+    if operation.ms is not None and mount.times_pulses:
+        rate = None if mount.supports("Rg") else 1.0
+        return (yield from _pulse(mount, operation.axis, operation.direction.value, operation.ms, rate))
     speed = yield from _speed(mount, operation.rate)
     yield from _move(mount, operation.axis, operation.direction.value, operation.rate, speed)
 
@@ -199,7 +202,7 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
     ms = round(ms * shorter)
     if ms <= 0:
         return None
-    if mount.supports("Mg") and mount.product:
+    if mount.times_pulses:
         piece = min(ms, LONGEST_PULSE)
         count_motion(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)

@@ -136,6 +136,10 @@ class Lx200Driver(Driver):
         return self.model == "lx200gps"
 
     @property
+    def times_pulses(self) -> bool:  # type: ignore[override]
+        return self.supports("Mg") and bool(self.product)
+
+    @property
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
 

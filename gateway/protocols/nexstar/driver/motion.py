@@ -51,14 +51,17 @@ def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
 
 def move(mount: NexStar, operation: op.Move) -> Steps:
     """Move in a sky direction, corrected for pier side and pole; in alt-az turn one axis, slowly on top of tracking."""
-    if altaz.moves_on_tracking(mount, operation) and (yield from altaz.move(mount, operation)):
-        return
+    pulse_instead = operation.ms is not None and mount.times_pulses
+    if not pulse_instead and altaz.moves_on_tracking(mount, operation) and (yield from altaz.move(mount, operation)):
+        return None
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
         yield from stop_current_motion(mount)  # during a goto ``p`` already returns the side of its goal
     if not mount.moves_by_gotos and (yield from _reversed(mount, operation.direction)):
         sign = -sign
-    yield from move_axis(mount, op.MoveAxis(operation.direction.axis, sign, operation.rate))
+    if pulse_instead:
+        return (yield from pulse_axis(mount, op.PulseAxis(operation.axis, sign, operation.ms or 0)))
+    yield from move_axis(mount, op.MoveAxis(operation.axis, sign, operation.rate))
 
 
 def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:

@@ -183,7 +183,7 @@ class NexStar(HandControl):
         return self.guiding_refusal() if isinstance(operation, op.PulseAxis) else None
 
     @property
-    def times_pulses(self) -> bool:
+    def times_pulses(self) -> bool:  # type: ignore[override]
         """Whether both motors time guide pulses themselves, in addition to any other motion."""
         return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE
 
