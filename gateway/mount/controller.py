@@ -29,6 +29,7 @@ from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import Admission
+from gateway.mount.safety.sun_ahead import SunAhead
 from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
@@ -76,6 +77,8 @@ class MountController:
         self.admission = Admission(context, reader, watch)
         reader.goto_over.connect(watch.goto_ended)
         reader.position.connect(watch.check_position)
+        self.sun_ahead = SunAhead(context, reader, watch)
+        reader.position.connect(self.sun_ahead.check)
         reader.axes.connect(watch.check_altitude_axis)
         reader.unseen.connect(watch.position_missing)
         reader.status.connect(self._on_status)

@@ -21,9 +21,10 @@ from typing import Any
 from tests.soak.attack_limits import LIMITS, Attack
 from tests.soak.attack_motion import MOTION
 from tests.soak.attack_settings import SETTINGS
+from tests.soak.attack_sun import SUNS
 from tests.soak.attacked import HERE, Attacked
 
-ATTACKS = [*LIMITS, *MOTION, *SETTINGS]
+ATTACKS = [*LIMITS, *MOTION, *SETTINGS, *SUNS]
 UNITS = {"altitude": "°", "sun": "°", "turned": "°", "past meridian": "°", "off": "°",
          "told": "°", "after the stop": " s",
          "drift": "″/min"}  # fmt: skip

@@ -87,6 +87,8 @@ def _wanted(controller: MountController) -> Iterator[str]:
         yield "it slews without an order from this gateway: perhaps by its hand control"
     if wanted.short:
         yield wanted.short
+    if controller.sun_ahead.words:
+        yield controller.sun_ahead.words
     for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():
         yield f"{_arrow(motion.operation, axis)}{_asked_by(motion.by, controller.now() - motion.since)}"
     for order in wanted.pending:

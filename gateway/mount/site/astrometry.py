@@ -207,7 +207,7 @@ class SunAvoidance:
             return []
         now, frame = self._now(), self._frame_now()
         if now >= self._until or frame != self.frame:
-            suns = self._suns(frame)
+            suns = self.suns(frame)
             self._until, self.frame = now + (CACHE_FOR if len(suns) < 2 else CACHE_SHORTLY), frame
             if not _continues(self._up, suns):
                 self.era += 1
@@ -239,7 +239,7 @@ class SunAvoidance:
         """Return the distances from every Sun to be avoided, degrees; those from the mount's own come first."""
         return [self.distance(seen, sun) for sun in self.up()]
 
-    def _suns(self, frame: Frame, ahead: float = 0.0) -> list[Sun]:
+    def suns(self, frame: Frame, ahead: float = 0.0) -> list[Sun]:
         """Return the Suns to avoid in ``ahead`` seconds, the mount's own first. Without a site they count as up."""
         sky, sites = self._sky, self._sources.sites()
         times = [time._replace(unix=time.unix + ahead) for time in self._sources.times()]
