@@ -129,4 +129,4 @@ def test_commands_in_the_text_can_be_typed(page: str, span: str) -> None:
     if words[0] in COMMANDS:
         parser(words[0]).parse_args(words)
     else:
-        assert words in (["COMMAND", "--help"], ["--help"])
+        assert words in (["COMMAND", "--help"], ["--help"], ["--version"])
