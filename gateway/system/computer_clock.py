@@ -7,6 +7,7 @@ virtual machines and containers, keep the time while they are off, or get it fro
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 import time
 from pathlib import Path
@@ -28,8 +29,9 @@ class _Timex(ctypes.Structure):
 
 def board_without_clock(root: Path = Path("/")) -> bool:
     """Whether this is a board with a device tree and without a hardware clock, such as a Raspberry Pi before the 5."""
-    board = (root / "proc/device-tree/model").exists() or (root / "sys/firmware/devicetree/base/model").exists()
-    return board and not any((root / "dev").glob("rtc*"))
+    models = (root / name for name in ("proc/device-tree/model", "sys/firmware/devicetree/base/model"))
+    # os.path, because a container may forbid to look, and a container keeps the time of its host
+    return any(map(os.path.exists, models)) and not any((root / "dev").glob("rtc*"))
 
 
 def synchronised() -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -29,6 +30,16 @@ def test_a_board_is_known_by_its_device_tree(files: tuple[str, ...], without: bo
         (tmp_path / name).write_text("Raspberry Pi 4 Model B")
     tmp_path.mkdir(exist_ok=True)
     assert board_without_clock(tmp_path) is without
+
+
+def test_a_container_that_may_not_look_is_no_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever may read everything (root) is refused here by a stand-in, as the system refuses others."""
+
+    def refused(path: object, **_: object) -> None:
+        raise PermissionError(13, "Permission denied", path)
+
+    monkeypatch.setattr(os, "stat", refused)
+    assert not board_without_clock(tmp_path)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not tell")
