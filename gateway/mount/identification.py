@@ -1,7 +1,8 @@
 """Identifies the mount whenever the line comes up, after sending a stop that is owed.
 
-A motion does not survive the loss of the line: a stop is the first command when it is back. A mount that was not
-identified before is probed first, because another kind of mount might misread the bytes of a stop.
+A motion does not survive the loss of the line: a stop is the first command when it is back. If the line was away for
+longer, a person may have taken over at the mount's own keys, so the mount is looked at first (``left_moving.py``). A
+mount that was not identified before is probed first, because another kind might misread the bytes of a stop.
 """
 
 from __future__ import annotations
@@ -10,20 +11,32 @@ import asyncio
 import contextlib
 from typing import Any
 
+from gateway.astro.axes import Build, Geometry
+from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
-from gateway.mount.link.queue import READ, STOP
-from gateway.mount.motion.ends import EndWatch
+from gateway.mount.link.queue import POSITION, READ, STOP
+from gateway.mount.motion import outcomes
+from gateway.mount.motion.ends import SLOW, EndWatch, Sample
+from gateway.mount.motion.left_moving import APART, LONGEST, RECENT, LeftMotion, left_motion, rests, still_left, turning
 from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.motion.seen import axis_sample
+from gateway.mount.motion.wanted import Order
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import contradiction_warning
+from gateway.mount.safety.hour_angle import told_by_axes
+from gateway.mount.safety.positions import WATCH_CLOSELY
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
 
+#: Degrees from the meridian within which a German mount may go to either side of its pier.
+NEAR_MERIDIAN = 10.0
+#: How often a Meade must show no bars before its goto counts as ended.
+SURE = 2
 #: Seconds between two attempts to identify a mount that does not reply.
 ASK_AGAIN = 1.0
 
@@ -47,19 +60,36 @@ class Identification:
         self._reader, self._own, self._sync, self._reconciler, self._ends = reader, own, sync, reconciler, ends
         self._asking: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
-        #: Whether something moved when the port was lost.
-        self._cut_short = False
+        #: Whether something moved when the port was lost, when that was, and what moved; None if it cannot be judged.
+        self._cut_short, self._lost_at = False, 0.0
+        self._left: LeftMotion | None = None
+        self._status: op.Status | None = None
         self._link.came_up.connect(self._on_up)
         self._link.reopened.connect(self._stop_first)
         self._link.lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
-        self._cut_short = self._cut_short or self._reconciler.busy or self._ends.pending
+        if self._cut_short or not (self._reconciler.busy or self._ends.pending):
+            return
+        self._cut_short, self._lost_at = True, self._context.now()
+        self._left = None if self._ends.pending else self.left_motion()
+        self._status = self._cache.value(op.GetStatus)
+
+    def left_motion(self) -> LeftMotion | None:
+        """Return what the gateway has set moving; None if positions cannot show later whether that goes on."""
+        return left_motion(self._reconciler.wanted, self._context.speed, self._ends.samples)
+
+    def judge_first(self, left: LeftMotion) -> None:
+        """An earlier run of the gateway has left this motion behind, some time ago: stop it if it still goes on."""
+        self._left = left
 
     def _stop_first(self, words: list[bytes]) -> None:
         """Stop what moved before the port was lost. ``words`` gets the stop commands if the mount is known."""
-        if self._cut_short:
+        old = self._left is not None and self._context.now() - self._lost_at >= RECENT
+        if self._cut_short and old and not self._reconciler.wanted.owed:
             self._cut_short = False
+        elif self._cut_short:
+            self._cut_short, self._left = False, None
             self._context.note(
                 "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
@@ -86,6 +116,8 @@ class Identification:
                 if not self._context.known.is_set():
                     await self._runner.drive(self._driver.probe(), STOP)
                 await self._reconciler.stop()
+        elif self._left is not None and self._context.known.is_set():
+            await self._judge(self._left)
         found = False
         while self._cache.value(op.GetIdentity) is None:
             found = found or await self._find()
@@ -97,6 +129,10 @@ class Identification:
                 await asyncio.sleep(ASK_AGAIN)
         if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
+        elif self._left is not None:
+            await self.learn(op.GetStatus())
+            await self.learn(op.GetSite())
+            await self._judge(self._left)
         self.identified.emit(None)
         self._context.found.set()
         self._context.known.set()
@@ -123,6 +159,90 @@ class Identification:
             self._reader.take(op.Position(), place)
             self._context.found.set()
         return True
+
+    # --- motion that was left behind ----------------------------------------------------------------------------------
+
+    async def _judge(self, left: LeftMotion) -> None:
+        """Stop what still moves as it was left, and what cannot be judged; leave any other motion alone."""
+        context, reconciler = self._context, self._reconciler
+        self._left = None
+        try:
+            async with asyncio.timeout(LONGEST):
+                slewing = True
+                for _ in range(SURE if left.goal is not None else 1):
+                    slewing = slewing and await self._slews()
+                if slewing == (left.goal is None):  # a goto has ended, or one has taken the place of an arrow
+                    self._leave_alone()
+                    return
+                before, way = await self._look(left)
+                await asyncio.sleep(max(0.0, before.at + APART - context.now()))
+                after, rest = await self._look(left)
+        except (Fault, TimeoutError):
+            axes, alone = frozenset((1, 2)), False
+        else:
+            axes = still_left(left, before, after, slewing, (way, rest))
+            turned = turning(before, after)
+            alone = not axes and not rests(before, after, slewing)
+            if len(axes) == 1 and abs(turned[2 - min(axes)]) >= SLOW:
+                [axis] = axes
+                order = Order(next(reconciler.numbers), op.StopAxis(axis), None, since=context.now())
+                reconciler.order(order)
+                context.note(f"axis {axis} still moved as the gateway had left it: it is stopped")
+                return
+        if alone:
+            self._leave_alone()
+            return
+        if axes:
+            context.note("the mount still moved as the gateway had left it: it is stopped")
+        reconciler.begin_stop()
+
+    def _leave_alone(self) -> None:
+        reconciler = self._reconciler
+        self._context.note("the mount no longer moves as the gateway had left it: what moves now is left alone")
+        reconciler.want(outcomes.at_rest(reconciler.wanted))
+        self._context.tasks.spawn(self._resume_later(reconciler.wanted.asked))
+
+    async def _resume_later(self, asked: int) -> None:
+        """Resume tracking that was suspended for the motion that was left, once the mount rests, unless it is ordered
+        otherwise meanwhile: ``asked`` counts the orders.
+        """
+        resting = False
+        while self._driver.tracking_suspended and self._reconciler.wanted.asked == asked and not resting:
+            await asyncio.sleep(WATCH_CLOSELY)
+            with contextlib.suppress(Fault):
+                before, _ = await self._look(LeftMotion())
+                await asyncio.sleep(APART)
+                after, _ = await self._look(LeftMotion())
+                resting = rests(before, after, await self._slews())
+        if resting and self._driver.tracking_suspended and self._reconciler.wanted.asked == asked:
+            self._reconciler.begin_stop()
+
+    async def _slews(self) -> bool:
+        """Return whether the mount reports a goto, whoever has begun it. Raises Fault."""
+        self._driver.moved_by_others = True
+        return bool(await self._runner.perform(op.Slewing(), READ))
+
+    async def _look(self, left: LeftMotion) -> tuple[Sample, float]:
+        """Return the position as readings of the axes, and the greater way of the two axes to the marked goal."""
+        context, astrometry = self._context, self._context.astrometry
+        place = astrometry.from_mount(await self._runner.perform(op.Position(), POSITION))
+        status = self._status or self._cache.value(op.GetStatus)
+        here = axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
+        if left.goal is None:
+            return here, 0.0
+        goal = astrometry.from_mount(op.Equatorial(*left.goal))
+        site = context.sources.site()
+        if self._driver.german and site is not None and told_by_axes(context):
+            axes = await self._runner.perform(op.AxisPosition(), READ)
+            geometry = Geometry(Build.GERMAN, site.latitude)
+            hour_angle = wrap180(astrometry.sidereal_time() - goal.ra)
+            sides = {False, True} if abs(hour_angle) < NEAR_MERIDIAN else {geometry.other_side(hour_angle)}
+            ends = [geometry.axes(hour_angle, goal.dec, side) for side in sides]
+            ways = [(geometry.travel(1, axes.az, end[0]), geometry.travel(2, axes.alt, end[1])) for end in ends]
+        else:
+            there = axis_sample(astrometry, status, False, context.now(), goal).axes
+            ways = [(wrap180(there[0] - here.axes[0]), wrap180(there[1] - here.axes[1]))]
+        return here, min(max(abs(first), abs(second)) for first, second in ways)
 
     def _has_wrong_hemisphere(self) -> bool:
         """Whether its status was read as northern tracking before the mount reported a southern site."""

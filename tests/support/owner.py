@@ -13,10 +13,12 @@ from tests.support import truth
 KEYS = {
     "nexstar": {"up": b"P\x02\x11\x24\x07\x00\x00\x00", "let go": b"P\x02\x11\x24\x00\x00\x00\x00", "cancel": b"M",
                 "first on": b"P\x02\x10\x24\x09\x00\x00\x00", "first back": b"P\x02\x10\x25\x09\x00\x00\x00",
+                "back": b"P\x02\x10\x25\x07\x00\x00\x00",
                 "down": b"P\x02\x11\x25\x09\x00\x00\x00", "first let go": b"P\x02\x10\x24\x00\x00\x00\x00",
                 "tracking off": b"T\x00", "site": b"W\x33\x1c\x00\x00\x00\x00\x00\x01"},
     "lx200": {"up": b":Mn#", "let go": b":Qn#", "cancel": b":Q#", "tracking off": b":AL#",
-              "first on": b":RS#:Mw#", "first back": b":RS#:Me#", "down": b":RS#:Ms#", "first let go": b":Qw#",
+              "first on": b":RS#:Mw#", "first back": b":RS#:Me#", "back": b":RM#:Me#", "down": b":RS#:Ms#",
+              "first let go": b":Qw#",
               "site": b":St+51*28#:Sg000*00#"},
 }  # fmt: skip
 

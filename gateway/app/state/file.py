@@ -18,6 +18,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from gateway.core.operations import Values
+from gateway.mount.motion.left_moving import LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
@@ -53,11 +54,15 @@ class SavedState(Struct, omit_defaults=True):
 
 
 class MarkerContent(Struct):
-    """The content of a motion marker: the moving mount, how to reach it, and the driver's state needed to stop it."""
+    """The content of a motion marker: the moving mount, how to reach it, and the driver's state needed to stop it; when
+    the marker was written, by this computer's clock, and what moved.
+    """
 
     mount: str
     baud: int
     memory: Values = {}
+    at: float = 0.0
+    motion: LeftMotion | None = None
 
 
 def file_name(protocol: str, where: str) -> str:

@@ -18,6 +18,7 @@ from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file
 from gateway.core.operations import Values
 from gateway.mount.controller import MountController
+from gateway.mount.motion.left_moving import RECENT, LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import Shared
@@ -36,13 +37,17 @@ class PreviousRun(Struct, frozen=True):
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
-    """Restore the state of the previous run; a mount that it left moving is stopped first."""
+    """Restore the state of the previous run. A mount that it left moving is stopped first, or judged if that is old."""
     controller.driver.restore_state(previous_run.kept.mount, moving=False)
     controller.synced.value = previous_run.kept.synced
     controller.site_clock.stored = file.site_of_program(previous_run.kept)
     if previous_run.left is not None:
         controller.driver.restore_state(previous_run.left.memory, moving=True)
-        controller.reconciler.owe_stop()
+        left = previous_run.left
+        if left.motion is not None and controller.site_clock.host() - left.at >= RECENT:
+            controller.identification.judge_first(left.motion)
+        else:
+            controller.reconciler.owe_stop()
 
 
 class StateStore:
@@ -76,6 +81,8 @@ class StateStore:
         self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
         self._site: Callable[[], SiteOfProgram | None] = lambda: file.site_of_program(kept)
+        self._motion: Callable[[], LeftMotion | None] = lambda: None
+        self._host: Callable[[], float] = lambda: 0.0
         self._marker: MotionMarker | None = None
         self._dirty = False
         self._closing = asyncio.Event()
@@ -133,6 +140,7 @@ class StateStore:
         self._memory = controller.driver.saved_state
         self._synced = lambda: controller.synced.value
         restore(controller, self.previous_run)
+        self._motion, self._host = controller.identification.left_motion, controller.site_clock.host
         self._site = controller.site_clock.lasting_site
         for lasting in (controller.changed, controller.site_clock.lasting):
             lasting.connect(lambda _: self.changed())
@@ -144,8 +152,9 @@ class StateStore:
         if self._uses_marker:
             if self.previous_run.left is not None:
                 self._warn(
-                    f"{self._marker_base.mount}: the last run ended while the mount was moving: the mount is stopped "
-                    "first"
+                    f"{self._marker_base.mount}: the last run ended while the mount was moving: "
+                    + ("the mount is" if controller.reconciler.wanted.owed else "what still moves so is")
+                    + " stopped first"
                 )
             self._marker = MotionMarker(
                 self._marker_path,
@@ -158,7 +167,9 @@ class StateStore:
             controller.order_runner.announce = self._marker.before_motion
 
     def _content(self) -> MarkerContent:
-        return MarkerContent(self._marker_base.mount, self._marker_base.baud, self._memory(True))
+        base, motion = self._marker_base, self._motion()
+        at = 0.0 if motion is None else self._host()  # guide pulses must not write the marker again and again
+        return MarkerContent(base.mount, base.baud, self._memory(True), at, motion)
 
     # --- saving -----------------------------------------------------------------------------------------------------
 

@@ -103,7 +103,7 @@ class EndWatch:
     def __init__(self, now: Callable[[], float], warn: Callable[[str], None]) -> None:
         self._now, self._warn = now, warn
         self.again: Signal[frozenset[int]] = Signal()
-        self._samples: list[Sample] = []
+        self.samples: list[Sample] = []
         self.ending: Ending | None = None
 
     @property
@@ -128,11 +128,11 @@ class EndWatch:
 
     def look(self, sample: Sample) -> None:
         """Take a position, and emit ``again`` if the end must be sent again."""
-        self._samples = [*self._samples[1 - REMEMBERED :], sample]
+        self.samples = [*self.samples[1 - REMEMBERED :], sample]
         ending = self.ending
         if ending is None:
             return
-        step = next_step(ending, self._samples, self._now())
+        step = next_step(ending, self.samples, self._now())
         if step is Step.DONE:
             self.ending = None
         elif step is not Step.LOOK:

@@ -196,7 +196,7 @@ def test_a_sleep_whose_stop_is_not_heard_leaves_nothing_moving() -> None:
 
 def test_what_is_moved_at_its_keys_after_it_was_woken_there_is_watched() -> None:
     async def program() -> None:
-        async with Bridge("cpc") as bridge:
+        async with Bridge("cpc", config={"lowest": 0.0}) as bridge:
             await asleep(bridge, bridge.client(), "lx200")
             bridge.sim.asleep = False
             bridge.sim.feed(b"P\x02\x11\x25\x08\0\0\0")  # 2 degrees a second down

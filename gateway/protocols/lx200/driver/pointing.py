@@ -81,12 +81,13 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     """
     if mount.seeking:
         return (yield from still_seeking(mount))
-    if mount.goto is None and not mount.moved_by_others:
+    unordered = mount.goto is None
+    if unordered and not mount.moved_by_others:
         return False
     moves: bool = yield from _bars(mount)
     state = mount.goto
     if state is None:
-        return moves and mount.moved_by_others
+        return unordered and moves
     if moves:
         state.quiet = 0
         return True

@@ -1,0 +1,85 @@
+"""Motion that went on without the gateway: what it had set moving when its line was lost, or when it was killed.
+
+Meanwhile a person at the mount's own keys may have ended that motion and begun another one, which is left alone. A
+recent mark is stopped at once. After that, two positions decide: an axis that still turns as marked, and a goto that
+still leads to the marked goal, are stopped. What they cannot show is stopped as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msgspec import Struct
+
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.core.motion_kinds import MOVING
+from gateway.mount.motion.ends import PART, SLOW, Sample
+from gateway.mount.motion.wanted import Slew, Wanted
+
+#: Seconds for which a mark counts without a look at the mount.
+RECENT = 10.0
+#: Seconds between the two positions, and for both together.
+APART, LONGEST = 0.7, 1.5
+#: How many times faster than marked an axis may turn and still be taken for the marked motion.
+FASTER = 2.5
+
+
+class LeftMotion(Struct, frozen=True, omit_defaults=True):
+    """What moved: ``speeds`` of motions by hand, by axis, degrees a second; or the ``goal`` of a goto (RA, Dec).
+
+    ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. That
+    of the second axis turns back over the pole or the zenith.
+    """
+
+    speeds: dict[int, float] = {}
+    direction: int = 0
+    goal: tuple[float, float] | None = None
+
+
+def left_motion(
+    wanted: Wanted, speed: Callable[[op.Move | op.MoveAxis], float], samples: list[Sample]
+) -> LeftMotion | None:
+    """Return what the gateway has set moving; None if positions could not show whether that goes on."""
+    begun = [*wanted.by_hand.values(), *(one.operation for one in wanted.pending if isinstance(one.operation, MOVING))]
+    if isinstance(wanted.motion, Slew):
+        begun.insert(0, wanted.motion.operation)
+    if not begun:
+        return None
+    newest = begun[-1]
+    if isinstance(newest, op.Goto):
+        return LeftMotion(goal=(newest.ra, newest.dec))
+    speeds: dict[int, float] = {}
+    for operation in begun:
+        if not isinstance(operation, op.Move | op.MoveAxis) or speed(operation) < 2.0 * SLOW:
+            return None
+        speeds[operation.axis] = speed(operation)
+    rate = turning(samples[-2], samples[-1])[0] if 1 in speeds and len(samples) > 1 else 0.0
+    shown = abs(rate) >= PART * speeds.get(1, 0.0)
+    return LeftMotion(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
+
+
+def turning(before: Sample, after: Sample) -> tuple[float, float]:
+    """Return the speeds of both axes between two samples, degrees a second."""
+    elapsed = max(after.at - before.at, 1e-6)
+    return wrap180(after.axes[0] - before.axes[0]) / elapsed, wrap180(after.axes[1] - before.axes[1]) / elapsed
+
+
+def still_left(
+    left: LeftMotion, before: Sample, after: Sample, slewing: bool, remaining: tuple[float, float]
+) -> frozenset[int]:
+    """Return the axes that still move as marked. ``slewing``: the mount reports a goto; ``remaining``: the greater of
+    the ways that its axes have to the marked goal, at both samples, degrees.
+    """
+    if left.goal is not None:
+        return frozenset((1, 2)) if slewing and remaining[1] <= remaining[0] else frozenset()
+    if slewing:
+        return frozenset()
+    rates = turning(before, after)
+    axes = {axis for axis, speed in left.speeds.items() if PART * speed <= abs(rates[axis - 1]) <= FASTER * speed}
+    return frozenset(axes - ({1} if rates[0] * left.direction < 0.0 else set()))
+
+
+def rests(before: Sample, after: Sample, slewing: bool) -> bool:
+    """Whether nothing moves but by tracking."""
+    return not slewing and max(map(abs, turning(before, after))) < SLOW
