@@ -12,7 +12,7 @@ import pytest
 
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Fault, NearSun
+from gateway.core.errors import Contradicted, Fault, NearSun
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import Truth, truth_of
 from tests.integration.safety.test_altitude import notes
@@ -128,6 +128,26 @@ def test_a_polar_mount_that_was_synced_keeps_away_from_where_the_sun_is_then(
             fault, nearest = await goes(bridge, op.Goto(sun.ra + 25.0, sun.dec))  # the tube would go 11 degrees from it
             assert isinstance(fault, NearSun)
             assert nearest > LIMIT
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "version", "driven"), [("cge", "4.21", "nexstar"), *MEADES])
+def test_a_goto_after_a_wrong_sync_keeps_within_the_altitude_limits(
+    mount: str, version: str | None, driven: str
+) -> None:
+    """The sync lifts what the mount believes by 13 degrees, so the tube would go 13 degrees lower."""
+
+    async def program() -> None:
+        async with Bridge(mount, version, driven=driven, start=NIGHT, config={"lowest": 10.0}) as bridge:
+            assert (await to(bridge, 180.0, 40.0))[0] is None
+            await sync(bridge, 180.0, 53.0)
+            fault, _ = await to(bridge, 180.0, 15.0)
+            assert isinstance(fault, Contradicted)
+            assert "syncs turned one by 13 degrees" in fault.brief
+            assert len(fault.brief) <= 60
+            assert (await to(bridge, 180.0, 30.0))[0] is None
+            assert truth_of(bridge.sim).altitude > 10.0
 
     run(program())
 

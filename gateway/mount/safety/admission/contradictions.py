@@ -17,7 +17,7 @@ from gateway.core.errors import BelowHorizon, Contradicted, Fault, NearSun, Unsu
 from gateway.core.operations import AxisPosition, Equatorial, GetStatus, Park, Place
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits, check_own_park
-from gateway.mount.site.astrometry import Sun
+from gateway.mount.site.astrometry import Shift, Sun
 from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, Site, Time
 
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
@@ -82,6 +82,22 @@ def with_contradiction(fault: Fault, sources: BestSources) -> Fault:
         return fault
     words = f"{fault} {_at_length(found)}"
     return type(fault)(words, words)
+
+
+def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
+    """Check the ``altitude`` to which a goto brings the tube if the syncs that turned its axes were wrong.
+
+    Raises Contradicted.
+    """
+    try:
+        limits.check_altitude(altitude)
+    except Fault as fault:
+        which, off = "low" if isinstance(fault, BelowHorizon) else "high", max(abs(shift.first), abs(shift.second))
+        raise Contradicted(
+            f"Too {which}, if the syncs since the alignment were wrong: they have turned an axis by {off:.0f} degrees. "
+            "Align the mount again.",
+            f"Too {which} by its axes: syncs turned one by {off:.0f} degrees.",
+        ) from None
 
 
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:

@@ -20,7 +20,12 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
-from gateway.mount.safety.admission.contradictions import check_contradictions, too_near, with_contradiction
+from gateway.mount.safety.admission.contradictions import (
+    check_contradictions,
+    check_synced,
+    too_near,
+    with_contradiction,
+)
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.admission.ways import Journey, check_ways, paths_of
@@ -151,6 +156,8 @@ class Admission:
             )
         except Fault as fault:
             raise (fault if axis_known else with_contradiction(fault, mount.sources)) from None
+        for shift in () if axis_known else mount.frame().shifts:  # if the syncs were wrong, the tube goes elsewhere
+            check_synced(limits, mount.astrometry.horizon(mount.suns.tube(goal, shift)).alt, shift)
         status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
