@@ -179,6 +179,52 @@ MUTATIONS = [
         "if distance <= NEARBY:",
         "tests/unit/mount/safety/test_sync_sum.py",
     ),
+    Mutation(
+        "a client widens the highest altitude",
+        r"else min\(self\.highest, highest\)",
+        "else highest",
+        "tests/unit/protocols/lx200/surface/test_target.py",
+    ),
+    Mutation(
+        "tracking that the hand control ignored stays off",
+        r"is not wanted and not operation\.shown:",
+        "is not wanted and False:",
+        "tests/integration/tracking/test_tracking_at_the_keys.py",
+    ),
+    Mutation(
+        "tracking that its owner turned off is turned on again",
+        r"is not wanted and not operation\.shown:",
+        "is not wanted:",
+        "tests/integration/tracking/test_tracking_at_the_keys.py",
+    ),
+    Mutation(
+        "no margin for the rate at which the Sun comes nearer",
+        r"now >= view\.sun \+ view\.margin\(rate\)",
+        "now >= view.sun",
+        "tests/unit/mount/safety/test_safety_rules.py",
+    ),
+    Mutation(
+        "a goto at the mount's own keys counts as an order",
+        r"self\._own = not isinstance\(self\._wanted\.value\.motion, NotOrdered\).*",
+        "self._own = self.anything",
+        f"{SAFETY}/test_at_the_keys.py",
+    ),
+    Mutation(
+        "a negative rate moves an axis the same way",
+        r"1 if rate > 0\.0 else -1, op\.Rate",
+        "1, op.Rate",
+        "tests/unit/protocols/alpaca/test_refusals.py",
+    ),
+    *(
+        Mutation(
+            f"{fault} has another number of ASCOM's",
+            rf"^{fault} = \{{ number = 0x\w+ \}}",
+            f"{fault} = {{ number = 0x5F0 }}",
+            "tests/unit/protocols/alpaca/test_error_numbers.py",
+            "mappings/alpaca/errors.toml",
+        )
+        for fault in ("Held", "NearSun", "TooHigh", "NoDevice", "Silence")
+    ),
     Mutation("a mount on hold can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
     # --- the layers
     Mutation(

@@ -70,6 +70,18 @@ def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> N
     assert near_sun(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
 
 
+@each(("distance", "stops"), [(24.0, True), (25.0, False)])
+def test_a_fast_approach_to_the_sun_ends_before_the_next_position_would_be_too_late(
+    distance: float, stops: bool
+) -> None:
+    """4 degrees a second: 4.2 degrees until it rests, if the next position is waited for."""
+    fast = seen(PositionSample(0.0, HERE, suns=(distance + 2.0,)), PositionSample(0.5, HERE, suns=(distance,)))
+    verdict = near_sun(view(fast, Limits()))
+    assert bool(verdict.reason) is stops
+    if not stops:
+        assert verdict.within == pytest.approx((distance - 20.0) / 4.0 - TIMING.to_stop)
+
+
 @each(
     ("past", "reason"),
     [(PastNow(29.0, 1.0), True), (PastNow(29.0, -1.0), False), (PastNow(20.0, 1.0), False), (None, False)],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -152,6 +152,7 @@ def test_a_client_narrows_the_operators_limits() -> None:
 
 
 @some
+@example(0, 5400)
 @given(st.integers(0, 90), st.integers(1000, 5400))
 def test_no_client_widens_the_operators_limits(lowest: int, highest: int) -> None:
     talk = _limited(10, 80)
