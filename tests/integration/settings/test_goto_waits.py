@@ -6,6 +6,7 @@ The mounts stand at 45 N, 10 E; what they were sent is read at their own end of 
 from __future__ import annotations
 
 import asyncio
+import struct
 from contextlib import suppress
 from typing import Any
 
@@ -258,5 +259,22 @@ def test_an_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
             await asyncio.sleep(2.0)
             heard = [one for one in bridge.sent() if one.startswith((*SETS["lx200"], b":Mn"))]
             assert heard in ([b":Mn#"], [b":SG+00.0#", b":SL21:59:00#", b":SC01/15/26#", b":Mn#"])
+
+    run(program())
+
+
+def test_stellarium_has_its_goto_when_the_clock_is_in() -> None:
+    """Its message has no reply: it is not refused while the mount takes a clock for ten seconds."""
+
+    async def program() -> None:
+        config = {"lowest": LOWEST, "sun": 0.0}
+        async with Bridge("lx200", driven="lx200", presented="stellarium", surface=None, config=config) as bridge:
+            client = bridge.client()
+            await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0 + 30.0, 0.0))
+            ra, dec = at_altitude(bridge, 180.0, 50.0)
+            place = struct.pack("<Ii", int(ra / 360.0 * 2**32), int(dec / 90.0 * 2**30))
+            client.tell(struct.pack("<HHQ", 20, 0, 0) + place)
+            await asyncio.sleep(25.0)
+            assert order(bridge) == ["set", "goto"]
 
     run(program())
