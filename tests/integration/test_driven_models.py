@@ -172,7 +172,7 @@ def test_every_operation_and_every_model_and_version_is_in_the_tables() -> None:
 
     operations = {kind for kind in below(op.Operation) if kind.__module__.startswith(op.__name__)}
     for_its_kind = {op.PassThrough, op.Own, op.Choose}  # tests/integration/sharing/test_transparent.py
-    own = {*PLACES, op.GetActivity, op.GetAbilities, op.TubeSide}  # what the gateway answers by itself
+    own = {*PLACES, op.GetActivity, op.GetAbilities, op.TubeSide, op.SetZone}  # what the gateway answers by itself
     assert operations - {op.Operation, op.Read} - for_its_kind - own == set(CHECKS)
     assert set(MEADE) == set(load("lx200").models)
     assert {model: list(rows) for model, rows in NEXSTAR.items()} == {
