@@ -28,7 +28,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from build import ROOT, build, git
 
-PROJECT, CHANGES, ABOUT = ROOT / "pyproject.toml", ROOT / "CHANGELOG.md", ROOT / "gateway" / "core" / "about.py"
+PROJECT, CHANGES = ROOT / "pyproject.toml", ROOT / "CHANGELOG.md"
 #: Debian releases whose Python the files are tried on, and for which a package is made.
 RELEASES, NUMBERS = ("bookworm", "trixie", "sid"), {"bookworm": "deb12", "trixie": "deb13"}
 #: Commands that may be Pythons of this machine.
@@ -95,12 +95,6 @@ def raise_version(version: str, released: bool) -> None:
     replace(PROJECT, r'(?m)^version = ".*"$', f'version = "{version}"')
     if released:
         now = datetime.now(UTC)
-        replace(
-            ABOUT,
-            r"(?m)^RELEASED = .*$",
-            f"RELEASED = {datetime(now.year, now.month, now.day, tzinfo=UTC).timestamp()}",
-        )
-        replace(ABOUT, r"(?m)^#: Unix seconds, \d{4}-\d\d-\d\d:", f"#: Unix seconds, {now:%Y-%m-%d}:")
         replace(CHANGES, rf"(?m)^## (Unreleased|{re.escape(version)}.*)$", f"## {version} ({now:%Y-%m-%d})")
     else:
         replace(CHANGES, r"(?m)\A# Changelog\n", "# Changelog\n\n## Unreleased\n")

@@ -15,6 +15,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, LazyAcceptor
 from gateway.clients.access import Access, Networks, networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
+from gateway.core.about import RULES
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
@@ -46,8 +47,8 @@ def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
             raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
 
 
-def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> MadeDriver:
-    """Make the driver of a mount. Raises UserError if its protocol has none."""
+def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float], rules: int = RULES) -> MadeDriver:
+    """Make the driver of a mount, which decides by these ``rules``. Raises UserError if its protocol has none."""
     make = PROTOCOLS[endpoint.protocol].make_driver
     if make is None:
         raise UserError(f"{endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
@@ -61,6 +62,7 @@ def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float
         park=config.park if isinstance(config.park, tuple) else None,
         aux_home=config.aux_home,
         lowest=config.limits.lowest,
+        rules=rules,
     )
     return make(settings, now)
 

@@ -159,7 +159,7 @@ class Gateway:
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
-        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time)
+        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.rules)
         driver.speed_factor = config.speed if self.mount.where == "sim" else 1.0
         shared = Shared(to_shared(self.previous_run.kept)) if self.store is None else self.store.shared
         site = op.Place(*config.site) if config.site else None

@@ -81,7 +81,6 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The files of which a release changes a line."""
     for name, text in {
         "PROJECT": '[project]\nname = "mount-gateway"\nversion = "0.2.0"\nrequires-python = ">=3.11"\n',
-        "ABOUT": "#: Unix seconds, 2026-01-01: it is later than that.\nRELEASED = 1767225600.0\n",
         "CHANGES": "# Changelog\n\n## Unreleased\n\n- A line.\n",
     }.items():
         (tmp_path / name).write_text(text)
@@ -93,7 +92,6 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_release_writes_version_date_and_heading_and_the_next_opens_anew(project: Path) -> None:
     making.raise_version("0.3.0", released=True)
     assert 'version = "0.3.0"\n' in (project / "PROJECT").read_text()
-    assert re.search(r"(?m)^RELEASED = 1[789]\d{8}\.0$", (project / "ABOUT").read_text())
     assert re.search(r"(?m)^## 0\.3\.0 \(\d{4}-\d\d-\d\d\)$", (project / "CHANGES").read_text())
     making.raise_version("0.4.0.dev0", released=False)
     assert 'version = "0.4.0.dev0"\n' in (project / "PROJECT").read_text()

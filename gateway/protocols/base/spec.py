@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import Struct
 
+from gateway.core.about import RULES
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
@@ -63,6 +64,7 @@ class DriverSettings(Struct, frozen=True):
     park: tuple[float, float] | None = None
     aux_home: bool = False  # home is at the motors' own switches
     lowest: float = 0.0  # the default park position is not below this altitude, degrees
+    rules: int = RULES  # those of the time of a recording that is replayed
 
 
 class MadeDriver(NamedTuple):
