@@ -2,8 +2,9 @@
 
 A byte that was changed on the way can leave the form of a reply intact. Therefore a reply like the last one is accepted
 at once. For any other reply the request is repeated until replies in a row agree: two if the mount can have moved that
-far, three if it cannot or if the value seldom changes, and one more than the late replies that may still arrive. A
-reply that took unusually long does not count.
+far, three if the value seldom changes, and one more than the late replies that may still arrive. A position that no
+motor can have reached since the last one is asked for again until five agree (three on a slow line): it is neither told
+nor used by a limit before. A reply that took unusually long does not count.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ CLOCK_TOLERANCE = 1.6
 SLOW_AFTER, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 TRIES, GARBLED_TRIES = 9, 3
+#: How many replies in a row must agree on a position that no motor can have reached, if a round trip is this quick, and
+#: else; seconds.
+UNREACHABLE, QUICK, IF_SLOW = 5, 0.25, 3
 #: Shortest sleep in seconds: timers may fire this much too early.
 TICK = 0.001
 #: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
@@ -78,7 +82,7 @@ class ReplyVerifier:
             *sorted((name, value) for name, value in command.values.items() if name != "low"),
         )
         agreeing: list[Reply] = []
-        longest = slow = late_count = 0
+        longest = slow = late_count = needed = 0
         times = 0
         while times < TRIES:
             times += 1
@@ -97,10 +101,12 @@ class ReplyVerifier:
                 agreeing.clear()
             agreeing.append(reply)
             longest = max(longest, len(agreeing))
-            if len(agreeing) >= self._replies_needed(kind, self._known.get(key), reply, late_count):
+            needed = self._replies_needed(kind, self._known.get(key), reply, late_count)
+            if len(agreeing) >= needed:
                 break
         else:
-            if len(agreeing) < 2 and not (kind == "position" and longest == 1):  # only a position may change so fast
+            moves = kind == "position" and longest == 1 and needed <= 2  # only a position may change so fast
+            if len(agreeing) < (2 if needed < UNREACHABLE else IF_SLOW) and not moves:
                 raise Garbled
         self._remember(key, reply)
         self._latitudes |= {name: reply.values[name] for name in _LATITUDE.values() if name in reply.values}
@@ -167,7 +173,9 @@ class ReplyVerifier:
         moved = self._distance(known, reply)
         if moved <= NEAR:
             return least
-        return max(2, least) if moved <= self._possible_motion(known, reply) else max(3, least)
+        if moved <= self._possible_motion(known, reply):
+            return max(2, least)
+        return max(UNREACHABLE if self._line.typical_rtt <= QUICK else IF_SLOW, least)
 
     def _agree(self, kind: str, before: Reply, after: Reply) -> bool:
         """Whether both replies can be correct."""

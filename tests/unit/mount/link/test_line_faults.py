@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
+from random import Random
 from typing import Any
 
 import pytest
 
+from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.errors import Garbled, NoAnswer
+from gateway.core.errors import Fault, Garbled, NoAnswer
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import HALF_COMMAND, MountLink
@@ -259,6 +262,37 @@ def test_a_changed_digit_is_not_believed_and_a_sync_is() -> None:
             await bridge.controller.perform(op.Sync(before.ra + 5.0, before.dec - 5.0))
             synced = await bridge.controller.read(op.Position())
             assert synced.dec == pytest.approx(before.dec - 5.0, abs=0.01)
+
+    run(program())
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_digit_that_is_often_changed_is_seldom_believed(moves: bool) -> None:
+    """The first digit of 30 % of the positions is 0: a quarter turn away, which no motor makes between two replies."""
+
+    async def program() -> None:
+        async with Bridge("cpc", config={"sun": 0.0}) as bridge:
+            random, wire, client = Random(4), bridge.controller.line.wire, bridge.client()
+            await bridge.controller.perform(op.Goto(120.0, 30.0))
+            while await bridge.controller.read_now(op.Slewing()):
+                await asyncio.sleep(0.5)
+            good = wire._feed  # type: ignore[attr-defined]
+
+            def feed(data: bytes) -> bytes:
+                reply: bytes = good(data)
+                return b"0" + reply[1:] if data == b"e" and random.random() < 0.3 else reply
+
+            wire._feed = feed  # type: ignore[attr-defined]
+            wrong = told = 0
+            for number in range(300):
+                if moves and number % 20 == 0:
+                    client.tell(b":RM#:Mn#" if number % 40 else b":RM#:Ms#")
+                with contextlib.suppress(Fault):
+                    here = await bridge.controller.read_now(op.Position())
+                    told += 1
+                    wrong += separation(here.ra, here.dec, *bridge.sim.mechanics.believed(bridge.clock())) > 10.0
+                await asyncio.sleep(0.1)
+            assert told > 250 and wrong <= 6, (told, wrong)
 
     run(program())
 
