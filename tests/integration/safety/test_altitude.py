@@ -51,6 +51,7 @@ async def at_rest(bridge: Any, seconds: float = 3.0, most: float = 60.0) -> tupl
 
 @pytest.mark.parametrize("latency", [0.02, 0.2])
 @pytest.mark.parametrize(("arrow", "rate"), [(b":Ms#", b":RS#"), (b":Mn#", b":RS#"), (b":Ms#", b":RM#")])
+@pytest.mark.safety_line(3)
 def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, arrow: bytes, rate: bytes) -> None:
     async def program() -> None:
         async with Bridge("6-8se", config=LIMITS, latency=latency) as bridge:
@@ -210,6 +211,7 @@ def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None
     run(program())
 
 
+@pytest.mark.safety_line(3)
 def test_park_home_and_axis_gotos_are_checked() -> None:
     async def program(config: dict[str, Any]) -> tuple[list[str], list[bytes]]:
         async with Bridge("6-8se", config={"lowest": 10.0, **config}) as bridge:

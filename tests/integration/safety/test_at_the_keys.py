@@ -144,6 +144,7 @@ def test_a_goto_of_the_owner_s_on_a_wedge_is_left_alone_and_tracking_beyond_the_
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
+@pytest.mark.safety_line(3)
 def test_limits_that_nobody_wrote_down_do_not_end_an_arrow_of_the_owner_s(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:
@@ -179,6 +180,7 @@ def sinking_key(bridge: Any, driven: str) -> str:
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
+@pytest.mark.safety_line(3)
 def test_limits_that_are_written_down_end_arrows_and_gotos_of_the_owner_s(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:

@@ -24,6 +24,7 @@ async def moves_for(bridge: Any, seconds: float) -> float:
 
 
 @pytest.mark.parametrize(("config", "after"), [({}, 30.0), ({"dead_man": 12.0}, 12.0)])
+@pytest.mark.safety_line(6)
 def test_silence_on_an_open_connection(config: dict[str, Any], after: float) -> None:
     async def program() -> None:
         async with Bridge("6-8se", config=config) as bridge:
@@ -122,6 +123,7 @@ def test_slow_rates_are_somebodys_tracking() -> None:
     assert run(program(b"P\x03\x10\x06\x01\x00\x00\x00")) == set()  # 64" a second
 
 
+@pytest.mark.safety_line(6)
 def test_gotos_and_guide_pulses_end_by_themselves() -> None:
     async def program() -> None:
         async with Bridge("6-8se", speed=0.1) as bridge:

@@ -30,6 +30,7 @@ def notes(bridge: Any) -> list[str]:
 
 
 @pytest.mark.parametrize("version", [None, "3.01", "4.10"])
+@pytest.mark.safety_line(5)
 def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(version: str | None) -> None:
     """Before 4.15 it tells by its declination axis on which side of the pier its tube is."""
 
@@ -53,6 +54,7 @@ def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(version: str 
     run(program())
 
 
+@pytest.mark.safety_line(5)
 def test_without_the_setting_there_is_no_limit() -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:

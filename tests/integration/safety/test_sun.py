@@ -71,6 +71,7 @@ async def nearest(bridge: Any, seconds: float, done: Callable[[], bool] = lambda
         (JUNE, {}, b":Sa+63*00#:Sz250*00#:MA#", b"110"),
     ],
 )
+@pytest.mark.safety_line(4)
 def test_gotos_of_an_lx200_program_on_a_fork(start: float, config: dict[str, Any], asked: bytes, reply: bytes) -> None:
     async def program() -> None:
         async with Bridge("6-8se", start=start, config=config) as bridge:
@@ -119,6 +120,7 @@ def test_a_german_mount_goes_through_the_pole_and_not_straight() -> None:
 
 
 @pytest.mark.parametrize(("latency", "rate"), [(0.05, b":RS#"), (0.2, b":RS#"), (0.2, b":RM#")])
+@pytest.mark.safety_line(4)
 def test_motion_by_hand_stops_before_the_circle_and_goes_back(latency: float, rate: bytes) -> None:
     async def program() -> None:
         async with Bridge("6-8se", start=JUNE, latency=latency) as bridge:
@@ -163,6 +165,7 @@ def test_a_hand_control_without_pass_through_takes_no_further_step() -> None:
     run(program())
 
 
+@pytest.mark.safety_line(4)
 def test_motion_at_the_keypad_is_stopped_while_somebody_polls() -> None:
     async def program() -> None:
         async with Bridge("6-8se", start=JUNE, latency=0.1) as bridge:

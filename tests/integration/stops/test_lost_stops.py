@@ -40,6 +40,7 @@ async def seconds_to_rest(bridge: Any, at_most: float) -> float:
     ("mount", "times"), [(mount, times) for mount in MEADES for times in (1, 3)] + [("cge", 1), ("cpc", 1), ("cge", 3)]
 )
 @pytest.mark.parametrize("motion", [b":RS#:Me#", b":RS#:Mn#:Mw#", b":RM#:Ms#", GOTO])
+@pytest.mark.safety_line(1)
 def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, times: int) -> None:
     async def program() -> None:
         async with bridge_to(mount) as bridge:

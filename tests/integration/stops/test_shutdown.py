@@ -248,6 +248,7 @@ class Served:
 
 @pytest.mark.parametrize("fast", [True, False])
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.safety_line(2)
 def test_a_signal_stops_the_mount(monkeypatch: pytest.MonkeyPatch, fast: bool, name: str) -> None:
     served = Served(monkeypatch)
     inherited = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # these tests may run under nohup

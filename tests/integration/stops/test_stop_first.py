@@ -17,6 +17,7 @@ LATENCY = 0.1
 
 
 @pytest.mark.parametrize("flood", [b":TL#", b":TQ#", b":AP#", b":RC#:Me#", b":GR#:GZ#:GW#", b":Mge0500#", b":Qe#"])
+@pytest.mark.safety_line(1)
 def test_a_stop_is_the_next_thing_the_mount_hears(flood: bytes) -> None:
     """Whatever waits and whatever runs, and at whatever moment of it."""
 

@@ -184,6 +184,7 @@ def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Pr
     assert "a gateway runs as process 4711 and cannot be asked" in words and "kill 4711" in words
 
 
+@pytest.mark.safety_line(2)
 def test_without_a_folder_given_every_gateway_of_this_user_is_stopped(
     tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -123,6 +123,7 @@ def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> Non
         ("pty:/tmp/x", False),
     ],
 )
+@pytest.mark.safety_line(9)
 def test_what_others_can_reach(where: str, wide: bool) -> None:
     assert exposed(where) is wide
 

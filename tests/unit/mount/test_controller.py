@@ -179,6 +179,7 @@ def test_motion_stops_at_the_altitude_limit() -> None:
     run(program())
 
 
+@pytest.mark.safety_line(8)
 def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
     async def program() -> None:
         async with Bridge(aligned=False) as bridge:

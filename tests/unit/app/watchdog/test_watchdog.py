@@ -56,6 +56,7 @@ def watch(tmp_path: Path, started: list[Running]) -> Iterator[Callable[[str, str
     ("failure", "kind", "port"),
     [("killed", "nexstar", "tcp"), ("frozen", "lx200", "pty"), ("blocked", "nexstar", "pty"), ("quit", "lx200", "tcp")],
 )
+@pytest.mark.safety_line(7)
 def test_a_gateway_that_comes_to_grief_does_not_leave_its_mount_moving(
     watch: Callable[[str, str], Watched], failure: str, kind: str, port: str
 ) -> None:

@@ -70,6 +70,7 @@ def test_the_sum_is_taken_on_the_sky_and_at_the_axes() -> None:
     ((90.0, 14.99), 30.0, (-85.0, 0.04), "30 degrees from the present position"),  # within the limit
     ((90.0, 0.0), 0.0, (0.0, 0.0), "turns an axis by 90 degrees with those"),  # neither smaller
 ])  # fmt: skip
+@pytest.mark.safety_line(8)
 def test_what_is_refused(
     so_far: tuple[float, float], distance: float, turn: tuple[float, float], why: str, by_day: bool
 ) -> None:
@@ -80,6 +81,7 @@ def test_what_is_refused(
         assert why in said and bool(said) == bool(why)
 
 
+@pytest.mark.safety_line(8)
 def test_by_night_a_degree_near_the_zenith_is_accepted() -> None:
     """Plate solving: half a degree at an altitude of 89 degrees turns the azimuth by 30."""
     assert refused(SyncSum(), 0.5, (30.0, 0.0), by_day=False) == refused(SyncSum(), 1.0, (180.0, 0.0), False) == ""
