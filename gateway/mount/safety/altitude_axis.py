@@ -78,6 +78,8 @@ class AltitudeAxis:
         self.turn: float | None = None
         self.synced = False
         self._status: op.Status | None = None
+        #: The difference that the last reading in motion has shown, of azimuth and altitude.
+        self._found: tuple[float, float] | None = None
 
     @property
     def available(self) -> bool:
@@ -134,9 +136,21 @@ class AltitudeAxis:
         change = wrap180((turn or 0.0) - turned), tilt - before
         if any(change) and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
             return None
+        slews = self._mount.movement.slewing and self._mount.driver.exchanges > 1
+        if not self._lasts((turn or 0.0, tilt), slews and any(change)):
+            return 0.0, 0.0
         self.tilt, self.turn, self.synced = tilt, turn, False
         self._mount.frame.measured = turn, tilt
         return change
+
+    def _lasts(self, found: tuple[float, float], doubtful: bool) -> bool:
+        """Whether a difference counts. During a goto two readings in a row must show it: position and axes are read at
+        two instants, and a simulated mount may slew many times faster than the gateway knows.
+        """
+        before, self._found = self._found, found if doubtful else None
+        return not doubtful or (
+            before is not None and all(abs(wrap180(a - b)) <= TOLERANCE for a, b in zip(before, found, strict=True))
+        )
 
     def words(self, turned: float, tilted: float) -> Iterator[str]:
         """Yield what to tell the user of these changes."""

@@ -161,3 +161,25 @@ def test_only_what_no_alignment_and_no_motion_explains_is_a_difference(
     tilt: float | None, difference: float, speed: float, then: float
 ) -> None:
     assert corrected(tilt, difference, speed) == pytest.approx(then)
+
+
+@pytest.mark.parametrize("latency", [0.02, 0.05, 0.2])
+@pytest.mark.parametrize("speed", [2.0, 5.0, 25.0])
+def test_a_simulated_mount_that_hurries_is_neither_tilted_nor_stopped(speed: float, latency: float) -> None:
+    """The gateway does not know how fast it slews (``sim --speed``): axes and position are read at two instants."""
+
+    async def program() -> None:
+        async with Bridge("cpc", simulated={"speed": speed}, latency=latency, config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            for goal in (b"08:00:00#:Sd-20", b"04:00:00#:Sd+70", b"12:30:00#:Sd+10", b"00:30:00#:Sd+05"):
+                assert (await client.ask(b":Sr" + goal + b"*00:00#:MS#", until=b"110"))[-1:] == b"0"
+                for _ in range(60):
+                    await asyncio.sleep(0.5)
+                    client.tell(b":GR#:GD#:D#")
+                ra, dec = bridge.sim.truth()
+                assert abs(ra / 15.0 - int(goal[:2]) - int(goal[3:5]) / 60.0) < 0.05
+                assert abs(dec - float(goal[-3:])) < 0.3
+            said = [entry.note for entry in bridge.entries if "axis reads" in entry.note or "stopped" in entry.note]
+            assert not said
+
+    run(program())
