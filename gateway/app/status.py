@@ -23,7 +23,8 @@ LEAST = 2
 class StatusLine(Struct, frozen=True):
     """The last known state of one mount. ``state`` is that of the line, ``age`` that of the position in seconds.
 
-    ``rate`` is exchanges with the mount per second.
+    ``rate`` is exchanges with the mount per second. ``by_hand`` includes motion at the mount's own keys; ``ends``: a
+    motion was ended, and the position does not show the mount at rest yet; ``unknown``: it has not reported one since.
     """
 
     name: str
@@ -38,6 +39,13 @@ class StatusLine(Struct, frozen=True):
     rate: float = 0.0
     asleep: bool = False
     held: bool = False
+    ends: bool = False
+    unknown: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether the mount moves for any reason but tracking, or may move."""
+        return self.slewing or self.by_hand or self.ends
 
 
 class Served(Struct, frozen=True):
@@ -140,10 +148,14 @@ def activity(line: StatusLine) -> str:
 
 def _condition(line: StatusLine) -> str:
     """Return the most important activity or condition of the mount in one to three words; empty if not known."""
+    if line.unknown:
+        return "not known whether it moves"
     if line.slewing:
         return "slewing"
     if line.by_hand:
         return "moved by hand"
+    if line.ends:
+        return "coming to rest"
     if line.state == "busy":
         return "busy"
     if line.asleep:

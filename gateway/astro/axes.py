@@ -83,6 +83,16 @@ class Geometry(NamedTuple):
             first, second = self.pole * hour_angle + self._zero, self.pole * dec
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
+    def readings(self, here: Pair, reads: Pair, goal: Pair) -> Pair:
+        """Return the axis readings for a goal, counted from what the mount ``reads`` where it points now: its counting
+        may begin elsewhere. Here and goal are hour angles and declinations; a German mount keeps its counterweight low.
+        """
+        ways = [self.axes(*here, flipped) for flipped in (False, True)]
+        offsets = [(wrap180(reads[0] - first), wrap180(reads[1] - second)) for first, second in ways]
+        offset = min(offsets, key=lambda one: abs(one[0]) + abs(one[1]))
+        first, second = self.axes(*goal, self.other_side(goal[0]))
+        return first + offset[0], second + offset[1]
+
     def other_side(self, hour_angle: float) -> bool:
         """Whether a goto to this hour angle is flipped: the tube of a German mount is on the opposite side."""
         return self.build is Build.GERMAN and wrap180(self.pole * hour_angle) < 0.0

@@ -57,7 +57,7 @@ def state(gateway: Gateway) -> dict[str, Any]:
         "does": activity(seen) or seen.state,
         **_places(gateway, seen.position),
         "tracking": None if status is None else status.tracking is not op.Tracking.OFF,
-        "moving": seen.slewing or seen.by_hand,
+        "moving": seen.moves,
         "goto_ended_short": controller.wanted.value.short or None,
         "aligned": None if status is None else status.aligned,
         "asleep": seen.asleep,

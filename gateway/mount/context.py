@@ -12,6 +12,7 @@ from gateway.core import operations as op
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
+from gateway.mount.motion.run_on import RunOnWatch
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.policy import Hold, Policy
 from gateway.mount.presence import Program
@@ -41,6 +42,7 @@ class Context:
         self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(), WantedState()
         self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings(policy.rules)
+        self.run_on = RunOnWatch(self.now)
         #: Astronomy with the best site and clock, for limits and horizon coordinates.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)

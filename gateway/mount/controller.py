@@ -10,6 +10,8 @@ from __future__ import annotations
 import asyncio
 from typing import TypeVar, cast
 
+from msgspec.structs import replace
+
 from gateway.core import operations as op
 from gateway.core.waiting import FairScheduler
 from gateway.mount.context import Context
@@ -67,6 +69,7 @@ class MountController:
         self.read, self.read_now = reader.read, reader.read_now
         self.touch, self.fresh_until = cache.touch, client_readings.fresh_until
         runner.may_move.connect(client_readings.may_move)
+        context.run_on.sent = runner.may_move
         self.own = OwnAnswers(context, runner, self.fair_scheduler)
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
@@ -91,10 +94,12 @@ class MountController:
         reconciler.done.connect(consequences.done)
         reconciler.stop_sent.connect(consequences.stop_sent)
         reconciler.at_rest.connect(consequences.at_rest)
+        context.run_on.changed.connect(self._hold_pulses)
         watch.must_stop.connect(self._stop_now)
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
         reader.goto_missed.connect(lambda words: reconciler.want(ended_short(reconciler.wanted, words)))
+        reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=client_readings.latest()))
         # Orders of clients, supervision of the motions that they begin, identification, polling.
         self.orders = Orders(context, runner, reader, self.own, self.settings, reconciler)
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
@@ -113,6 +118,10 @@ class MountController:
         """Forget the sum of syncs if the mount is not aligned."""
         if not status.aligned:
             self.synced.forget()
+
+    def _hold_pulses(self, until: float) -> None:
+        """Let guide pulses wait for a mount that runs on."""
+        self.reconciler.want(replace(self.reconciler.wanted, rests_by=until))
 
     def _stop_now(self, why: str) -> None:
         self.reconciler.begin_stop(why)

@@ -19,6 +19,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import equal_pending_halt, interrupted, too_late, without_superseded
 from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.motion.run_on import SILENT
 from gateway.mount.motion.taps import LENGTHENED, at_guide_rate, stopped_at_once
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import NOBODY, HostActivity
@@ -216,15 +217,19 @@ class Orders:
     # --- reads that the gateway answers itself ------------------------------------------------------------------------
 
     async def _activity(self, _: op.GetActivity) -> op.Activity:
-        """Return what moves by orders of this gateway."""
+        """Return what moves by orders of this gateway, the run-on included."""
         wanted, now, parked = self._wanted.value, self._context.now(), self._context.driver.parked
         slews = isinstance(wanted.motion, Slew)
         waiting = [order.operation for order in wanted.pending if not order.follow_up]
         # The last step of a park: the tube has arrived, and tracking is not off yet.
         parks = any(getattr(order.operation, "then", "") == "park" for order in wanted.pending if order.follow_up)
+        run_on = self._context.run_on
+        silent = wanted.owed and self._context.cache.age(op.Position, now) > SILENT
         return op.Activity(
-            goto=slews or bool(wanted.waiting_gotos) or (parks and not parked),
+            goto=slews or bool(wanted.waiting_gotos) or (parks and not parked) or run_on.of_goto,
             by_hand=isinstance(wanted.motion, ByHand) or any(isinstance(one, op.Move | op.MoveAxis) for one in waiting),
+            ends=wanted.owed or run_on.value is not None,
+            unknown=run_on.unknown or silent,
             pulse=any(pulse.until > now for pulse in wanted.pulses)
             or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
             parked=parked,

@@ -29,8 +29,8 @@ AGAIN = [
     "rightascension", "declination", "altitude", "azimuth", "siderealtime", "tracking", "trackingrate", "slewing",
     "atpark", "athome", "sideofpier", "utcdate", "ispulseguiding", "devicestate",
 ]  # fmt: skip
-#: How late a program may be told of an end, seconds: the mount is asked for it twice a second.
-LATE = 1.5
+#: How late a program may be told of an end, seconds: two positions must show it, and are asked for twice a second.
+LATE = 2.0
 MOUNTS = [("6-8se", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")]
 
 

@@ -15,6 +15,7 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Source, make_config, parse_endpoint
+from gateway.app.control.gather import status_line
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Stopped
 from gateway.core.wire_log import Entry, WireLog
@@ -76,6 +77,16 @@ class RunningGateway:
     def ended_short(self) -> str:
         """Why the last goto ended before its goal, in words, until the next order; empty if it did not."""
         return self._controller.wanted.value.short
+
+    async def moving(self) -> bool:
+        """Return whether the mount moves for any reason but tracking and guiding, until its position shows it at rest.
+
+        Raises NoAnswer if that is not known, because it has not reported its position since a motion was ended.
+        """
+        seen = status_line(self._controller, "", "", 0)
+        if seen.unknown:
+            raise NoAnswer("It is not known whether the mount moves: it has not reported its position.")
+        return seen.moves
 
     async def sync(self, ra: float, dec: float) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""

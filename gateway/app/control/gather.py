@@ -30,11 +30,14 @@ def status_line(
     now, snapshot = controller.now(), controller.cache
     identity = snapshot.value(op.GetIdentity)
     called = mount if identity is None else identity.model or identity.product
-    line, driver = controller.line, controller.driver
+    line, driver, run_on = controller.line, controller.driver, controller.context.run_on
+    ends = controller.wanted.owed or run_on.value is not None
+    by_hand = bool(controller.wanted.axes) or (controller.watch.moved_by_others and not ends)
     return StatusLine(
         name or called, line.state, line.reason, snapshot.value(op.Position), snapshot.age(op.Position, now),
-        controller.slewing, bool(controller.wanted.axes), snapshot.value(op.GetStatus), programs,
+        controller.slewing, by_hand, snapshot.value(op.GetStatus), programs,
         0.0 if rate is None else rate.per_second(now, line.answers), driver.asleep, controller.hold.on,
+        ends, run_on.unknown,
     )  # fmt: skip
 
 

@@ -43,6 +43,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
     controller.site_clock.stored = file.site_of_program(previous_run.kept)
     if previous_run.left is not None:
         controller.driver.restore_state(previous_run.left.memory, moving=True)
+        controller.context.run_on.may_move()
         left = previous_run.left
         if left.motion is not None and controller.site_clock.host() - left.at >= RECENT:
             controller.identification.judge_first(left.motion)

@@ -42,9 +42,10 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "tracking": status.tracking.value if status else "",
         "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
-        "german": controller.driver.german, "slewing": look.slewing, "by_hand": look.by_hand, "asleep": look.asleep,
-        "held": look.held, "wanted": list(state.wanted), "allowed": list(state.allowed), "lately": list(state.lately),
-        "dead_man": controller.policy.silence, "line": {"typical": round(state.reply, 3), "answers": state.answers},
+        "german": controller.driver.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
+        "asleep": look.asleep, "held": look.held, "wanted": list(state.wanted), "allowed": list(state.allowed),
+        "lately": list(state.lately), "dead_man": controller.policy.silence,
+        "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
     }  # fmt: skip
     yield {**_sky(controller, look.position), **_site_and_clock(controller), "limits": _limits(controller)}

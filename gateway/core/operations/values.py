@@ -154,11 +154,15 @@ class Activity(Struct, frozen=True):
     goal, in words.
 
     An order that has not begun counts, so that no client sees the mount at rest between an order and its motion.
+    ``ends``: a motion has ended, and the position does not show the mount at rest yet; ``unknown``: it has reported
+    none for so long that it is not known whether it moves.
     """
 
     goto: bool = False
     by_hand: bool = False
     pulse: bool = False
+    ends: bool = False
+    unknown: bool = False
     parked: bool = False
     homed: bool = False
     short: str = ""

@@ -155,10 +155,10 @@ def due_at(wanted: Wanted, order: Order) -> float:
     """Return the loop time from which an order may be carried out."""
     if wanted.taps and waits_for(wanted, axis_moved(order.operation)):
         return inf
-    if order.follow_up or not wanted.pulses:
+    axis = None if order.follow_up else pulse_axis(order)
+    if axis is None:
         return order.at
-    axis = pulse_axis(order)
-    return max((order.at, *(one.until for one in wanted.pulses if one.axis == axis)))
+    return max((order.at, wanted.rests_by, *(one.until for one in wanted.pulses if one.axis == axis)))
 
 
 # --- the rows -------------------------------------------------------------------------------------------------------

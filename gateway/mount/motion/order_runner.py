@@ -137,6 +137,9 @@ class Consequences:
         self._ends.sent((1, 2), self._watch.fastest)
 
     def at_rest(self, _: None) -> None:
+        """Handle a stop that the mount has acknowledged: it may run on."""
+        slewing, by_others = self._context.movement.slewing, self._watch.moved_by_others
+        self._context.run_on.ended(goto=slewing, by_others=by_others)
         self._client_readings.ordered(op.AbortMotion(), self._watch.moved_by_others)
         self._watch.motion_ended()
         self._cache.put(op.Slewing, False, self._now())
@@ -150,6 +153,9 @@ class Consequences:
     def done(self, done: Done) -> None:
         """Handle an operation that the mount has acknowledged, after ``Wanted`` shows it."""
         operation, cache = done.operation, self._cache
+        run_on = self._context.run_on
+        if run_on.value is not None and isinstance(operation, (*GOTOS, op.Move, op.MoveAxis)):
+            run_on.forget()
         if isinstance(operation, GOTOS):
             self._ends.superseded((1, 2))
             cache.put(op.Slewing, True, self._now())
@@ -163,6 +169,8 @@ class Consequences:
             self.stop_sent(None)
             self.at_rest(None)
         elif isinstance(operation, op.AbortSlew):
+            if self._context.movement.slewing:
+                self._context.run_on.ended(goto=True)
             cache.put(op.Slewing, False, self._now())
         elif isinstance(operation, op.Sync):
             self._has_synced()
@@ -170,11 +178,13 @@ class Consequences:
             cache.forget(op.GetStatus)
             if isinstance(operation, op.Hibernate):
                 self.at_rest(None)
+                self._context.run_on.forget()
                 self._gate.hibernation_began()
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:
             self._ends.sent((axis,), self._context.speed(moved))
+            self._context.run_on.ended(goto=False)
         self._watch.axis_stopped()
         if not self._context.wanted.by_hand:
             self._watch.motion_ended()

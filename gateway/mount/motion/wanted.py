@@ -148,7 +148,7 @@ class Wanted(Struct, frozen=True):
     ``stops`` and ``gotos`` count the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged,
     ``asked`` all orders that end nothing. A stop is ``owed`` until the mount has acknowledged it. ``homed``: the mount
     was sent home, and no order has moved it since. ``short`` is why the last goto ended before its goal, in
-    words, until the next order.
+    words, until the next order. Guide pulses wait for rest until the loop time ``rests_by`` at most.
     """
 
     motion: NotOrdered | Slew | ByHand = NotOrdered()
@@ -161,6 +161,7 @@ class Wanted(Struct, frozen=True):
     halted: tuple[Halted, ...] = ()
     owed: bool = False
     homed: bool = False
+    rests_by: float = 0.0
     active: int = 0
     stops: int = 0
     gotos: int = 0

@@ -17,6 +17,7 @@ from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
+from gateway.mount.motion.run_on import Place
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings import extrapolation
 from gateway.mount.readings.cache import LAST_POSITION, NOT_CACHED, Kind
@@ -42,7 +43,8 @@ class Reported(Struct, frozen=True):
 
 def cached_reading(context: Context, kind: Kind) -> Any:
     """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
-    if kind is op.Slewing and context.wanted.goto_waits:
+    run_on = context.run_on.value
+    if kind is op.Slewing and (context.wanted.goto_waits or (run_on is not None and run_on.goto)):
         return True
     now, link = context.now(), context.link
     value = context.cache.poll(kind, now)
@@ -78,10 +80,17 @@ class ClientReadings:
         self._sources.pop(kind, None)
         _, last = self._reported.get(kind, (None, None))
         reported = Reported(value, Reading(_pair(value), at), asked)
+        if kind is op.Position and (run_on := self._context.run_on).value is not None:
+            run_on.position(Place(self._now(), asked, value), self._equatorial, self._driver.resolution)
         if last is not None and min(at) - min(last.reading.at) < SOONEST:
             last = self._reported[kind][0]
         self._reported[kind] = last, reported
         self._courses.pop(kind, None)
+
+    def latest(self) -> Place | None:
+        """Return the last position that the mount has reported, however old; None before the first."""
+        _, last = self._reported.get(op.Position, (None, None))
+        return None if last is None else Place(last.reading.complete, last.asked, last.value)
 
     def calculated_from(self, kind: Kind, source: Kind) -> None:
         """Note that the mount does not report this position, and from which read it is calculated."""
@@ -135,7 +144,7 @@ class ClientReadings:
     def last(self, kind: Kind) -> Any:
         """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
         if kind is op.Slewing:
-            return self._movement.slewing or self._wanted.goto_waits
+            return self._movement.slewing or self._wanted.goto_waits or self._context.run_on.of_goto
         if kind is op.GetStatus:
             return self._cache.value(kind) or UNKNOWN
         source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)

@@ -141,7 +141,8 @@ class Poller:
     @property
     def _watched(self) -> bool:
         """Whether the mount moves, for whatever reason: then the line is needed for positions."""
-        return self._context.movement.anything or self._watch.moved_by_others or self._ends.pending
+        runs_on = self._context.run_on.value is not None
+        return self._context.movement.anything or self._watch.moved_by_others or self._ends.pending or runs_on
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""

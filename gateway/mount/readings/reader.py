@@ -104,6 +104,8 @@ class Reader:
             if value is not NOT_CACHED:
                 return value
             answer = await self.shared_answer(operation)
+            if kind is op.Slewing:
+                return answer or self._context.run_on.of_goto
             if kind not in POSITIONS:
                 return answer
             value = client_readings.peek(operation)

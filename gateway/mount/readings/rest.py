@@ -12,20 +12,19 @@ from collections import deque
 from math import cos, radians
 from typing import NamedTuple
 
-from gateway.astro.spherical import separation, wrap180
+from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, NoAnswer
 from gateway.mount.context import Context
+from gateway.mount.motion.run_on import ARCSECOND, SKY, drift
 from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
 TIME_TO_REST = 8.0
 #: Seconds between two samples that are compared, at least, and from one sample to the next.
 APART, BREATH = 0.7, 0.2
-ARCSECOND = 1.0 / 3600.0
-#: Degrees a second: the sky over a drive that is off; the motion below which none is noticed; the difference between
-#: the sidereal and the other drive rates (solar, lunar).
-SKY, CREEP, DRIVES = 15.041 * ARCSECOND, 30.0 * ARCSECOND, 3.0 * ARCSECOND
+#: Degrees a second: the motion below which none is noticed.
+CREEP = 30.0 * ARCSECOND
 #: Degrees a second that an axis at rest may turn by tracking; the azimuth of a fork near the zenith, ZENITH times the
 #: rate that the sky needs there, but no faster than FASTEST.
 TRACKING_SPEED, ZENITH, FASTEST = 0.1, 3.0, 2.5
@@ -96,9 +95,7 @@ async def _sample(context: Context, reader: Reader) -> Sample:
 def _unexplained(before: Sample, after: Sample, fine: float) -> float:
     """Return the speed beyond what tracking explains, degrees a second; 0 if the motion is below ``fine`` degrees."""
     elapsed = after.at - before.at
-    (ra, dec), (last_ra, last_dec) = (before.position.ra, before.position.dec), (after.position.ra, after.position.dec)
-    kept, passed = separation(ra, dec, last_ra, last_dec), separation(ra + SKY * elapsed, dec, last_ra, last_dec)
-    moved = min(kept, passed) - DRIVES * elapsed
+    moved = drift(before.position, after.position, elapsed)
     first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.tracking_speed, after.tracking_speed) * elapsed
     second = abs(wrap180(after.axes[1] - before.axes[1])) - TRACKING_SPEED * elapsed
     most = max(moved, first, second)

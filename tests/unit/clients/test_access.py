@@ -371,7 +371,7 @@ def test_nexstar_clients_that_only_look() -> None:
             await asyncio.sleep(1)
             assert await looker.ask(b"L") == b"1#"
             assert await looker.ask(b"M") == b"#"
-            await asyncio.sleep(1)
+            await asyncio.sleep(2)
             assert await mover.ask(b"L") == b"0#"
             mover.tell(b"P\2\x10\x24\5\0\0\0")
             await asyncio.sleep(1)

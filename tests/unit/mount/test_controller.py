@@ -281,6 +281,7 @@ def test_slewing_holds_from_the_moment_it_was_asked_for() -> None:
             await task
             assert bridge.controller.peek(Slewing()) is True
             await bridge.controller.perform(AbortMotion())
+            await asyncio.sleep(2.5)
             assert bridge.controller.peek(Slewing()) is False
             assert (await bridge.controller.perform(GetStatus())).aligned
 

@@ -10,11 +10,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 
-from gateway.astro.axes import Pair
+from msgspec.structs import replace
+
+from gateway.astro.axes import Build, Geometry, Pair
+from gateway.astro.spherical import separation, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
+from gateway.mount.motion.run_on import SKY
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import Reader
@@ -33,6 +37,8 @@ from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 
+#: Seconds that a goto takes beside its way at full speed.
+SETTLES = 3.0
 #: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
 SITE_TIMEOUT = 4.0
 
@@ -119,11 +125,34 @@ class Admission:
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
         mount = self._mount
         mount.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
-        fork = not (await self._status()).equatorial
-        if fork and mount.driver.implementation(op.GotoAxes) and not mount.driver.has_sync_offset:
+        status = await self._status()
+        by_axes = mount.driver.implementation(op.GotoAxes)
+        if not status.equatorial and by_axes and not mount.driver.has_sync_offset:
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
         goal = mount.astrometry.equatorial(operation)
-        return await self._admit(op.Goto(goal.ra, goal.dec, fastest=operation.fastest))
+        goto = op.Goto(goal.ra, goal.dec, fastest=operation.fastest)
+        if status.equatorial and status.aligned and status.tracking is op.Tracking.OFF:
+            return await self._admit_at_rest(operation, goto)
+        return await self._admit(goto)
+
+    async def _admit_at_rest(self, operation: op.GotoHorizontal, goto: op.Goto) -> op.Operation:
+        """Return a goto of an equatorial mount to a place over the horizon during which its drive stays off: to axis
+        readings, counted from those that it has now; without these to where the place will be on the sky on arrival.
+        """
+        mount = self._mount
+        if mount.driver.implementation(op.GotoAxes) and mount.driver.implementation(op.AxisPosition):
+            await self._admit_goto(goto)
+            here: op.Equatorial = await self._ask.read_now(op.Position())
+            reads: op.Horizontal = await self._ask.read_now(op.AxisPosition())
+            geometry = Geometry(Build.GERMAN if mount.driver.german else Build.WEDGE, mount.astrometry.place().latitude)
+            sidereal = mount.astrometry.sidereal_time()
+            first, second = geometry.readings(
+                (sidereal - here.ra, here.dec), (reads.az, reads.alt), (sidereal - goto.ra, goto.dec)
+            )
+            return op.GotoAxes(wrap360(first), second, operation.fastest)
+        here = await self._ask.read_now(op.Position())
+        seconds = SETTLES + separation(here.ra, here.dec, goto.ra, goto.dec) / (operation.fastest or mount.fastest)
+        return await self._admit_goto(replace(goto, ra=(goto.ra + SKY * seconds) % 360.0, track=False))
 
     async def _check_park_or_home(self, operation: op.Park | op.Home) -> None:
         """Check where park or home leads. The owner's park position may have any altitude, but not be near the Sun."""

@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Invalid, NoTarget, Unsupported
+from gateway.core.errors import Fault, Invalid, NoAnswer, NoTarget, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface.client import AlpacaSession, axis, place, within
 from gateway.protocols.alpaca.tables import Parked
@@ -53,8 +53,14 @@ def slewing(session: AlpacaSession, command: Command, values: Values) -> Handlin
 
 
 def _slews(moves: op.Activity) -> Handling:
-    """Return whether a motion was requested and has not ended, or the mount itself reports one of its hand control."""
-    return moves.goto or moves.by_hand or (yield op.Slewing())
+    """Return whether a motion was requested and the mount is not at rest yet, or it reports a goto of its hand control.
+    Raises NoAnswer if that is not known.
+    """
+    if moves.unknown:
+        raise NoAnswer(
+            "It is not known whether the mount moves: it has not reported its position since it was stopped."
+        )
+    return moves.goto or moves.by_hand or moves.ends or (yield op.Slewing())
 
 
 def is_pulse_guiding(session: AlpacaSession, command: Command, values: Values) -> Handling:

@@ -25,6 +25,7 @@ from gateway.protocols.lx200.driver.ends import (
 from gateway.protocols.lx200.driver.pointing import beyond_pole
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, ratio_error
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
+from gateway.protocols.lx200.reply_rules import PACE
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 #: A speed that deviates from the requested one by more than this ratio is reported in the log.
@@ -213,4 +214,4 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
     count_motion(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.pulsing[axis] = letter
-    return op.Pulsed(ms / 1000.0, ends=False)
+    return op.Pulsed(max(0.0, ms / 1000.0 - PACE), ends=False)  # the line has paused since the command

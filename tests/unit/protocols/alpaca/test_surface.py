@@ -89,6 +89,8 @@ def test_an_axis_turns_until_it_is_told_to_rest() -> None:
             assert 2.0 < await ask(client, "get azimuth") - before < 5.0
             assert await ask(client, "get slewing") is True
             assert await ask(client, "put moveaxis Axis=0 Rate=0") is None
+            assert await ask(client, "get slewing") is True, "it runs on"
+            await asyncio.sleep(2.0)
             assert await ask(client, "get slewing") is False
             assert await ask(client, "get tracking") is True
 
@@ -119,7 +121,7 @@ def test_abort_ends_everything_whoever_asks() -> None:
             await asyncio.sleep(1.0)
             assert own.sim.slewing
             assert await ask(other, "put abortslew") is None, "also of a program that has not connected"
-            await asyncio.sleep(0.5)
+            await asyncio.sleep(2.0)
             assert not own.sim.slewing and await ask(client, "get slewing") is False
 
     run(program())

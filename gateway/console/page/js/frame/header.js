@@ -20,7 +20,7 @@ function called(seen) {
 export function start() {
   subscribe(() => {
     const seen = mount();
-    const moves = seen && (seen.slewing || seen.by_hand);
+    const moves = seen && seen.moves;
     document.body.dataset.mount = !state.connected || !seen ? "lost" : seen.held ? "held" : moves ? "moves" : seen.state;
     say(byId("does"), !state.connected ? "No connection" : seen ? doing(seen) : "Connecting…");
     say(byId("name"), seen ? called(seen) : "mount-gateway");

@@ -1,0 +1,128 @@
+"""The run-on: after the end of a motion the mount counts as moving until its position shows it at rest.
+
+Motors take up to two seconds to slow down, and whoever exposes, syncs or guides meanwhile does so on a mount that turns
+at degrees a second. Two positions that were requested after the end and agree are rest. Without a position for
+``SILENT`` seconds it is not known whether the mount moves. This changes what is told and when guide pulses begin,
+never whether a stop is sent. Angles are degrees, times seconds of the event loop's clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
+from gateway.core.signals import Signal
+
+ARCSECOND = 1.0 / 3600.0
+#: Degrees a second: the sky over a drive that is off, and the difference between the sidereal and other drive rates.
+SKY, DRIVES = 15.041 * ARCSECOND, 3.0 * ARCSECOND
+#: Seconds between two positions that are compared, at least; the age up to which one from before a goto's own end
+#: counts; and the time without a position after which nothing is known.
+APART, BEFORE, SILENT = 0.25, 1.5, 3.0
+#: Seconds that a guide pulse waits for rest at most.
+PULSE_WAITS = 1.5
+#: Two positions agree if they differ by no more than this many units of the position's resolution.
+DIGITS = 1.25
+
+
+class Place(Struct, frozen=True):
+    """A position, the loop time of its request, and that of its arrival."""
+
+    at: float
+    asked: float
+    sky: op.Equatorial
+
+
+class RunOn(Struct, frozen=True):
+    """A motion that was ended at ``since``; of a ``goto``, park or home, or by hand. ``places`` are the positions that
+    count, ``heard`` is when the mount last reported one.
+    """
+
+    since: float
+    goto: bool
+    heard: float
+    places: tuple[Place, ...] = ()
+
+
+def drift(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
+    """Return the motion between two positions beyond what a drive explains that is on or off, degrees."""
+    kept = separation(before.ra, before.dec, after.ra, after.dec)
+    passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
+    return min(kept, passed) - DRIVES * elapsed
+
+
+def turned(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
+    """Like ``drift``, for the first axis of an equatorial mount alone, whose turning hardly shows near the pole."""
+    way = wrap180(after.ra - before.ra)
+    return min(abs(way), abs(way - SKY * elapsed)) - DRIVES * elapsed
+
+
+def seen(run_on: RunOn, here: Place, equatorial: bool, digit: float) -> RunOn | None:
+    """Return the run-on after a position; None if the mount is at rest. ``digit`` is the position's resolution."""
+    if here.asked < run_on.since:
+        return replace(run_on, heard=here.at)
+    older = [place for place in run_on.places if here.at - place.at >= APART]
+    if older:
+        before, elapsed = older[-1], here.at - older[-1].at
+        moved = drift(before.sky, here.sky, elapsed)
+        if equatorial:
+            moved = max(moved, turned(before.sky, here.sky, elapsed))
+        if moved <= DIGITS * digit:
+            return None
+    places = (*older[-1:], *run_on.places[len(older) :], here)
+    return replace(run_on, heard=here.at, places=places)
+
+
+class RunOnWatch:
+    """Holds the run-on under way, None at rest. ``changed`` is emitted with the time until which pulses wait."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        #: Emitted with each command that may set the mount moving, and how often until it was last seen at rest.
+        self.sent: Signal[None] = Signal()
+        self._rested_at = 0
+        self.value: RunOn | None = None
+        self.changed: Signal[float] = Signal()
+
+    @property
+    def of_goto(self) -> bool:
+        """Whether the mount runs on after a goto, park or home."""
+        return self.value is not None and self.value.goto
+
+    @property
+    def unknown(self) -> bool:
+        """Whether the mount has not reported its position for so long that nothing is known of its motion."""
+        return self.value is not None and self._now() - self.value.heard > SILENT
+
+    def may_move(self) -> None:
+        """Note that the mount may move by a command of an earlier run."""
+        self._rested_at = -1
+
+    def ended(self, goto: bool, latest: Place | None = None, by_others: bool = False) -> None:
+        """Note an end that the mount has acknowledged, or a goto that has ended by itself: the ``latest`` position,
+        from shortly before then, may show that it rests already. ``by_others``: somebody else moves the mount. A
+        repeated end, and one of a mount that has been seen at rest since its last motion, change nothing.
+        """
+        now = self._now()
+        if self.value is not None or not (self.sent.count != self._rested_at or by_others):
+            self.value = None if self.value is None else replace(self.value, goto=goto or self.value.goto)
+            return
+        counts = latest is not None and now - latest.asked < BEFORE
+        self.value = RunOn(now, goto, now, (latest,) if counts and latest is not None else ())
+        self.changed.emit(now + PULSE_WAITS)
+
+    def forget(self) -> None:
+        """Note that a motion has begun, or that the mount sleeps: nothing runs on. Pulses wait as before."""
+        self.value = None
+
+    def position(self, here: Place, equatorial: bool, digit: float) -> None:
+        """Take a position that the mount has reported."""
+        if self.value is not None:
+            self.value = seen(self.value, here, equatorial, digit)
+            if self.value is None:
+                self._rested_at = self.sent.count
+                self.changed.emit(0.0)
