@@ -21,7 +21,7 @@ from gateway.app.recording.recorder import Recorder
 from gateway.clients.any_protocol.deciding import decide
 from gateway.clients.strangers import IDLE
 from gateway.console.arrows import Arrows
-from gateway.console.pages import same_token
+from gateway.console.pin import Pin
 from gateway.console.shown.publisher import Publisher
 from gateway.core.errors import UserError
 from gateway.core.operations import GetIdentity, Identity
@@ -40,7 +40,8 @@ class Mounts:
     """The mounts of this gateway. ``pin`` allows a page to act; if it is empty, every page may."""
 
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
-        self.gateways, self.pin = list(gateways), pin
+        self.gateways = list(gateways)
+        self.pin = Pin(pin, time.monotonic, lambda words: self.gateways[0].wire_log.note("console", words))
         self.recordings = [Recording(gateway) for gateway in self.gateways]
         self.publisher = Publisher(self.gateways, lambda: [recording.state for recording in self.recordings])
         #: By mount, the arrows that each page holds.
@@ -56,10 +57,6 @@ class Mounts:
         if not 0 <= index < len(self.gateways):
             raise UserError(f"there is no mount {index} here")
         return self.gateways[index]
-
-    def admits(self, pin: str) -> bool:
-        """Whether this is the right pin."""
-        return bool(self.pin) and same_token(pin, self.pin)
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return success and the text."""

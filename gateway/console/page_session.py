@@ -48,7 +48,7 @@ class PageSession:
     """One page: ``run`` sends to it until it disconnects, ``take`` receives its messages."""
 
     def __init__(self, mounts: Mounts, socket: Socket, host: str, acts: bool) -> None:
-        self._mounts, self._socket, self._acts = mounts, socket, acts
+        self._mounts, self._socket, self._host, self._acts = mounts, socket, host, acts
         self._who = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
         self._heard = self._repeated = self._loop.time()
@@ -174,7 +174,7 @@ class PageSession:
             case requests.Talk():
                 self._listen(request.on)
             case requests.Pin():
-                self._acts = self._acts or mounts.admits(request.pin)
+                self._acts = self._acts or mounts.pin.admits(request.pin, self._host)
                 words = "this page may act now" if self._acts else "this is not the pin"
                 await self._answer(request.id, self._acts, words)
             case requests.LetGo() | requests.Jog():  # the outcome of a press is answered elsewhere

@@ -314,6 +314,21 @@ def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp_path:
     play(work())
 
 
+def test_wrong_pins_are_told_to_wait_and_a_stop_never_waits(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path, pin="4711") as there, there.page() as page:
+            notes: list[str] = []
+            there.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
+            answers = [await page.ask("pin", pin="0000") for _ in range(6)]
+            assert [answer["words"] for answer in answers[:5]] == ["this is not the pin"] * 5
+            assert "wait 60 s" in answers[5]["words"]
+            assert not (await page.ask("pin", pin="4711"))["ok"]
+            assert (await page.ask("stop"))["ok"]
+            assert sum("wrong pin from 127.0.0.1" in note for note in notes) == 5
+
+    play(work())
+
+
 def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there, there.page() as page:

@@ -1,0 +1,63 @@
+"""The console's PIN, and how often it may be tried.
+
+An address has five free tries, then one a minute; all addresses together have ten wrong tries a minute. Both count
+wrong tries only, and an address that has given the right PIN before is not slowed by others. A try that has to wait is
+not compared, so that it tells nothing. Only the PIN waits: stopping and reading need none.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from math import ceil
+
+from gateway.console.pages import same_token
+from gateway.core.errors import UserError
+
+#: Wrong tries that an address has without waiting; the seconds between two further ones.
+FREE, PAUSE = 5, 60.0
+#: Wrong tries of all addresses together within ``PAUSE`` seconds.
+TOGETHER = 10
+#: Addresses that are remembered.
+MAX_HOSTS = 1000
+
+
+class Pin:
+    """The right PIN, empty if there is none. ``now``: seconds that never go back; ``warn`` gets one line for the log."""
+
+    def __init__(self, right: str, now: Callable[[], float], warn: Callable[[str], None]) -> None:
+        self._right, self._now, self._warn = right, now, warn
+        #: Number and time of the last wrong tries by address; those that gave the right PIN; the times of all.
+        self._wrong: dict[str, tuple[int, float]] = {}
+        self._known: set[str] = set()
+        self._times: deque[float] = deque(maxlen=TOGETHER)
+
+    def __bool__(self) -> bool:
+        return bool(self._right)
+
+    def admits(self, pin: str, host: str) -> bool:
+        """Whether this is the right PIN. Raises UserError while the address has to wait."""
+        now = self._now()
+        if (wait := ceil(self._free_at(host) - now)) > 0:
+            raise UserError(f"too many wrong pins: wait {wait} s, then try again; looking and STOP need no pin")
+        if bool(self._right) and same_token(pin, self._right):
+            self._wrong.pop(host, None)
+            if len(self._known) < MAX_HOSTS:
+                self._known.add(host)
+            return True
+        count = self._wrong.pop(host, (0, 0.0))[0] + 1
+        self._wrong[host] = (count, now)
+        if len(self._wrong) > MAX_HOSTS:
+            del self._wrong[next(iter(self._wrong))]
+        if host not in self._known:
+            self._times.append(now)
+        self._warn(f"wrong pin from {host} ({count} since the last right one)")
+        return False
+
+    def _free_at(self, host: str) -> float:
+        """Return the time from which this address may try."""
+        count, last = self._wrong.get(host, (0, 0.0))
+        own = last + PAUSE if count >= FREE else 0.0
+        if host in self._known or len(self._times) < TOGETHER:
+            return own
+        return max(own, self._times[0] + PAUSE)

@@ -1,0 +1,65 @@
+"""The console's PIN cannot be tried out, and its rightful user is not shut out by those who try."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.console.pin import FREE, PAUSE, TOGETHER, Pin
+from gateway.core.errors import UserError
+
+HERE, THERE = "192.168.1.20", "192.168.1.66"
+
+
+class Tried:
+    def __init__(self) -> None:
+        self.now, self.log = 1000.0, list[str]()
+        self.pin = Pin("4711", lambda: self.now, self.log.append)
+
+    def outcome(self, pin: str, host: str = THERE) -> bool | str:
+        try:
+            return self.pin.admits(pin, host)
+        except UserError as error:
+            return str(error)
+
+
+@pytest.fixture
+def tried() -> Tried:
+    return Tried()
+
+
+def test_an_address_has_five_free_tries_then_one_a_minute(tried: Tried) -> None:
+    assert [tried.outcome("0000") for _ in range(FREE)] == [False] * FREE
+    assert "wait 60 s" in str(tried.outcome("4711")), "a try that has to wait is not even compared"
+    tried.now += PAUSE
+    assert tried.outcome("0000") is False
+    tried.now += PAUSE - 1
+    assert "wait 1 s" in str(tried.outcome("4711"))
+    tried.now += 1
+    assert tried.outcome("4711") is True
+    assert tried.outcome("0000") is False, "the right one gives the free tries back"
+
+
+def test_an_hour_of_trying_from_many_addresses_is_at_most_ten_a_minute(tried: Tried) -> None:
+    compared = 0
+    for second in range(3600):
+        tried.now = 1000.0 + second
+        compared += sum(tried.outcome("0000", f"10.0.{second % 200}.{one}") is False for one in range(20))
+    assert compared == TOGETHER * 60
+
+
+def test_others_do_not_slow_an_address_that_has_given_the_right_one(tried: Tried) -> None:
+    assert tried.outcome("4711", HERE) is True
+    for one in range(50):
+        tried.outcome("0000", f"10.0.0.{one}")
+    assert isinstance(tried.outcome("4711", "192.168.1.21"), str)
+    assert tried.outcome("4711", HERE) is True
+
+
+def test_the_log_names_the_host_of_each_wrong_try(tried: Tried) -> None:
+    tried.outcome("0000")
+    tried.outcome("4711", HERE)
+    assert tried.log == [f"wrong pin from {THERE} (1 since the last right one)"]
+
+
+def test_without_a_pin_nothing_is_admitted() -> None:
+    assert not Pin("", lambda: 0.0, [].append).admits("", HERE)
