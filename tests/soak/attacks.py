@@ -22,16 +22,17 @@ from tests.soak.attack_limits import LIMITS, Attack
 from tests.soak.attack_motion import MOTION
 from tests.soak.attack_settings import SETTINGS
 from tests.soak.attack_sun import SUNS
+from tests.soak.attack_syncs import SYNCS_AND_WAYS
 from tests.soak.attacked import HERE, Attacked
 
-ATTACKS = [*LIMITS, *MOTION, *SETTINGS, *SUNS]
+ATTACKS = [*LIMITS, *MOTION, *SETTINGS, *SUNS, *SYNCS_AND_WAYS]
 UNITS = {"altitude": "°", "sun": "°", "turned": "°", "past meridian": "°", "off": "°",
          "told": "°", "after the stop": " s",
-         "drift": "″/min"}  # fmt: skip
+         "drift": "″/min", "untold": "", "wrong": ""}  # fmt: skip
 SHOWN = {"altitude": "worst altitude", "sun": "nearest to the Sun", "turned": "turned",
          "past meridian": "past the meridian", "off": "off the goal",
          "told": "told a site that is wrong by", "after the stop": "in motion after the stop",
-         "drift": "drift changed by"}  # fmt: skip
+         "drift": "drift changed by", "untold": "goto ended short, not told", "wrong": "wrong answers"}  # fmt: skip
 Row = dict[str, Any]
 
 
