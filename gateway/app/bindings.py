@@ -58,7 +58,6 @@ def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float
         site=config.site,
         mode=config.mode,
         guide_rate=config.guide_rate,
-        guide_directions=config.guide_directions,
         park=config.park if isinstance(config.park, tuple) else None,
         aux_home=config.aux_home,
         lowest=config.limits.lowest,
@@ -67,8 +66,10 @@ def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float
     return make(settings, now)
 
 
-def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
-    """Make the surface for a port. Raises UserError if its protocol has none."""
+def make_surface(
+    endpoint: Endpoint, config: SurfaceConfig, limits: Limits, guides: str | None = None
+) -> SurfaceBinding:
+    """Make the surface for a port; ``guides`` is ``guide-directions`` of the mount. Raises UserError."""
     spec = PROTOCOLS[endpoint.protocol]
     if spec.make_surface is None:
         raise UserError(f"no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
@@ -77,13 +78,14 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
             endpoint.model, endpoint.version, config.precision, config.sync_text, limits, config.equinox or spec.equinox
         )
     )
+    directions = config.guide_directions or guides or spec.guide_directions
     return SurfaceBinding(
         spec.title,
         made.surface,
         spec.framing,
         spec.opening,
         made.model,
-        made.settings,
+        msgspec.structs.replace(made.settings, guides_by_sky=directions == "sky"),
         default_equinox=spec.equinox,
         stops_arrows=stops_arrows(endpoint.protocol, config.client),
         fit=made.fit,
@@ -151,7 +153,7 @@ class AcceptorFactory:
     def _one(
         self, number: int, endpoint: Endpoint, surface: SurfaceConfig, warn: Callable[[str], None]
     ) -> ConnectionAcceptor:
-        binding = make_surface(endpoint, surface, self._config.limits)
+        binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
         if presents_mount(self._mount, endpoint):
             binding = msgspec.structs.replace(binding, fit=None)

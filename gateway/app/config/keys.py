@@ -104,12 +104,14 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         key("guiding speed as a fraction of sidereal (default: 0.5 on a NexStar; a Meade keeps its own)", "RATE", 0.5),
     ] = None
     guide_directions: Annotated[
-        Literal["motor", "sky"],
+        Literal["motor", "sky"] | None,
         key(
-            "what guide pulses (:Mgn#) to a NexStar mean on both sides of the pier. motor: a pulse always turns the "
-            "motor the same way; sky: north is always north on the sky"
+            "what guide pulses (:Mgn#, PulseGuide) to a NexStar mean on both sides of the pier. motor: a pulse always "
+            "turns the motor the same way; sky: north is always north on the sky (default: sky for Alpaca programs, "
+            "else motor)",
+            example="motor",
         ),
-    ] = "motor"
+    ] = None
     park: Annotated[
         tuple[Annotated[float, Meta(ge=-360.0, le=360.0)], Annotated[float, Meta(ge=-180.0, le=180.0)]]
         | Literal["mount"]
@@ -232,6 +234,10 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     equinox: Annotated[
         Literal["jnow", "j2000"] | None,
         key("equinox of the program's coordinates (default: by client, else jnow; stellarium: j2000)", example="jnow"),
+    ] = None
+    guide_directions: Annotated[
+        Literal["motor", "sky"] | None,
+        key("what guide pulses of these programs mean, instead of the mount's key", example="sky", flag=False),
     ] = None
     precision: Annotated[
         Literal["high", "low"] | None,

@@ -98,10 +98,14 @@ class AbortMotion(Operation[None], frozen=True):
 
 
 class Pulse(Operation[Pulsed | None], frozen=True):
-    """Guide in a direction for some milliseconds."""
+    """Guide in a direction for some milliseconds.
+
+    ``sky``: north is north on both sides of the pier, and on an alt-az mount both axes turn; else a motor's direction.
+    """
 
     direction: Direction
     ms: int
+    sky: bool = False
 
 
 class PulseAxis(Operation[Pulsed | None], frozen=True):

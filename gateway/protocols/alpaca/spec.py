@@ -53,6 +53,7 @@ SPEC = ProtocolSpec(
     preset="ASCOM Alpaca",
     mounts="ASCOM Alpaca",
     usual_port=11111,
+    guide_directions="sky",
     framing=_framing,
     opening=re.compile(rb"(?:(?:get|put) [^\n]*\n)*"),
     make_surface=_make_surface,

@@ -29,11 +29,12 @@ class AltitudeLimits(Protocol):
 
 
 class ClientSettings(Struct, frozen=True):
-    """The initial settings of every client of a surface."""
+    """The initial settings of every client of a surface. ``guides_by_sky``: its guide pulses mean the sky."""
 
     limits: AltitudeLimits
     precision: str = "high"
     sync_text: str | None = None
+    guides_by_sky: bool = False
 
 
 class NamedSite(Struct, frozen=True, omit_defaults=True):

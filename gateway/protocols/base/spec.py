@@ -60,7 +60,6 @@ class DriverSettings(Struct, frozen=True):
     site: tuple[float, float] | None = None
     mode: str | None = None
     guide_rate: float | None = None
-    guide_directions: str = "motor"  # whether the direction of a guide pulse means the motor's or the sky's
     park: tuple[float, float] | None = None
     aux_home: bool = False  # home is at the motors' own switches
     lowest: float = 0.0  # the default park position is not below this altitude, degrees
@@ -127,6 +126,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     usual_port: int = 4030
     #: The default equinox of its programs' coordinates: ``jnow`` or ``j2000``.
     equinox: str = "jnow"
+    #: What its programs' guide pulses mean if nobody says: ``motor`` or ``sky``.
+    guide_directions: str = "motor"
     #: A mount for the demonstration, as an endpoint and in words; a model for help texts.
     demo: tuple[str, str] | None = None
     example: str = ""

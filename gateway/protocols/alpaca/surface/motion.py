@@ -18,6 +18,12 @@ from gateway.protocols.wireformat.command import Command
 
 #: The directions in the order of ASCOM's numbers.
 DIRECTIONS = (op.Direction.NORTH, op.Direction.SOUTH, op.Direction.EAST, op.Direction.WEST)
+#: What the owner of a German mount is told at its first guide pulse.
+BY_SKY = (
+    "guide pulses of Alpaca programs mean directions on the sky, on both sides of the pier: a guiding program that was "
+    'calibrated with an earlier version must be calibrated anew, with "reverse Dec after meridian flip" off; '
+    'guide-directions = "motor" on the surface brings back what they meant then'
+)
 #: A speed that differs from one of the mount's by less than this fraction counts as that one.
 NEAR = 0.01
 #: The sidereal rate, degrees per second.
@@ -115,11 +121,17 @@ def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handl
 
 
 def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Send a guide pulse; the reply is sent when it has begun."""
+    """Send a guide pulse; the reply is sent when it has begun. North raises the declination unless it is configured
+    otherwise, which differs from what it meant before the pier side counted.
+    """
     direction = DIRECTIONS[within(values, "direction", "Direction", 0, 3)]
     ms = within(values, "ms", "Duration", 0, 600_000)
-    if ms:
-        yield op.Pulse(direction, ms)
+    by_sky = session.settings.guides_by_sky
+    if not ms:
+        return
+    if by_sky and (yield op.GetAbilities()).german:
+        yield Note(BY_SKY)
+    yield op.Pulse(direction, ms, by_sky)
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------------

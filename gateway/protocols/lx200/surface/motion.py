@@ -73,7 +73,8 @@ def guide_rate(session: LxSession, command: Command, values: op.Values) -> Handl
 def pulse(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     values = given(values)
-    yield FireAndForget(op.Pulse(op.Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))
+    direction, by_sky = op.Direction(values["direction"]), session.settings.guides_by_sky
+    yield FireAndForget(op.Pulse(direction, min(values["ms"], LONGEST_PULSE), by_sky))
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------------

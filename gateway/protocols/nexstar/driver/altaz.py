@@ -77,7 +77,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     lasts = max(operation.ms / 1000.0, 2.0 * delay)
     rate = direction.sense * mount.guide_rates[direction.axis] * SIDEREAL * operation.ms / 1000.0 / lasts
     added = _motor_rates(direction.axis, rate)
-    if mount.settings.guide_directions == "sky":
+    if operation.sky:
         first, second = _motor_ratios(direction, where, mount)
         added = rate * first, rate * second
     mount.pulsing.add(direction.axis)

@@ -214,10 +214,10 @@ def _step(mount: NexStar, axis: int, here: float) -> float:
 
 
 def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
-    """Send a guide pulse and return Pulsed. If ``guide_directions`` is "motor", n always turns the declination motor
-    the same way; if it is "sky", n is north.
+    """Send a guide pulse and return Pulsed. North is north on the sky if the operation says so; else it always turns
+    the declination motor the same way.
     """
-    by_sky = mount.settings.guide_directions == "sky"
+    by_sky = operation.sky
     if operation.ms > 0 and altaz.applies(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))
     if tracking.native_mode(mount) is None and not (mount.moves_by_gotos or mount.times_pulses):

@@ -1,0 +1,75 @@
+"""Guide pulses mean the sky for Alpaca programs and the motor for others, and every surface can be told otherwise."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import pytest
+
+from gateway.app.bindings import make_surface
+from gateway.app.config import Endpoint, SurfaceConfig
+from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.virtual_time import run
+from gateway.mount.policy import Limits
+from tests.support.each import each
+
+START = 1769634000.0
+NORTH, SOUTH = (45.0, 10.0), (-34.0, 10.0)
+
+
+async def ask(program: Visitor, line: str) -> Any:
+    told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
+    return -told["ErrorNumber"] if isinstance(told, dict) else told
+
+
+async def declination_after(own: Stage, direction: int) -> float:
+    """Guide for two seconds; return the change of the true declination, arcseconds."""
+    client = own.client()
+    await ask(client, "put connect")
+    before = own.sim.truth()[1]
+    assert await ask(client, f"put pulseguide Direction={direction} Duration=2000") is None
+    await asyncio.sleep(4.0)
+    return (own.sim.truth()[1] - before) * 3600.0
+
+
+@pytest.mark.parametrize("hours", [-3.0, 3.0])
+@pytest.mark.parametrize("site", [NORTH, SOUTH], ids=["north", "south"])
+@pytest.mark.parametrize("mount", ["cgem", "cge"])
+def test_alpaca_north_raises_the_declination_on_both_sides(mount: str, site: tuple[float, float], hours: float) -> None:
+    async def program() -> None:
+        async with Stage(mount, start=START, presented="alpaca", named=True, site=site, config={"sun": 0.0}) as own:
+            own.controller.astrometry.sky.load()
+            client = own.client()
+            await ask(client, "put connect")
+            ra = (await ask(client, "get siderealtime") - hours) % 24.0
+            await ask(client, f"put slewtocoordinatesasync RightAscension={ra} Declination={site[0] / 3.0}")
+            while await ask(client, "get slewing"):
+                await asyncio.sleep(0.5)
+            await asyncio.sleep(2.0)
+            assert await declination_after(own, 0) == pytest.approx(15.0, rel=0.1)
+            assert await declination_after(own, 1) == pytest.approx(-15.0, rel=0.1)
+            told = [word.text for word in own.wire_log.recent if "calibrated anew" in word.text]
+            assert len(told) == 1, "told once"
+
+    run(program())
+
+
+@each(
+    ("protocol", "surface", "mount", "by_sky"),
+    [
+        ("alpaca", None, None, True),
+        ("lx200", None, None, False),
+        ("alpaca", None, "motor", False),
+        ("lx200", None, "sky", True),
+        ("alpaca", "motor", "sky", False),
+        ("lx200", "sky", "motor", True),
+    ],
+)
+def test_the_surface_counts_then_the_mount_then_the_protocol(
+    protocol: str, surface: str | None, mount: str | None, by_sky: bool
+) -> None:
+    config = SurfaceConfig(at="-", guide_directions=surface)  # type: ignore[arg-type]
+    made = make_surface(Endpoint(protocol, "-"), config, Limits(), mount)
+    assert made.settings.guides_by_sky is by_sky
