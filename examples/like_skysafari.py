@@ -17,7 +17,7 @@ async def ask(where: tuple[str, int], command: str, until: str = "#") -> str:
         try:
             writer.write(command.encode())
             reply = (await reader.readexactly(1)).decode()
-            while until and not reply.endswith(until) and (until, reply) != ("0#", "0"):
+            while until and not reply.endswith("#") and (until, reply) != ("0#", "0"):
                 reply += (await reader.readexactly(1)).decode()
         finally:
             writer.close()
@@ -42,7 +42,7 @@ async def alone() -> None:
     """Use a simulated mount that is twenty times as fast as a real one."""
     from gateway import open_gateway
 
-    async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"], speed=20) as gateway:
+    async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"], speed=20, sun=0.0) as gateway:
         await gateway.ready()
         host, _, port = gateway.addresses[0].rpartition("tcp://")[2].rpartition(":")
         await point((host, int(port)), "09:57:58", "+68*56:10")

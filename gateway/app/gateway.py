@@ -242,7 +242,7 @@ class Gateway:
         name = f" {self.config.name}" if self.config.name else ""
         return [
             f"{shown(endpoint.protocol, acceptor.model)}@{port.where}{name}"
-            for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=True)
+            for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=False)
             if port.where != SERVED
         ]
 

@@ -23,7 +23,7 @@ MAX_HOSTS = 1000
 
 
 class Pin:
-    """The right PIN, empty if there is none. ``now``: seconds that never go back; ``warn`` gets one line for the log."""
+    """The right PIN, empty if there is none. ``now``: seconds that never go back; ``warn`` gets a line for the log."""
 
     def __init__(self, right: str, now: Callable[[], float], warn: Callable[[str], None]) -> None:
         self._right, self._now, self._warn = right, now, warn

@@ -26,6 +26,7 @@ SERVING = ("run", "demo", "sim")
 HERE = (
     (r"^\.venv/bin/", ""),
     (r"@/dev/ttyUSB\d", "@sim"),
+    (r"--mount (\S+@sim)", r"--mount \1 --sun 0"),  # by day the Sun may stand before what the pages point at
     (r"(tcp|rfc2217)://[\d.]+:\d+", r"\1://127.0.0.1:0"),
     (r"/tmp/lx200", "{folder}/lx200"),
     (r"\bdemo\b", "demo --port 0 --pty {folder}/demo"),

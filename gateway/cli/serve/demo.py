@@ -65,7 +65,7 @@ def _demo(arguments: argparse.Namespace) -> int:
             notes.append(f"there is a /tmp/{client} of another program already; this demo takes {path}")
         surfaces.append({"at": f"{client}@pty:{path}"})
     tables: dict[str, object] = {
-        "mount": [{"at": f"{mount}@sim", "speed": arguments.speed}],
+        "mount": [{"at": f"{mount}@sim", "speed": arguments.speed, "sun": 0.0}],  # there is no glass to be harmed
         "surface": surfaces,
         **{name: value for name in SHOWN if (value := getattr(arguments, name)) is not None},
     }
