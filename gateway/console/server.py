@@ -19,6 +19,7 @@ from aiohttp import WSMsgType, web
 from gateway.app.discovery.offer import web_address
 from gateway.app.gateway import Gateway
 from gateway.clients.access import Access
+from gateway.clients.any_protocol.web import NONE
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.console.pages import Pages, from_own_page, guarded, listen, runner_of, same_token
@@ -37,10 +38,15 @@ class Console:
     """The console's web server, from ``open`` to ``close``. ``where`` is its address for a browser."""
 
     def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
-                 names: Sequence[str] = (), ports: Mapping[int, Access] = MappingProxyType({})) -> None:  # fmt: skip
-        """``ports``: access rules of surfaces whose ports pass HTTP connections on to the console, by port."""
+                 names: Sequence[str] = (), ports: Mapping[int, Access] = MappingProxyType({}),
+                 page: bool = True) -> None:  # fmt: skip
+        """``ports``: access rules of surfaces whose ports pass HTTP connections on to the console, by port.
+
+        Without the ``page`` only programs are served.
+        """
         self._mounts = Mounts(gateways, pin)
         self._access, self._names, self._port_rules = access, tuple(names), ports
+        self._with_page = page
         self._token = secrets.token_urlsafe(24)
         self._files = Pages({path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")})
         self._metrics = Metrics(gateways)
@@ -55,14 +61,16 @@ class Console:
         return web_address(self.host, self.port)
 
     async def open(self, host: str, port: int, others: int = OTHERS) -> None:
-        """Listen on a port, or on the next free one of ``others``. Raises OSError."""
+        """Listen on a port, or on the next free one of ``others``; without a host only ``serve``. Raises OSError."""
         app = web.Application(middlewares=[guarded(self._refusal)], client_max_size=1024)
         self._served = self._serve_programs(app)
-        app.add_routes([
+        app.add_routes([web.get("/{path:.*}", _no_page)] if not self._with_page else [
             web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._metrics_text),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
         self._runner = await runner_of(app)
+        if not host:
+            return
         for attempt in range(others + 1):
             try:
                 self.host, self.port = host, await listen(self._runner, host, port + attempt if port else 0)
@@ -169,6 +177,12 @@ class Console:
                 await shown
             self._pages.discard(shown)
         return ws
+
+
+async def _no_page(request: web.Request) -> web.StreamResponse:
+    response = web.Response(status=404, text=NONE[1])
+    response.force_close()
+    return response
 
 
 class _Socket:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from gateway.app.config import Config, MountConfig, SurfaceConfig
+from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.tables import ConsoleConfig
 from gateway.cli.serve.live import Screen
 from gateway.protocols.registry import ANY, PROTOCOLS
@@ -52,14 +52,30 @@ async def open_console(
     return page
 
 
+async def open_programs(gateway: Gateway) -> Console:
+    """Open a server without a console or a port: for the HTTP programs at the mount's ports for every protocol."""
+    console = await asyncio.to_thread(_load_console)
+    server = console([gateway], ports=_shared_ports([gateway]), page=False)
+    await server.open("", 0)
+    return server
+
+
+def shares_port(gateway: Gateway) -> bool:
+    """Whether programs that speak HTTP can arrive at a port for every protocol."""
+    return any(endpoint.protocol == ANY for endpoint in gateway.endpoints)
+
+
 def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
-    """Return the surfaces of the HTTP protocols, which the console's server serves by the console's rules."""
+    """Return the surfaces of the HTTP protocols, which the console's server serves by the console's rules.
+
+    Without a console they are served at the mount's ports for every protocol, which have admitted the client already.
+    """
     page = config.page
-    if page is None:
+    if page is None and not any(parse_endpoint(one.at).protocol == ANY for one in config.of(mount)):
         return []
-    looks = page.read_only if page.pin is None else True
+    allow, looks = (None, False) if page is None else (page.allow, page.read_only if page.pin is None else True)
     return [
-        SurfaceConfig(at=f"{name}@{SERVED}", mount=mount.name, allow=page.allow, read_only=looks)
+        SurfaceConfig(at=f"{name}@{SERVED}", mount=mount.name, allow=allow, read_only=looks)
         for name, spec in PROTOCOLS.items()
         if spec.web is not None
     ]

@@ -24,6 +24,8 @@ from gateway.cli.serve.console_and_broker import (
     http_surfaces,
     open_broker,
     open_console,
+    open_programs,
+    shares_port,
 )
 from gateway.cli.serve.finding import GIVE_UP, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
+    from gateway.console.server import Console
 
 #: Seconds between two looks at the addresses of this computer.
 LOOK_EVERY = 3.0
@@ -96,7 +99,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     status_tasks: list[asyncio.Task[None]] = []
     console = broker = None
     phone = PhoneLines()
-    web = Web(asyncio.get_running_loop().call_later) if config.page is not None else Web()
+    web = Web(asyncio.get_running_loop().call_later)
+    programs: list[Console] = []
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def surfaces() -> list[Offer]:
@@ -122,7 +126,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
             clock = host_clock()
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, clock, screen.warn, watchdog))
-        gateways[-1].web = web
+        gateways[-1].web = web if config.page is not None else Web(web.later)
         gateways[-1].open_store()
         if mount.record:
             recorders.append(record_whole(Path(mount.record), gateways[-1]))
@@ -134,6 +138,26 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         if banner:
             screen.say(banner)
         status_tasks = start_status_updates(gateways, screen)
+
+        async def serve_programs(gateway: Gateway) -> None:
+            await gateway.web.wanted.wait()
+            programs.append(server := await open_programs(gateway))
+            gateway.web.open(server.serve)
+
+        async def open_page() -> None:
+            nonlocal console
+            await web.wanted.wait()
+            console = await open_console(config, gateways, screen, phone)
+            garbage.started()  # again, for the objects of the web server
+            if console is not None:
+                web.open(console.serve, (console.host, console.port))
+            else:
+                web.close()
+
+        page = asyncio.ensure_future(open_page())
+        status_tasks.append(page)
+        if config.page is None:
+            status_tasks += [asyncio.ensure_future(serve_programs(one)) for one in gateways if shares_port(one)]
         broker = open_broker(config, access, gateways, screen)
         patient, longest = config.wait or len(gateways) > 1, 0.0 if config.wait is False else GIVE_UP
 
@@ -162,12 +186,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         )
         garbage.started()
         if not done.is_set():
-            console = await open_console(config, gateways, screen, phone)
-            garbage.started()  # again, for the objects of the web server
-            if console is not None:
-                web.open(console.serve, (console.host, console.port))
-            else:
-                web.close()
+            web.wanted.set()
+            await page
         if config.discovery:
             await announcement.answer_discovery([*surfaces(), *http_offers(console)])
 
@@ -182,9 +202,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for task in status_tasks:
             task.cancel()
         screen.clear()
-        web.close()
-        if console is not None:
-            await console.close()
+        for one in {web, *(gateway.web for gateway in gateways)}:
+            one.close()
+        for server in filter(None, [console, *programs]):
+            await server.close()
         moved = [gateway.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if broker is not None:

@@ -1,7 +1,7 @@
 """Passes HTTP connections on a port for every protocol to the web server, as soon as there is one.
 
-The web server opens when the surfaces are ready, or never. Until then connections wait for some seconds at most. If
-there is no server, or it opens too late, they get a short answer that says this.
+The web server opens for the first connection, or when the mount is ready. Until then connections wait for some seconds
+at most. If there is no server, or it opens too late, they get a short answer that says this.
 """
 
 from __future__ import annotations
@@ -42,8 +42,10 @@ class Web:
     """Serves or holds HTTP connections. ``later`` calls a function after some seconds; None: there is no server."""
 
     def __init__(self, later: Callable[[float, Callable[[], None]], object] | None = None) -> None:
-        self._later = later
+        self.later = later
         self._serve: Serve | None = None
+        #: Set once the server is wanted: a connection waits for it.
+        self.wanted = asyncio.Event()
         #: The host and port of the server itself, once it is open.
         self.where: tuple[str, int] | None = None
         self._waiting: list[Browser] = []
@@ -51,13 +53,14 @@ class Web:
     def enter(self, browser: Browser) -> None:
         if self._serve is not None:
             self._hand_over(browser, self._serve)
-        elif self._later is None:
+        elif self.later is None:
             browser.hang_up(answer(*NONE))
         elif len(self._waiting) >= MAX_WAITING:
             browser.hang_up(answer(*LATE))
         else:
+            self.wanted.set()
             self._waiting.append(browser)
-            self._later(TIMEOUT, lambda: self._give_up(browser))
+            self.later(TIMEOUT, lambda: self._give_up(browser))
 
     def received_more(self, browser: Browser) -> None:
         if len(browser.sent) > MAX_BYTES:
@@ -76,7 +79,7 @@ class Web:
 
     def close(self) -> None:
         """The web server has closed, or will never open."""
-        self._serve = self._later = self.where = None
+        self._serve = self.later = self.where = None
         waiting, self._waiting = self._waiting, []
         for browser in waiting:
             browser.hang_up(answer(*NONE))

@@ -140,6 +140,39 @@ def test_without_a_console_there_is_a_short_answer(running: list[Running], tmp_p
     assert Program(where).ask(b":GR#", 9).endswith(b"#")
 
 
+def test_alpaca_is_spoken_without_a_console_and_from_the_first_second(running: list[Running], tmp_path: Path) -> None:
+    put = b"PUT /api/v1/telescope/0/%s HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded"
+    put += b"\r\nContent-Length: %d\r\nConnection: close\r\n\r\n%s"
+    for read_only in (False, True):
+        where = start(running, tmp_path, *(["--read-only"] if read_only else []), console=False)
+        for member, form in ((b"connected", b"Connected=true"), (b"tracking", b"Tracking=true")):
+            program = Program(where)
+            program.link.sendall(put % (member, len(form), form))
+            answer = program.rest()
+            assert answer.startswith(b"HTTP/1.1 200 OK")
+            assert (b'"ErrorNumber": 0' in answer) is (member == b"connected" or not read_only), answer
+        foreign = GET.replace(b"GET /", b"GET /api/v1/telescope/0/tracking").replace(b"127.0.0.1", b"evil.example")
+        assert Program(where).page(foreign).startswith(b"HTTP/1.1 403")
+    # a mount that does not answer yet keeps nobody waiting for the server
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        deaf = f"nexstar@socket://127.0.0.1:{silent.getsockname()[1]}"
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            place = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        for page in ((), ("--console", "tcp://127.0.0.1:0")):
+            running.append(Running("run", "--mount", deaf, "--surface", f"any@{place}", "--wait",
+                                   "--state", str(tmp_path / "silent"), *page))  # fmt: skip
+            end = time.monotonic() + PATIENCE
+            while True:
+                try:
+                    early = Program(place)
+                    break
+                except ConnectionRefusedError:
+                    assert time.monotonic() < end
+                    time.sleep(0.05)
+            assert early.page(GET.replace(b"GET /", b"GET /management/apiversions")).startswith(b"HTTP/1.1 200 OK")
+            running.pop().end()
+
+
 def test_a_browser_that_comes_early_is_served_when_there_is_a_console(running: list[Running], tmp_path: Path) -> None:
     one = Running(
         "run", "--mount", "nexstar@sim", "--surface", "any@tcp://127.0.0.1:0", "--state", str(tmp_path / "state"),
