@@ -1,17 +1,47 @@
-"""The folder for state files, and replacing a file atomically."""
+"""The folder for state files, opening nothing but plain files, and replacing a file atomically."""
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 from pathlib import Path
+from typing import BinaryIO
 
 import platformdirs
+
+NOT_PLAIN = "this is a pipe or a device, and a plain file is needed: name another one"
 
 
 def directory(configured: str | None = None) -> Path:
     """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else the user's own."""
     given = configured or os.environ.get("STATE_DIRECTORY", "").split(":" if os.name == "posix" else os.pathsep)[0]
     return Path(given).expanduser() if given else Path(platformdirs.user_state_path("mount-gateway", appauthor=False))
+
+
+def plain_file(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
+    """Open a plain file and return its descriptor. Raises OSError for a pipe, a device or a folder.
+
+    A pipe would wait for its other end and keep even a signal waiting; a device such as /dev/zero never ends.
+    """
+    try:
+        number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0), mode)
+    except OSError as error:
+        if error.errno == errno.ENXIO:  # a pipe that nobody reads, or a socket
+            raise OSError(errno.EINVAL, NOT_PLAIN) from None
+        raise
+    kind = os.fstat(number).st_mode
+    if stat.S_ISREG(kind):
+        return number
+    os.close(number)
+    if stat.S_ISDIR(kind):
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    raise OSError(errno.EINVAL, NOT_PLAIN)
+
+
+def open_plain(path: Path) -> BinaryIO:
+    """Open a plain file for reading. Raises OSError."""
+    return open(plain_file(path), "rb")
 
 
 def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
@@ -21,7 +51,7 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     time. Each path has one writer, so what a killed one left is simply overwritten.
     """
     beside = path.with_name(f".{path.name}.new")
-    number = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    number = plain_file(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     with open(number, "wb") as file:
         file.write(data)
         if flush:

@@ -17,6 +17,7 @@ from gateway.app.config.endpoints import site_mistake, suggest
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, about_file
+from gateway.system.files import plain_file
 
 #: Hints for messages of the parser, by how they begin: what the user may have meant.
 _HINTS = {
@@ -42,7 +43,8 @@ _BEYOND: dict[type[Exception], str] = {
 def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     """Read a file; return its tables, and the source of their values. Raises UserError with the file and the line."""
     try:
-        text = path.read_text("utf-8-sig")
+        with open(plain_file(path), encoding="utf-8-sig") as file:
+            text = file.read()
     except OSError as error:
         words = about_file(path, error)
         makes = f"; mount-gateway detect --write {path} makes one" if words.endswith("no such file") else ""

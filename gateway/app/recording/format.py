@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from gateway.core.errors import UserError, about_file
 from gateway.core.wire_log import show
+from gateway.system.files import open_plain
 
 MARK = "# mount-gateway recording "
 #: The format with turns, which a ``TurnLoop`` writes, and the one without.
@@ -74,7 +75,7 @@ class Recording:
         """Yield the events, reading the files step by step. Raises UserError with file and line."""
         self.cut, last = "", None
         for part in self.parts:
-            with part.open("rb") as file:
+            with open_plain(part) as file:
                 for event in self._read(part, file):
                     last = event
                     yield event
@@ -162,7 +163,7 @@ def is_recording(path: Path) -> bool:
 def _format(path: Path) -> int | None:
     """Return the format number of a recording; None for any other file. Raises UserError."""
     try:
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             line = file.readline(len(MARK) + 8).decode("latin-1")
     except OSError as error:
         words = about_file(path, error)
@@ -183,7 +184,7 @@ def _head(path: Path) -> dict[str, Any]:
     """Return the settings in the header of a file. Raises UserError."""
     if not is_recording(path):
         raise UserError(f"{path}: this is no recording of mount-gateway (run --record {path} makes one)")
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         file.readline(LONGEST_LINE)
         line = file.readline(LONGEST_LINE)
     try:

@@ -23,6 +23,7 @@ from gateway.app.recording.turns import TurnLoop
 from gateway.core.errors import UserError, about_file
 from gateway.core.wire_log import MOUNT, Entry
 from gateway.protocols.base.driver import Driver
+from gateway.system.files import plain_file
 
 #: Bytes after which a new file is begun, and how many files are kept, including the one being written.
 LONGEST, KEPT = 10_000_000, 20
@@ -186,7 +187,7 @@ def _rotate(path: Path, keep: int) -> bool:
 
     Raises OSError, and UserError for a file that is no recording, which is left alone.
     """
-    if not path.exists() or not path.is_file():
+    if not path.is_file():
         return False
     if path.stat().st_size and not is_recording(path):
         raise UserError(f"cannot record to {path}: there is a file that is no recording; it is left alone")
@@ -207,8 +208,7 @@ def _rotate(path: Path, keep: int) -> bool:
 
 def _open_private(path: Path) -> int:
     """Open a file for writing that only its owner can read, whatever the umask. Raises OSError."""
-    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), PRIVATE)
+    file = plain_file(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE)
     with contextlib.suppress(OSError, AttributeError):  # Windows has no such modes
-        if stat.S_ISREG(os.fstat(file).st_mode):
-            os.fchmod(file, PRIVATE)
+        os.fchmod(file, PRIVATE)
     return file

@@ -22,7 +22,7 @@ from gateway.mount.motion.left_moving import LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
-from gateway.system.files import flush_folder
+from gateway.system.files import flush_folder, open_plain
 
 FORMAT: Final = 1
 #: Maximum length of the name of a mount's files: with an ending it must fit into a directory entry.
@@ -78,10 +78,15 @@ def encode(kept: SavedState) -> bytes:
     return msgspec.json.format(msgspec.json.encode(kept, order="sorted"), indent=2) + b"\n"
 
 
+def _content(path: Path) -> bytes:
+    with open_plain(path) as file:
+        return file.read()
+
+
 def read_state(path: Path) -> SavedState:
     """Read a state file; a missing one is an empty state. Raises OSError, and ValueError for an invalid file."""
     try:
-        kept = msgspec.json.decode(path.read_bytes(), type=SavedState)
+        kept = msgspec.json.decode(_content(path), type=SavedState)
         written = datetime.fromtimestamp(path.stat().st_mtime, UTC)
         kept.site_of_program = site_of_program(kept, f"{written:%Y-%m-%d}")
         return kept
@@ -94,7 +99,7 @@ def read_state(path: Path) -> SavedState:
 def read_marker(path: Path) -> MarkerContent | None:
     """Read a motion marker; None if there is none. One that cannot be read still counts, as an unknown mount's."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=MarkerContent)
+        return msgspec.json.decode(_content(path), type=MarkerContent)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError):  # the library's errors are ValueErrors

@@ -1,0 +1,55 @@
+"""A pipe, a device or a folder where a file is expected is refused in a sentence; nothing waits for its other end."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gateway.app.config.reading import read_tables
+from gateway.app.recording.format import is_recording
+from gateway.app.recording.recorder import Recorder
+from gateway.app.state.file import MarkerContent, read_marker, read_state
+from gateway.core.errors import UserError
+from gateway.system.files import replace_file
+from tests.support.each import each
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="only where there are pipes among files")
+
+
+def record(path: Path) -> object:
+    return Recorder(path, lambda: 0.0, {"began": 0.0})
+
+
+def replace(path: Path) -> object:
+    return replace_file(path.with_name("pipe"), b"")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("pipe", ".pipe.new"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    (tmp_path / "folder").mkdir()
+    return tmp_path
+
+
+@each(("does", "name"), [
+    (does, name) for does in (read_tables, is_recording, record, read_state) for name in ("pipe", "zero", "folder")
+])  # fmt: skip
+def test_it_is_refused_in_a_sentence(folder: Path, does: Callable[[Path], object], name: str) -> None:
+    with pytest.raises(
+        (UserError, OSError), match="folder|directory" if name == "folder" else "a plain file is needed"
+    ):
+        does(folder / name)
+
+
+def test_a_pipe_beside_a_state_file_does_not_keep_it_waiting(folder: Path) -> None:
+    with pytest.raises(OSError, match="a plain file is needed"):
+        replace(folder / "pipe")
+
+
+def test_a_marker_that_is_none_counts_as_an_unknown_mount_that_moves(folder: Path) -> None:
+    assert [read_marker(folder / name) for name in ("pipe", "zero", "folder")] == [MarkerContent("", 9600)] * 3
