@@ -16,8 +16,8 @@ from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
 ABOUT = ("-h", "--help", "--version")
-#: Flags that mean ``all`` without a value.
-ALONE = ("--log", "--read-only")
+#: Flags that mean ``all`` without a value -> the values that may also follow as a word of their own.
+ALONE = {"--log": ("all", "changes", "mount", "program", "true"), "--read-only": ("all", "true")}
 #: Commands that take a position on the sky.
 POINTING = ("goto", "sync")
 #: Maximum length of a message in characters: three lines of a terminal, paths included.
@@ -86,11 +86,16 @@ def _protected(argv: list[str]) -> list[str]:
 
     ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag.
     A negative declination gets a blank before it: ``goto 05:35:17 -05:23:28``. ``--log`` and ``--read-only`` become
-    ``--log=all`` and ``--read-only=all``, because they take a value only with an equals sign.
+    ``--log=all`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``; any other word is no value.
     """
     words: list[str] = []
+    alone = ""
     for word in argv:
-        word = f"{word}=all" if word in ALONE else word
+        if word in ALONE.get(alone, ()):
+            words[-1], alone = f"{alone}={word}", ""
+            continue
+        alone = word if word in ALONE else ""
+        word = f"{word}=all" if alone else word
         if words and re.fullmatch(r"--[a-z-]+", words[-1]) and re.match(r"-[\d.]", word):
             words[-1] += f"={word}"
         elif words and words[0] in POINTING and re.match(r"-[\d.]", word):

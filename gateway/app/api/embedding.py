@@ -12,7 +12,9 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
+
+from msgspec.structs import replace
 
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.gather import status_line
@@ -23,6 +25,7 @@ from gateway.core.wire_log import Entry, WireLog
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
+_T = TypeVar("_T")
 #: Seconds between two checks whether a goto has ended.
 LOOK = 0.25
 #: Seconds that a mount may take to identify itself.
@@ -53,12 +56,15 @@ class RunningGateway:
     async def position(self) -> tuple[float, float]:
         """Return where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
         position = await self.perform(op.Position())
-        assert isinstance(position, op.Equatorial)
         return position.ra, position.dec
 
     async def goto(self, ra: float, dec: float) -> None:
-        """Slew to a position and track it; return when the mount has accepted the goto. All limits apply."""
-        await self.perform(op.Goto(ra % 360.0, dec))
+        """Slew to a position and track it; return when the mount has accepted the goto. All limits apply.
+
+        Raises Invalid, which is a Fault, for what is no number, or no declination.
+        """
+        goto = op.Goto(ra, dec)
+        await self.perform(replace(goto, ra=goto.ra % 360.0))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
         """Wait until no goto is in progress; return the position.
@@ -90,20 +96,20 @@ class RunningGateway:
 
     async def sync(self, ra: float, dec: float) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
-        await self.perform(op.Sync(ra % 360.0, dec))
+        sync = op.Sync(ra, dec)
+        await self.perform(replace(sync, ra=sync.ra % 360.0))
 
     async def stop(self) -> None:
         """Stop every motion, ahead of all other commands; return when the mount has acknowledged the stop."""
         await self._controller.stop()
 
-    async def perform(self, operation: op.Operation) -> object:
+    async def perform(self, operation: op.Operation[_T]) -> _T:
         """Carry out any operation of ``gateway.core.operations`` and return its answer; see its docstring.
 
         A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds.
         """
         self._host.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
-        answer: object = await self._controller.perform(operation, self._controller.stops, self._host)
-        return answer
+        return await self._controller.perform(operation, self._controller.stops, self._host)
 
 
 @contextlib.asynccontextmanager

@@ -24,6 +24,7 @@ class GotoHorizontal(Operation[None], frozen=True):
     """Slew to an azimuth and altitude, degrees; the other fields are as in ``Goto``."""
 
     called = "Goto"
+    polar = ("alt",)
 
     az: float
     alt: float

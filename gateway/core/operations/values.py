@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import re
 from enum import Enum
+from math import inf, isfinite
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from msgspec import Struct
+
+from gateway.core.errors import Invalid
 
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
@@ -27,14 +31,42 @@ Values = dict[str, Any]
 Fields = tuple[tuple[str, object], ...]
 
 
+#: Fields of operations that are numbers -> what they are called; and those that end at a pole.
+NUMBERS = {
+    "ra": "right ascension", "dec": "declination", "az": "azimuth", "alt": "altitude", "latitude": "latitude",
+    "longitude": "longitude", "lowest": "lowest altitude", "highest": "highest altitude", "fastest": "fastest speed",
+    "unix": "time", "offset": "UTC offset", "rate": "rate", "factor": "factor", "ms": "duration",
+}  # fmt: skip
+POLAR = ("dec", "latitude")
+
+
+def _is_number(value: object, most: float) -> bool:
+    """Whether this is a finite number, at most so large without its sign."""
+    try:
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else inf
+    except (OverflowError, TypeError, ValueError):  # a whole number of a thousand digits, a masked value
+        return False
+    return isfinite(number) and abs(number) <= most
+
+
 class Operation(Struct, Generic[AnswerT], frozen=True):
     """Base of all operations. One that ``survives_abort`` is no motion: a stop leaves it alone.
 
-    ``called`` is the name for people, if it is not the words of the class name.
+    ``called`` is the name for people, if it is not the words of the class name. Raises Invalid for a number that is not
+    finite, or beyond a pole (``polar`` fields), so that nobody can order a motion to a place that is none.
     """
 
+    polar: ClassVar[tuple[str, ...]] = POLAR
     survives_abort: ClassVar[bool] = False
     called: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            value = getattr(self, name) if name in NUMBERS else None
+            value = value.degrees if isinstance(value, Rate) else value
+            if value is not None and not _is_number(value, 90.0 if name in self.polar else inf):
+                span = " from -90 to 90" if name in self.polar else ""
+                raise Invalid(f"The {NUMBERS[name]} must be a number{span}, not {repr(value)[:40]}.")
 
     @classmethod
     def title(cls) -> str:

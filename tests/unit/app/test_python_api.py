@@ -7,6 +7,7 @@ import doctest
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -189,3 +190,16 @@ def test_a_setting_that_cannot_be_used_is_a_user_error(surface: str, settings: d
     with pytest.raises(UserError) as caught:
         asyncio.run(opens())
     assert words in str(caught.value)
+
+
+@each("ra, dec", [(float("nan"), 80.0), (40.0, float("inf")), (400.0, 95.0), ("05:34:32", 22.0)])
+def test_what_is_no_place_is_refused_at_once_and_the_gateway_goes_on(ra: Any, dec: Any) -> None:
+    async def program() -> None:
+        async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"]) as running:
+            await running.ready()
+            for order in (running.goto, running.sync):
+                with pytest.raises(Fault, match="must be a number"):
+                    await order(ra, dec)
+            assert await running.position()
+
+    asyncio.run(program())

@@ -87,3 +87,16 @@ def test_for_programs_every_line_on_stderr_is_an_object(log: str, tmp_path: Path
     assert "05:34:32" in set_ra["words"] and set_ra["time"].endswith("Z")
     assert any(one["bytes"] == ":GR#" for one in told) is (log != "json-changes")
     assert any(one["side"] == "mount" and one["hex"] for one in told) is (log != "json-program")
+
+
+@pytest.mark.parametrize("word", ["all", "changes", "mount", "program", "true"])
+def test_what_is_logged_may_be_a_word_of_its_own(word: str) -> None:
+    assert _protected(["run", "--log", word, "gateway.toml"]) == ["run", f"--log={word}", "gateway.toml"]
+    assert _protected(["run", f"--log={word}", word]) == ["run", f"--log={word}", word]
+
+
+def test_any_other_word_stays_the_file() -> None:
+    assert _protected(["run", "--log", "evening"]) == ["run", "--log=all", "evening"]
+    assert _protected(["run", "--read-only", "all"]) == ["run", "--read-only=all"]
+    assert _protected(["run", "--read-only", "changes"]) == ["run", "--read-only=all", "changes"]
+    assert _protected(["run", "--log", "--read-only", "true"]) == ["run", "--log=all", "--read-only=true"]

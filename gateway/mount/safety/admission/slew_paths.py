@@ -10,7 +10,7 @@ like a German mount's, so that Sun, zenith and nadir are the same for every buil
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from math import copysign, sqrt
+from math import copysign, isfinite, sqrt
 from typing import NamedTuple
 
 from gateway.astro.axes import Build, Geometry, Pair
@@ -171,6 +171,8 @@ def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
     return start[0] + first, start[1] + second
 
 
+#: Degrees that an axis can turn on one path.
+LONGEST = 1080.0
 #: Where the axes are on a path, after so many degrees of the longer turn.
 Shape = Callable[[Pair, Pair, float], Pair]
 #: The relative speed of the two axes is unknown, so a path may have either shape.
@@ -180,9 +182,12 @@ SHAPES: tuple[Shape, ...] = (together, one_rests)
 def clear(start: Pair, turn: Pair, place: Pair, limit: float, shapes: Iterable[Shape] = SHAPES) -> bool:
     """Whether no shape of the path from ``start`` by ``turn`` comes nearer to ``place`` than ``limit`` degrees.
 
-    Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two.
+    Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two. A
+    path or a place that is no number, and a turn that no mount can make, count as not clear.
     """
     length = max(abs(turn[0]), abs(turn[1]))
+    if not (all(map(isfinite, (*start, *turn, *place, limit))) and length <= LONGEST):
+        return False
     for shape in shapes:
         turned = 0.0
         while True:

@@ -97,3 +97,16 @@ def test_a_motion_that_leads_back_is_never_stopped(before: float, now: float, ma
     if leaving(limits, before, now, margin):
         assert (now < before and now < 10.0 + margin) or (now > before and now > 80.0 - margin)
     assert not leaving(Limits(lowest=-90.0, highest=90.0), before, now, margin)
+
+
+NUMBERS = st.one_of(st.floats(), st.floats(-400, 400))
+
+
+@some
+@given(st.tuples(NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS), NUMBERS)
+def test_a_path_of_any_numbers_is_judged_and_one_of_none_is_not_clear(
+    start: tuple[float, float], turn: tuple[float, float], place: tuple[float, float], limit: float
+) -> None:
+    free = clear(start, turn, place, limit)  # it ends
+    if not all(map(math.isfinite, (*start, *turn, *place, limit))):
+        assert not free

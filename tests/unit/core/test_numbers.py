@@ -1,0 +1,43 @@
+"""Operations hold numbers only, and no declination beyond a pole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, nan
+from typing import Any
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.core.errors import Invalid
+
+MADE: list[Callable[[Any], op.Operation]] = [
+    lambda value: op.Goto(value, 10.0),
+    lambda value: op.Goto(10.0, value),
+    lambda value: op.Goto(10.0, 10.0, lowest=value),
+    lambda value: op.Sync(value, 10.0),
+    lambda value: op.Sync(10.0, value),
+    lambda value: op.GotoHorizontal(10.0, value),
+    lambda value: op.GotoAxes(value, 10.0),
+    lambda value: op.MoveAxis(1, 1, op.Rate(degrees=value)),
+    lambda value: op.Pulse(op.Direction.NORTH, value),
+    lambda value: op.SetSite(value, 10.0),
+    lambda value: op.SetClock(value, 0.0),
+]
+
+
+@pytest.mark.parametrize("make", MADE)
+@pytest.mark.parametrize("value", [nan, inf, -inf, "05:34:32", 10**400, True, [1.0], 1j])
+def test_what_is_no_number_is_refused_in_a_sentence(make: Callable[[Any], op.Operation], value: object) -> None:
+    with pytest.raises(Invalid, match=r"^The [A-Za-z ]+ must be a number.*\.$"):
+        make(value)
+    assert make(12) == make(12.0)
+
+
+@pytest.mark.parametrize("dec", [90.001, -95.0])
+def test_no_declination_lies_beyond_a_pole(dec: float) -> None:
+    for make in (op.Goto, op.Sync, op.GotoHorizontal):
+        assert make(10.0, 90.0) and make(10.0, -90.0)
+        with pytest.raises(Invalid, match="from -90 to 90"):
+            make(10.0, dec)
+    assert op.GotoAxes(10.0, dec).alt == dec
