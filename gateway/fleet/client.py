@@ -35,8 +35,10 @@ KEEPALIVE, ANSWER = 10, 5.0
 ORDERS = "/command"
 #: The reason codes with which an older broker refuses MQTT 5: that of MQTT 3.1.1, and that of MQTT 5.
 OLD = (1, 132)
-#: The maximum size of a packet in bytes, and of the queue of received messages.
+#: The maximum size of a message in bytes, and of the queue of received messages.
 LARGEST, WAITING = 65536, 2000
+#: Bytes that are kept of a longer packet: so many that it is still seen to be too long behind the longest topic.
+KEPT = 3 * LARGEST
 
 
 class Access(Struct, frozen=True):
@@ -108,12 +110,7 @@ class _Subscriber:
 
 
 class Flooded(Exception):
-    """The broker sends too many or too large messages."""
-
-
-def too_long_error(size: int) -> Flooded:
-    """Return the error for a message that is too long."""
-    return Flooded(f"it sent a message of {size} bytes, and {LARGEST} are the most")
+    """The broker sends too many messages."""
 
 
 #: Makes a connection, with the message that the broker publishes if the connection is lost (the will).
@@ -151,16 +148,13 @@ def connector(access: Access) -> Connect:
             socket_options=[(socket.SOL_SOCKET, socket.SO_RCVBUF, LARGEST)],
         )
         paho: Any = client._client
-        too_long: list[int] = []
-        _limit(paho, too_long)
+        _limit(paho)
         try:
             async with client:
                 yield _Subscriber(client, not old)
         except Exception as error:
             reason = getattr(error, "rc", None)
             old = old or getattr(reason, "value", reason) in OLD
-            if too_long:
-                raise too_long_error(too_long[0]) from None
             raise
         finally:
             _cut(paho)
@@ -168,16 +162,13 @@ def connector(access: Access) -> Connect:
     return connect
 
 
-def _limit(paho: Any, too_long: list[int]) -> None:
-    """Cut the connection when the header of a packet says that it is too long, before megabytes of it are read."""
+def _limit(paho: Any) -> None:
+    """Keep only the beginning of a packet that is too long: it is acknowledged and dropped, and the link stays."""
     read = paho.loop_read
 
     def loop_read(*arguments: Any) -> Any:
         outcome = read(*arguments)
-        packet = paho._in_packet
-        if packet["have_remaining"] and packet["remaining_length"] > LARGEST:
-            too_long.append(packet["remaining_length"])
-            _cut(paho)
+        del paho._in_packet["packet"][KEPT:]
         return outcome
 
     paho.loop_read = loop_read

@@ -16,7 +16,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.client import LARGEST, Access, Client, Connect, Flooded, connector, too_long_error
+from gateway.fleet.client import LARGEST, Access, Client, Connect, Flooded, connector
 from gateway.fleet.topics import Message, Outbox, Received
 
 _T = TypeVar("_T")
@@ -172,8 +172,8 @@ class BrokerLink:
             if count > self._flood:
                 raise Flooded(f"it sent more than {self._flood} messages in a second")
             payload = message.payload if isinstance(message.payload, bytes) else b""
-            if len(payload) > LARGEST:
-                raise too_long_error(len(payload))
+            if len(payload) > LARGEST:  # no order is so long; a stop that follows must arrive
+                continue
             self._on_home_loop(self._on_message, Received(str(message.topic), payload, bool(message.retain)))
 
     async def _write(self, client: Client) -> None:
