@@ -21,9 +21,6 @@ from gateway.transport.handler import ConnectionRefused
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
-#: Different hosts whose refusal is logged, once each.
-MAX_HOSTS = 1000
-
 
 def networks(texts: Sequence[str]) -> Networks:
     """Parse networks such as ``192.168.1.0/24`` or single addresses. Raises UserError with the correct form."""
@@ -90,11 +87,10 @@ class Rights(Struct, frozen=True):
 
 
 class Admission:
-    """Admits connections to one surface, and logs each refused host once. ``number`` is that of the surface."""
+    """Admits connections to one surface, of this ``number``. A refused host is logged once, and told in ``status``."""
 
     def __init__(self, access: Access, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log
-        self._refused: set[tuple[str, str]] = set()
 
     def check(self, name: str, host: str, connected: int, lasting: bool = False) -> None:
         """Raises ConnectionRefused if ``connected`` clients are the most allowed; a ``lasting`` one needs no file."""
@@ -106,9 +102,7 @@ class Admission:
             why = words
         else:
             return
-        if (host, why) not in self._refused and len(self._refused) < MAX_HOSTS:
-            self._refused.add((host, why))
-            self._log.note(name, f"connection from {host} refused on surface {self._number}: {why}")
+        self._log.turned_away(name, f"connection from {host} refused on surface {self._number}: {why}", host)
         raise ConnectionRefused
 
 

@@ -101,6 +101,13 @@ class WireLog:
         else:
             self.note_once(side, text, once_of)
 
+    def turned_away(self, side: str, text: str, host: str) -> None:
+        """Record a refused connection, logged once. A host that tries all the time hides no other recent event."""
+        if same := next((old for old in self.recent if old.text == text), None):
+            self.recent.remove(same)
+        self.recent.append(Notice(self.clock(), host, text))
+        self.note_once(side, text, host)
+
 
 class ClientLog:
     """The wire log as seen by one client; ``name`` is its host and port.
