@@ -133,7 +133,7 @@ async def _evening(model: str, version: str, config: dict[str, Any], site: tuple
         assert await goto(client, target_near(bridge, site, -40.0, 10.0)) == b"110"
         await asyncio.sleep(2)
         client.tell(b":Q#")
-        await asyncio.sleep(1.5)  # it runs on for a second
+        await asyncio.sleep(3.0)  # it runs on for a second, and two positions show the end of that
         assert await client.ask(b":D#") == b"#"
         stood = truth(bridge)
         await asyncio.sleep(5)

@@ -84,7 +84,7 @@ async def test_m_ends_a_goto(bridge: Bridge) -> None:
     assert await client.ask(b"L") == b"1#"
     assert bridge.sim.slewing
     assert await client.ask(b"M") == b"#"
-    await asyncio.sleep(0.5)
+    await asyncio.sleep(2.0)
     assert await client.ask(b"L") == b"0#"
     assert not bridge.sim.slewing
     assert off(bridge, ra, dec) > 1

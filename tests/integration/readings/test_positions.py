@@ -24,6 +24,7 @@ from tests.support.reported_positions import (
     start_moving,
     tracked,
 )
+from tests.support.truth import moving
 
 SURFACES = ("lx200", "nexstar")
 every = pytest.mark.parametrize(("mount", "presented"), [(mount, face) for mount in MOUNTS for face in SURFACES])
@@ -250,7 +251,9 @@ def said_by(bridge: Bridge) -> list[tuple[float, float]]:
 @every
 @pytest.mark.parametrize("phase", [0.05 * n for n in range(12)])
 def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: str, phase: float) -> None:
-    """Whether it slews is on the wire when the stop comes: that answer is older than the stop."""
+    """Whether it slews is on the wire when the stop comes: that answer is older than the stop. It is told
+    until the mount rests, and not again.
+    """
 
     async def program() -> None:
         async with bridge_to(mount, presented, latency=0.15) as bridge:
@@ -262,9 +265,14 @@ def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: str, p
                 await asyncio.sleep(0.3)
             await asyncio.sleep(phase)
             await bridge.controller.stop()
-            for _ in range(60):
-                assert (await client.ask(question, until=b"#")).replace(b" ", b"") == idle
+            rested = None
+            for _ in range(150):
+                told = (await client.ask(question, until=b"#")).replace(b" ", b"") != idle
+                assert told or not moving(bridge.sim)
+                assert rested is None or not told, "it began again"
+                rested = bridge.clock() if rested is None and not told else rested
                 await asyncio.sleep(0.02)
+            assert rested is not None
 
     run(program())
 

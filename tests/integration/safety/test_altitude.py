@@ -245,7 +245,7 @@ def test_axis_gotos_of_a_german_mount_are_checked_by_where_they_point() -> None:
             assert await client.ask(b"L") == b"1#"
             await client.ask(b"M")
             assert await client.ask(b"b00000000,D0000000") == b"#"  # declination -67.5
-            await asyncio.sleep(1)
+            await asyncio.sleep(3)
             assert await client.ask(b"L") == b"0#"
             assert "Goto: Object Below Horizon." in notes(bridge)
 

@@ -18,6 +18,7 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
 #: A displayed frequency below the first is the lunar rate, from the second on it is the sidereal one, hertz.
 _LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
+_KEEPS_TRACKING = "The mount keeps tracking: switching it off would destroy its alignment."
 #: How often the status is read after tracking was turned on or off, until it shows that, and the seconds between.
 _LOOKS, _LOOK_AGAIN = 3, 0.5
 #: Focuser speeds from here on are the fast one of the two speeds of a classic.
@@ -37,7 +38,7 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
     if wanted is mount.tracking and not (operation.on and (mount.parked or mount.land)):
         return
     if not mount.tells_status:
-        raise Unsupported("The mount keeps tracking: switching it off would destroy its alignment.")
+        raise Unsupported(_KEEPS_TRACKING)
     yield from ask(mount, "AL" if not operation.on else {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter])
     mount.tracking, mount.land = wanted, not operation.on
     for _ in range(_LOOKS if operation.heard else 0):
@@ -51,7 +52,9 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
 
 
 def rest(mount: Lx200Driver, _: op.Hibernate) -> Steps:
-    """Hibernate on a telescope that cannot sleep: tracking off."""
+    """Hibernate on a telescope that cannot sleep: tracking off. Raises Unsupported, also for one that is parked."""
+    if not mount.tells_status:
+        raise Unsupported(_KEEPS_TRACKING)
     yield from set_tracking(mount, op.SetTracking(on=False))
 
 
