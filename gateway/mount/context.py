@@ -42,7 +42,7 @@ class Context:
         self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(), WantedState()
         self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings(policy.rules)
-        self.run_on = RunOnWatch(self.now)
+        self.run_on = RunOnWatch(self.now, policy.rules)
         #: Astronomy with the best site and clock, for limits and horizon coordinates.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)

@@ -70,7 +70,7 @@ def test_unparking_shifts_no_reading(workshop: Workshop) -> None:
     telescope.client.listen(1.0)
     mark = len(telescope.client.history)
     telescope.unpark()
-    assert b":I#" in b"".join(tap.heard)
+    telescope.client.wait_for("unparks", lambda: b":I#" in b"".join(tap.heard), 30.0)
     telescope.client.wait_for("polls", lambda: b"".join(tap.heard).rpartition(b":I#")[2].count(b":GD#") >= READS, 30.0)
     assert all(abs(vector.number("DEC")) < 180.0 for vector in telescope.client.since(mark, POSITION))
     assert "Error reading RA/DEC." not in telescope.client.messages, telescope.client.messages[-6:]

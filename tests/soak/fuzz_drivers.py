@@ -114,7 +114,7 @@ _FIELDS: dict[str, list[Any]] = {
     "unix": [0.0, 946684800.0, 1768514400.5, 2524608000.0, 4102444799.0, 4294967296.0],
     "dst": [None, 0, 1], "offset": [0.0, -12.0, 14.0, 5.75, -3.5],
     "value": [0, 99, 5], "speed": [1, 4], "rate": [0.0, 0.5, 1.0],
-    "heard": [True, False], "fastest": [None, 0.5, 3.0],
+    "heard": [True, False], "sky": [True, False], "fastest": [None, 0.5, 3.0],
     "others": [None, None, (), (op.SetSite(0.0, 10.0), op.SetSite(None, 180.0))],
 }  # fmt: skip
 _RATES = [op.Rate(name="guide"), op.Rate(name="max"), op.Rate(key=1), op.Rate(key=9), op.Rate(degrees=0.0001),

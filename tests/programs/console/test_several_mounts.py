@@ -17,12 +17,14 @@ CONFIG = """
 name = "west"
 at = "nexstar@socket://127.0.0.1:{west}"
 sun = 0.0
+computer-clock = "doubtful"
 state = "{state}/west"
 
 [[mount]]
 name = "east"
 at = "lx200@socket://127.0.0.1:{east}"
 sun = 0.0
+computer-clock = "doubtful"
 state = "{state}/east"
 
 [[surface]]
