@@ -100,7 +100,8 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         transcript = WireLog(clock)
         gateway = Gateway(config, surfaces, transcript, clock=clock)
         wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).connection, 0.0731)
-        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.previous_run}
+        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.previous_run,
+                    "rules": gateway.rules}  # fmt: skip
         recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
         gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
