@@ -71,6 +71,8 @@ def read(path: str) -> bytes:
         return b""
     try:
         return os.read(descriptor, 100)
+    except OSError:
+        return b""  # a file of a process that has ended since it was opened
     finally:
         os.close(descriptor)
 

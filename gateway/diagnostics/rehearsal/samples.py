@@ -35,7 +35,8 @@ _BY_COMMAND: dict[tuple[str, str], object] = {
     ("axis_goto", "device"): 17, ("axis_goto_slow", "device"): 17,
     ("fine_rate_pos", "rate"): 153600, ("fine_rate_neg", "rate"): 153600,
     ("moveaxis", "axis"): 0, ("moveaxis", "rate"): 2.0, ("axisrates", "axis"): 0, ("canmoveaxis", "axis"): 0,
-    ("action", "action"): "GotoEndedShort", ("pulseguide", "direction"): 0, ("set_tracking", "on"): False, ("set_trackingrate", "rate"): 1,
+    ("action", "action"): "GotoEndedShort", ("pulseguide", "direction"): 0,
+    ("set_tracking", "on"): False, ("set_trackingrate", "rate"): 1,
     ("set_guideratedeclination", "rate"): 0.002, ("set_guideraterightascension", "rate"): 0.002,
     **{(f"rate_{axis}_{sense}", "rate"): 600 for axis in ("azm", "alt") for sense in ("pos", "neg")},
 }  # fmt: skip

@@ -332,6 +332,17 @@ def test_the_wait_for_a_processor_is_read_where_linux_tells_it() -> None:
     assert math.isnan(waited("0"))
 
 
+@pytest.mark.safety_line(7)
+def test_a_gateway_that_ends_while_its_wait_is_read_does_not_end_the_watchdog(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its file in /proc can be opened still, and reading it fails: the mount is stopped all the same."""
+    child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    descriptor = os.open(f"/proc/{child.pid}/schedstat", os.O_RDONLY)
+    child.kill()
+    child.communicate()
+    monkeypatch.setattr("gateway.app.watchdog.process.os.open", lambda *arguments: descriptor)
+    assert math.isnan(waited(str(child.pid)))
+
+
 # --- what it is told --------------------------------------------------------------------------------------------
 
 
