@@ -25,6 +25,8 @@ from gateway.diagnostics.command_outcomes import (
     sent,
     taken,
 )
+from gateway.mount.policy import Limits
+from gateway.protocols.base.spec import DriverSettings, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
@@ -193,8 +195,16 @@ def write() -> str:
 
 
 def check() -> int:
-    """Return 0 if no outcome is missing and ``mappings/README.md`` is up to date; else 1, with reasons on stderr."""
+    """Return 0 if no outcome is missing and ``mappings/README.md`` is up to date; else 1, with reasons on stderr.
+
+    Raises MappingError if a row names something that there is not.
+    """
     path = mappings_folder() / "README.md"
+    for spec in PROTOCOLS.values():  # the parts of a protocol look up the functions that its rows call
+        if spec.make_surface is not None:
+            spec.make_surface(SurfaceSettings(None, None, None, None, Limits()))
+        if spec.make_driver is not None:
+            spec.make_driver(DriverSettings(), float)
     problems = []
     if not path.exists() or path.read_text("utf-8") != text():
         problems.append(f"{path} is stale: run mount-gateway tables --write")

@@ -164,12 +164,12 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
                 raise ArithmeticError("as if")
 
             surface = bridge.acceptor.binding.surface
-            surface.handlers = {**surface.handlers, "commit_quiet": lambda *_: (broken() for _ in "x")}
+            surface.handlers = {**surface.handlers, "clock.commit_quiet": lambda *_: (broken() for _ in "x")}
             client = bridge.client()
             await client.ask(b":SL20:15:30#")
             await asyncio.sleep(5)
             assert await client.ask(b":GR#")
-        assert [entry for entry in bridge.entries if "internal error at b'commit_quiet'" in entry.note]
+        assert [entry for entry in bridge.entries if "internal error at b'clock.commit_quiet'" in entry.note]
         assert not left
 
     run(program())

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import handlers_of
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer
@@ -27,8 +26,8 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.alpaca.surface.client import AlpacaSurface
     from gateway.protocols.base.session import ClientSettings
 
-    model = {"name": NAME, "equinox": settings.equinox}
-    surface = AlpacaSurface(load(NAME), handlers_of(abilities, device, motion, site))
+    protocol, model = load(NAME), {"name": NAME, "equinox": settings.equinox}
+    surface = AlpacaSurface(protocol, protocol.functions("surface", abilities, device, motion, site))
     return MadeSurface(surface, model, ClientSettings(settings.limits))
 
 

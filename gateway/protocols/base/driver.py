@@ -261,7 +261,7 @@ class Driver:
 
     def contact(self) -> Steps:
         """Find out what reading the position requires; return the position if that is known already."""
-        return (yield from self.handlers["contact"](self, None)) if "contact" in self.handlers else None
+        yield from ()
 
     def presented(self) -> Model:
         """Return the model constants for a surface of the same protocol that presents the mount itself."""

@@ -166,7 +166,7 @@ class Surface:
         if self.contradicts_client(session, command.name, values):
             raise Unsupported
         if keep == "library":
-            answer = yield from self.call("own_library", session, command, values)
+            answer = yield from self.call("objects.own_library", session, command, values)
         elif keep == "order":
             answer = yield PassThrough(command.name, tuple(values.items()))
         else:
@@ -205,10 +205,6 @@ class Surface:
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         """Carry out the verb of a row; return the reply's values."""
-        if row.keep is not None:
-            for name in row.keep:
-                setattr(session.kept, name, values[name])
-            return None
         if row.tell is not None:
             return {name: session.known(name) for name in row.tell}
         if row.say is not None:

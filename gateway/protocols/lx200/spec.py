@@ -17,7 +17,6 @@ from gateway.protocols.base.spec import (
     SurfaceSettings,
 )
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import handlers_of
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer
@@ -55,7 +54,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
     protocol = load(NAME)
     name = settings.model or DEFAULT_MODEL
-    handlers = handlers_of(accessories, clock, motion, objects, site, target)
+    handlers = protocol.functions("surface", accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
     surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
     return MadeSurface(
@@ -69,7 +68,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.lx200.driver import drive, ends, home, identify, motion, place, pointing
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
-    handlers = handlers_of(drive, home, identify, motion, place, pointing)
+    handlers = load(NAME).functions("driver", drive, home, identify, motion, place, pointing)
     return MadeDriver(
         Lx200Driver(now, settings, handlers),
         {home.SeekOn: home.check_home_search, ends.EndAgain: ends.repeat_end, ends.PutBack: ends.restore_rates},

@@ -22,7 +22,7 @@ from gateway.protocols.base.spec import (
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import handlers_of, parse_version, show_version
+from gateway.protocols.wireformat.rows import parse_version, show_version
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framer
@@ -73,8 +73,9 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.nexstar.session import NexStarSession
     from gateway.protocols.nexstar.surface import devices, motion, place, pointing, presented
 
-    version = settings.version
-    surface = Surface(load(NAME), handlers_of(devices, motion, place, pointing, presented), devices.no_response)
+    protocol, version = load(NAME), settings.version
+    handlers = protocol.functions("surface", devices, motion, place, pointing, presented)
+    surface = Surface(protocol, handlers, devices.no_response)
     surface.passes, surface.lacks = devices.passes, presented.lacks
     surface.contradicts_client = presented.contradicts_client
     surface.session = NexStarSession
@@ -86,7 +87,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.nexstar.driver import home, identify, motion, place, pointing, tracking
     from gateway.protocols.nexstar.driver.state import NexStar
 
-    handlers = handlers_of(home, identify, motion, place, pointing, tracking)
+    handlers = load(NAME).functions("driver", home, identify, motion, place, pointing, tracking)
     return MadeDriver(
         NexStar(now, settings, handlers),
         {

@@ -25,10 +25,11 @@ def _framing() -> AnyFramer:
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
-    from gateway.protocols.stellarium.surface import StellariumSession, goto, subscriptions
+    from gateway.protocols.stellarium import surface as module
 
-    surface = Surface(load(NAME), {"goto": goto})
-    surface.session, surface.subscriptions, surface.replies = StellariumSession, subscriptions, False
+    surface = Surface(load(NAME), load(NAME).functions("surface", module))
+    surface.session, surface.subscriptions = module.StellariumSession, module.subscriptions
+    surface.replies = False
     return MadeSurface(surface, {"name": NAME}, ClientSettings(settings.limits))
 
 

@@ -2,22 +2,24 @@
 
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
 does), ``own.toml`` (what a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands) and
-``models.toml`` (differences between models). The verbs of a surface row are ask, keep, tell, say and call; those of a
-driver row are send and call. A mistake raises MappingError with file, row and reason. That a command ends a motion is
-written once, in its row (``urgent``); the command set recognises it before its turn, and in incomplete bytes.
+``models.toml`` (differences between models). The verbs of a surface row are ask, tell, say and call; those of a driver
+row are send and call. Every name in a row is looked up when the file is loaded, those of functions when the protocol's
+parts are made: a mistake raises MappingError with file, row and reason. That a command ends a motion is written once,
+in its row (``urgent``); the command set recognises it before its turn, and in incomplete bytes.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
-from typing import TypeVar
+from types import FunctionType, ModuleType
+from typing import Any, TypeVar
 
 import msgspec
 
-from gateway.core import operations
+from gateway.core import errors, operations
 from gateway.core.errors import MappingError
 from gateway.core.tables import mappings_folder, read_table
 from gateway.protocols.wireformat.command import Command, FrameTemplate
@@ -40,6 +42,9 @@ class CommandSet:
             for name in command.takes_back:
                 if name not in self.commands:
                     raise MappingError(self._where("commands.toml"), command.name, f"takes_back: there is no [{name}]")
+            for reply, _ in command.replies:
+                if reply.fault is not None and not hasattr(errors, reply.fault):
+                    raise MappingError(self._where("commands.toml"), command.name, f"no fault is called {reply.fault}")
             for template in command.requests if command.asked else ():
                 self._by_prefix.setdefault(template.prefix, []).append((command, template))
         self._longest = max(map(len, self._by_prefix), default=0)
@@ -73,10 +78,21 @@ class CommandSet:
         if key not in self.commands:
             raise MappingError(where, key, "commands.toml has no such command")
         if len(row.verbs) != 1:
-            raise MappingError(where, key, "one verb of ask, keep, tell, say, call is needed")
+            raise MappingError(where, key, "one verb of ask, tell, say, call is needed")
         for name in row.operations:
             if operations.named(name) is None:
                 raise MappingError(where, key, f"no operation is called {name!r}")
+        for name in row.given:
+            if (
+                row.ask is not None
+                and name not in (operations.named(row.ask) or operations.Operation).__struct_fields__
+            ):
+                raise MappingError(where, key, f"given: {row.ask} has no field {name!r}")
+        if row.tell is not None or row.say is not None:
+            self._check_reply(where, key, set(row.tell or row.say or ()))
+        for name in row.models or ():
+            if name not in self._traits:
+                raise MappingError(where, key, f"models: models.toml has no {name!r}")
         for outcome in (row.outcome, row.without, row.elsewhere):
             if outcome is not None and outcome not in OUTCOMES:
                 raise MappingError(where, key, f"outcome {outcome!r} is not one of {', '.join(OUTCOMES)}")
@@ -86,6 +102,15 @@ class CommandSet:
             raise MappingError(where, key, "given is only for a row with ask")
         if "refused" in (row.outcome, row.without) and not row.why:
             raise MappingError(where, key, "a refused row needs why")
+
+    def _check_reply(self, where: str, key: str, names: set[str]) -> None:
+        """Check that a row which replies with these values has those that its reply needs, and no others."""
+        forms = [set(template.fields) for reply, template in self.commands[key].replies if reply.fault is None]
+        if forms and names not in forms:
+            needed = ", ".join(sorted(forms[0])) or "no values"
+            raise MappingError(where, key, f"its reply has {needed}, not {', '.join(sorted(names)) or 'none'}")
+        if names and not forms:
+            raise MappingError(where, key, "the command has no reply")
 
     @cached_property
     def own(self) -> dict[str, OwnRow]:
@@ -119,6 +144,27 @@ class CommandSet:
                 raise MappingError(where, key, f"commands.toml has no [{name}]")
         if row.outcome not in OUTCOMES:
             raise MappingError(where, key, f"outcome {row.outcome!r} is not one of {', '.join(OUTCOMES)}")
+        if row.part is not None and row.part not in self._traits:
+            raise MappingError(where, key, f"part: no model of models.toml has {row.part!r}")
+
+    def functions(self, file: str, *modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
+        """Return the public functions of these modules, ``module.function`` -> function, for the rows of ``file``
+        (``surface`` or ``driver``). Raises MappingError if a row calls one that there is not.
+        """
+        found = _public(modules)
+        if file == "surface":
+            called = [(key, row.call) for key, row in self.surface.items()]
+        else:
+            called = [(key, row.call) for key, rows in self.driver.items() for row in rows]
+        for key, name in called:
+            if name is not None and name not in found:
+                raise MappingError(self._where(f"{file}.toml"), key, f"call: there is no function {name!r}")
+        return found
+
+    @cached_property
+    def _traits(self) -> frozenset[str]:
+        """The traits of all models, the words that rows may require."""
+        return frozenset().union(*(self.traits(model, wedge) for model in self.models for wedge in (False, True)))
 
     @cached_property
     def models(self) -> dict[str, Model]:
@@ -193,6 +239,16 @@ class CommandSet:
                 for command, _ in self._by_prefix.get(prefix, ()):
                     return command
         return None
+
+
+@cache
+def _public(modules: tuple[ModuleType, ...]) -> Mapping[str, Callable[..., Any]]:
+    return {
+        f"{module.__name__.rpartition('.')[2]}.{name}": value
+        for module in modules
+        for name, value in vars(module).items()
+        if isinstance(value, FunctionType) and value.__module__ == module.__name__ and not name.startswith("_")
+    }
 
 
 @lru_cache

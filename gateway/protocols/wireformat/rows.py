@@ -1,10 +1,7 @@
-"""The rows of the mapping files as structs, the words allowed in them, and the lookup of the functions they call."""
+"""The rows of the mapping files as structs, and the words allowed in them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cache
-from types import FunctionType, ModuleType
 from typing import Any
 
 import msgspec
@@ -53,22 +50,6 @@ def show_version(version: Version) -> str:
     return f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
 
 
-@cache
-def handlers_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
-    """Return the functions that rows of a surface or a driver may ``call``: name -> public function of these modules.
-
-    Raises ValueError if two have the same name.
-    """
-    found: dict[str, Callable[..., Any]] = {}
-    for module in modules:
-        for name, value in vars(module).items():
-            if isinstance(value, FunctionType) and value.__module__ == module.__name__ and not name.startswith("_"):
-                if name in found:
-                    raise ValueError(f"two functions that rows may call are named {name}")
-                found[name] = value
-    return found
-
-
 class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One form of reply, used when the client's format is ``when``, or for the error ``fault``."""
 
@@ -114,12 +95,12 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``surface.toml``: exactly one of the five verbs says what a surface does with a command.
+    """A row of ``surface.toml``: exactly one of the four verbs says what a surface does with a command.
 
     ask, given      perform this operation; its fields are those of the command, these, and the client's own settings
-    keep, tell      store these fields in the client's settings, or reply with them
+    tell            reply with these fields of the client's settings or the presented model
     say             reply with these values
-    call, asks      run this function; the operations that it may ask for
+    call, asks      run this function (``module.function``); the operations that it may ask for
     outcome, why    the outcome in the generated tables, and the remark there
     without         the outcome on a mount that has no command for the operation
     passes          pass it on to a mount of the same protocol that has it; by default true if refused here
@@ -129,7 +110,6 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     ask: str | None = None
-    keep: list[str] | None = None
     tell: list[str] | None = None
     say: dict[str, object] | None = None
     call: str | None = None
@@ -147,7 +127,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def verbs(self) -> list[str]:
-        return [verb for verb in ("ask", "keep", "tell", "say", "call") if getattr(self, verb) is not None]
+        return [verb for verb in ("ask", "tell", "say", "call") if getattr(self, verb) is not None]
 
     @property
     def handed_on(self) -> bool:
@@ -174,7 +154,7 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row of ``driver.toml``: one implementation of an operation.
 
     send          the commands that it consists of
-    call          instead of ``send``: the Python function that carries it out
+    call          instead of ``send``: the function that carries it out (``module.function``)
     needs, uses   further commands; without those of ``send`` and ``needs`` it is skipped, ``uses`` are optional
     ends          of the commands of a stop, those that end a motion and do nothing else
     part          a trait (``traits``) that a model must have, for the generated tables and the list of abilities

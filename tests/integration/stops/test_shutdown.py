@@ -156,9 +156,9 @@ def test_a_defect_stops_the_mount_and_others_go_on(where: str) -> None:
             assert not await still(bridge.sim)
             if where == "surface":
                 face = bridge.acceptor.binding
-                face.surface.handlers = {**face.surface.handlers, "home_state": _broken}
+                face.surface.handlers = {**face.surface.handlers, "accessories.home_state": _broken}
             else:
-                bridge.driver.handlers = {**bridge.driver.handlers, "home_state": _broken}
+                bridge.driver.handlers = {**bridge.driver.handlers, "home.home_state": _broken}
             client.tell(b":h?#")
             await asyncio.sleep(1)
             assert any("internal error" in entry.note for entry in bridge.entries)
@@ -179,7 +179,7 @@ def test_a_stop_that_is_defective_itself_is_not_tried_for_ever() -> None:
             client = bridge.client()
             client.tell(b":RG#:Mn#")
             await asyncio.sleep(1)
-            bridge.driver.handlers = {**bridge.driver.handlers, "stop": _broken}
+            bridge.driver.handlers = {**bridge.driver.handlers, "motion.abort_motion": _broken}
             client.tell(b":Q#")
             await asyncio.sleep(10)
             assert sum("a defect" in entry.note for entry in bridge.entries) < 10

@@ -317,18 +317,18 @@ def test_a_defect_in_a_driver_costs_one_operation() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             client = bridge.client()
-            good = bridge.driver.handlers["position"]
+            good = bridge.driver.handlers["pointing.position"]
 
             def broken(mount: object, operation: object) -> object:
                 raise KeyError("a defect")
 
             await client.ask(b":GR#")
-            bridge.driver.handlers = {**bridge.driver.handlers, "position": broken}
+            bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": broken}
             for _ in range(20):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert any("please report" in entry.note for entry in bridge.entries)
-            bridge.driver.handlers = {**bridge.driver.handlers, "position": good}
+            bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": good}
             await asyncio.sleep(2)
             assert len(await client.ask(b":GR#")) == 9
             assert await client.ask(b":GVP#") == b"Autostar#"

@@ -168,6 +168,9 @@ class Lx200Driver(Driver):
             return max(fits, key=lambda name: len(rows[name]["product"]))
         return "autostar" if self.product and not self.product.startswith("LX200") else None
 
+    def contact(self) -> Steps:
+        return (yield from self.handlers["identify.contact"](self, None))
+
     def own(self, operation: Own) -> Steps:
         """Send a client's command unchanged. Firmware may lack it, so the wait is short, and silence counts as a reply.
 

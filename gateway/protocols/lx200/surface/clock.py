@@ -96,7 +96,7 @@ def set_piece(session: LxSession, command: Command, values: op.Values) -> Handli
     if draft.complete:
         yield from commit(session)
     else:
-        yield Defer(QUIET, "commit_quiet")
+        yield Defer(QUIET, "clock.commit_quiet")
     return _date_reply(session) if command.name == "SC" else None
 
 
