@@ -2,9 +2,8 @@
 
 Once a motion has begun, its release ends it at once; only a short one keeps its length. One that has not begun is
 carried out all the same, and ended when it has lasted as long as the arrow was held, but not before the mount has
-acknowledged it. A tap that has waited
-too long is dropped. Taps follow one another; only a stop, a goto or a halt by somebody else cancels them. Pure
-functions over frozen values; times are seconds of the loop's clock.
+acknowledged it. A tap that has waited too long is dropped. Taps follow one another; only a stop, a goto or a halt by
+somebody else cancels them. Pure functions over frozen values; times are seconds of the loop's clock.
 """
 
 from __future__ import annotations
