@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
+import hashlib
 import http.server
 import os
 import re
@@ -53,10 +54,12 @@ def main() -> int:
     if given.version:
         if git("status", "--porcelain"):
             sys.exit("This checkout has changes that are not committed: commit them, or make the release in a clone.")
+        if git("tag", "--list", f"v{given.version}"):
+            sys.exit(f"There is a tag v{given.version}: what is released stays as it is; release a later version.")
         raise_version(given.version, released=True)
         if not given.no_tests:
             tests()
-    into = given.into.resolve()
+    into, commit = given.into.resolve(), git("rev-parse", "--short=12", "HEAD")
     step("Wheel and source distribution, built twice and compared")
     wheel, sdist = build(into)
     judged([wheel, sdist])
@@ -64,13 +67,13 @@ def main() -> int:
     missing = tried(wheel, ["trixie"] if given.check else RELEASES)
     if given.version:
         raise_version(given.next or following(given.version), released=False)
-    step(f"The files, after {time.monotonic() - began:.0f} s")
+    step(f"The files in {into}, after {time.monotonic() - began:.0f} s")
     for path in (wheel, sdist, *packages):
-        print(f"{path.stat().st_size / 1e6:6.1f} MB  {path}")
+        print(f"{path.stat().st_size / 1e6:6.1f} MB  {hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}")
     for what in missing:
         print(f"not tried: {what}")
     if given.version:
-        print(f"The owner's step: git tag -a v{given.version} HEAD~1")
+        print(f"The owner's step: git tag -a v{given.version} {commit}")
     return 0
 
 

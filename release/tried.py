@@ -8,6 +8,7 @@ one row for each way, and ends with 1 if one of them failed.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import signal
@@ -15,47 +16,47 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import venv
-from collections.abc import Callable
 from pathlib import Path
 
-#: Seconds for an installation, and for the demo to be ready and to end.
+#: Seconds for an installation, and for the demo from its start to its end.
 INSTALLED, READY = 600, 60
 
 
-def by_pip(index: str, wanted: str, folder: Path) -> Path:
-    environment = made(folder / "environment")
-    run(environment / "pip", "install", "--quiet", "--extra-index-url", index, wanted)
-    return environment / "mount-gateway"
+@dataclasses.dataclass(frozen=True)
+class Tool:
+    """A program from PyPI that installs programs: its words, and what tells it to keep to one folder."""
+
+    words: tuple[str, ...]
+    places: dict[str, str]
 
 
-def by_pipx(index: str, wanted: str, folder: Path) -> Path:
-    tools = made(folder / "tools")
-    run(tools / "pip", "install", "--quiet", "pipx")
-    places = {
-        "PIPX_HOME": str(folder / "pipx"),
-        "PIPX_BIN_DIR": str(folder / "bin"),
-        "PIPX_MAN_DIR": str(folder / "man"),
-    }
-    run(tools / "pipx", "install", "--quiet", f"--pip-args=--extra-index-url {index}", wanted, **places)
+#: In the words, {index} is the address of the package index and {python} the Python that runs this.
+TOOLS = {
+    "pipx": Tool(
+        ("install", "--quiet", "--pip-args=--extra-index-url {index}"),
+        {"PIPX_HOME": "home", "PIPX_BIN_DIR": "bin", "PIPX_MAN_DIR": "man"},
+    ),
+    "uv": Tool(
+        ("tool", "install", "--quiet", "--native-tls", "--index={index}", "--python={python}"),
+        {"UV_TOOL_DIR": "home", "UV_TOOL_BIN_DIR": "bin", "UV_CACHE_DIR": "cache"},
+    ),
+}
+
+
+def installed(way: str, index: str, wanted: str, folder: Path) -> Path:
+    """Install a package by pip, or by a tool that pip installs; return it. Raises subprocess.SubprocessError."""
+    pip = made(folder / "environment") / "pip"
+    if way == "pip":
+        run(pip, "install", "--quiet", "--extra-index-url", index, wanted)
+        return pip.with_name("mount-gateway")
+    run(pip, "install", "--quiet", way)
+    words = (word.format(index=index, python=sys.executable) for word in TOOLS[way].words)
+    places = {name: str(folder / place) for name, place in TOOLS[way].places.items()}
+    run(pip.with_name(way), *words, wanted, **places)
     return folder / "bin" / "mount-gateway"
-
-
-def by_uv(index: str, wanted: str, folder: Path) -> Path:
-    tools = made(folder / "tools")
-    run(tools / "pip", "install", "--quiet", "uv")
-    places = {
-        "UV_TOOL_DIR": str(folder / "uv"),
-        "UV_TOOL_BIN_DIR": str(folder / "bin"),
-        "UV_CACHE_DIR": str(folder / "c"),
-    }
-    python = f"--python={sys.executable}"
-    run(tools / "uv", "tool", "install", "--quiet", "--native-tls", "--index", index, python, wanted, **places)
-    return folder / "bin" / "mount-gateway"
-
-
-WAYS: dict[str, Callable[[str, str, Path], Path]] = {"pip": by_pip, "pipx": by_pipx, "uv": by_uv}
 
 
 def made(folder: Path) -> Path:
@@ -82,36 +83,38 @@ def demo_runs(program: Path, folder: Path) -> str:
     command = [str(program), "demo", "--port", "0", "--pty", str(folder / "lx200")]
     demo = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder, env=clean(), start_new_session=True)
     assert demo.stdout is not None
-    timer = time.monotonic() + READY
+    late = threading.Timer(READY, demo.kill)  # a demo that never is ready, or never answers, is one that failed
+    late.start()
     try:
         ready = next((line for line in demo.stdout if line.startswith("ready")), "")
         port = int(ready.split()[1].rpartition(":")[2])
-        with socket.create_connection(("127.0.0.1", port), 10) as link:
-            link.settimeout(max(1.0, timer - time.monotonic()))
+        with socket.create_connection(("127.0.0.1", port), READY) as link:
             link.sendall(b":GR#")
             if re.fullmatch(rb"\d\d:\d\d:\d\d#", answer := link.recv(100)) is None:
                 raise OSError(f"the demo answered {answer!r}")
     finally:
         demo.send_signal(signal.SIGINT)
-        if demo.wait(READY):
-            raise OSError(f"the demo ended with {demo.returncode}")
+        demo.wait()
+        late.cancel()
+    if demo.returncode:
+        raise OSError(f"the demo ended with {demo.returncode}")
     return told
 
 
 def main() -> int:
     index, version = sys.argv[1:]
     failed = 0
-    for name, way in WAYS.items():
+    for way in ("pip", *TOOLS):
         began = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
             try:
-                told = demo_runs(way(index, f"mount-gateway=={version}", Path(folder)), Path(folder))
+                told = demo_runs(installed(way, index, f"mount-gateway=={version}", Path(folder)), Path(folder))
                 outcome = f"{told}: the demo runs"
             except (OSError, ValueError, IndexError, subprocess.SubprocessError) as error:
                 failed, reason = 1, getattr(error, "stderr", "") or str(error)
                 outcome = f"FAILED: {reason.strip()[-600:]}"
         seconds = time.monotonic() - began
-        print(f"Python {sys.version.split()[0]:8} {name:5} {seconds:4.0f} s  {outcome}", flush=True)
+        print(f"Python {sys.version.split()[0]:8} {way:5} {seconds:4.0f} s  {outcome}", flush=True)
     return failed
 
 

@@ -31,7 +31,9 @@ apt-get install -y -qq --no-install-recommends systemd udev >/dev/null
 touch /etc/mount-gateway/pier.toml
 systemd-analyze verify /usr/lib/systemd/system/mount-gateway@.service 2>&1 | grep -i mount-gateway && exit 1
 if udevadm verify --help >/dev/null 2>&1; then udevadm verify /usr/lib/udev/rules.d/60-mount-gateway.rules >/dev/null; fi
-after "unit and rule are accepted"
+systemctl enable --quiet mount-gateway@pier
+[ -n "$(ls /etc/systemd/system/multi-user.target.wants/mount-gateway@pier.service)" ]
+after "unit and rule are accepted, a gateway is enabled"
 
 mkdir -p /var/lib/mount-gateway/pier
 echo kept >/var/lib/mount-gateway/pier/state
@@ -52,5 +54,6 @@ apt-get remove -y -qq mount-gateway >/dev/null
 [ -e /var/lib/mount-gateway/pier/state ] && [ -e /etc/mount-gateway/pier.toml ]
 after "removed, state and configuration are kept"
 apt-get purge -y -qq mount-gateway >/dev/null
-[ ! -e /var/lib/mount-gateway ] && [ ! -e /etc/mount-gateway ]
+left=$(find /etc /opt /usr /var/lib -not -path '*/dpkg/*' -not -path '*/apt/*' -name '*mount-gateway*')
+[ -z "$left" ] && ! getent passwd mount-gateway || { echo "left behind: $left"; exit 1; }
 after "purged: nothing is left"
