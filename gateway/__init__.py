@@ -11,9 +11,12 @@ from __future__ import annotations
 TYPE_CHECKING = False
 
 __all__ = [
+    "BlockingGateway",
     "Fault",
     "Frame",
     "FrameError",
+    "Moment",
+    "Place",
     "RunningGateway",
     "Splitter",
     "UserError",
@@ -21,14 +24,17 @@ __all__ = [
     "decode_reply",
     "encode",
     "encode_reply",
+    "open_blocking_gateway",
     "open_gateway",
 ]
 
 if TYPE_CHECKING:
     __version__: str
+    from gateway.app.api.blocking import BlockingGateway, open_blocking_gateway
     from gateway.app.api.embedding import RunningGateway, open_gateway
     from gateway.app.api.frames import Frame, FrameError, Splitter, decode, decode_reply, encode, encode_reply
     from gateway.core.errors import Fault, UserError
+    from gateway.core.operations import Moment, Place
 
 
 def __getattr__(name: str) -> object:
@@ -38,7 +44,8 @@ def __getattr__(name: str) -> object:
         return version()
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gateway.app.api import embedding, frames
-    from gateway.core import errors
+    from gateway.app.api import blocking, embedding, frames
+    from gateway.core import errors, operations
 
-    return next(getattr(module, name) for module in (embedding, frames, errors) if hasattr(module, name))
+    modules = (embedding, blocking, frames, errors, operations)
+    return next(getattr(module, name) for module in modules if hasattr(module, name))

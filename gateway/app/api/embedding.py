@@ -12,14 +12,16 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, TypeVar
 
+from msgspec import ValidationError, convert
 from msgspec.structs import replace
 
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.gather import status_line
 from gateway.core import operations as op
-from gateway.core.errors import NoAnswer, Stopped
+from gateway.core.errors import Invalid, NoAnswer, Stopped, UserError
 from gateway.core.wire_log import Entry, WireLog
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ class RunningGateway:
 
     Positions are right ascension and declination of the equinox of date, in degrees. Every method that reaches the
     mount raises ``Fault`` if the operation is refused or fails; ``str(fault)`` is one sentence for the user.
+    ``BlockingGateway`` has the same methods for programs without an event loop.
     """
 
     def __init__(self, gateway: Gateway) -> None:
@@ -49,9 +52,17 @@ class RunningGateway:
         return self._gateway.names()
 
     async def ready(self, seconds: float = FIND_MOUNT) -> None:
-        """Wait until the mount has identified itself. Raises NoAnswer if it has not within ``seconds``."""
-        if not await self._gateway.wait_identified(seconds):
-            raise NoAnswer(f"{self._gateway.title} has not answered within {seconds:g} s.")
+        """Wait until the mount has identified itself.
+
+        Raises NoAnswer if it has not within ``seconds``, and UserError at once if its port cannot be opened.
+        """
+        loop, line = asyncio.get_running_loop(), self._controller.line
+        end = loop.time() + seconds
+        while not await self._gateway.wait_identified(min(LOOK, max(0.0, end - loop.time()))):
+            if line.unopened:
+                raise UserError(f"{self._gateway.title}: {line.unopened}")
+            if loop.time() >= end:
+                raise NoAnswer(f"{self._gateway.title} has not answered within {seconds:g} s.")
 
     async def position(self) -> tuple[float, float]:
         """Return where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
@@ -99,6 +110,14 @@ class RunningGateway:
         sync = op.Sync(ra, dec)
         await self.perform(replace(sync, ra=sync.ra % 360.0))
 
+    async def site(self) -> op.Place:
+        """Return the site that counts, of the mount, a program or the settings. Raises Unsupported if none is known."""
+        return await self.perform(op.GetSite())
+
+    async def time(self) -> op.Moment:
+        """Return the time by the clock that counts: that of the mount, of a program, or of this computer."""
+        return await self.perform(op.GetClock())
+
     async def stop(self) -> None:
         """Stop every motion, ahead of all other commands; return when the mount has acknowledged the stop."""
         await self._controller.stop()
@@ -106,8 +125,10 @@ class RunningGateway:
     async def perform(self, operation: op.Operation[_T]) -> _T:
         """Carry out any operation of ``gateway.core.operations`` and return its answer; see its docstring.
 
-        A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds.
+        A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds. Raises
+        Invalid for what is no operation, and for a field of a wrong type.
         """
+        operation = _checked(operation)
         self._host.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
         return await self._controller.perform(operation, self._controller.stops, self._host)
 
@@ -115,26 +136,30 @@ class RunningGateway:
 @contextlib.asynccontextmanager
 async def open_gateway(
     mount: str,
-    surfaces: Sequence[str | Mapping[str, object]],
+    surfaces: str | Sequence[str | Mapping[str, object]] = (),
     *,
     warn: Callable[[str], None] | None = None,
     watch: Callable[[Entry], None] | None = None,
     watchdog: bool = True,
     **settings: object,
 ) -> AsyncIterator[RunningGateway]:
-    """Open a mount (``"nexstar@/dev/ttyUSB0"``, ``"nexstar@sim"``) and the surfaces on which programs reach it.
+    """Open a mount (``"nexstar@/dev/ttyUSB0"``, ``"nexstar@sim"``) and the surfaces on which programs reach it, if any.
 
     ``settings`` are the keys of ``[mount]`` in docs/configuration.md with ``_`` for ``-``: ``site=(48.1, 11.6)``,
     ``lowest=15``. A surface is an endpoint such as ``"lx200@tcp://127.0.0.1:4030"`` (port 0: any free port), or a
     mapping of the keys of ``[[surface]]``. ``warn`` is called with whole sentences for the user, and ``watch`` with
     every entry of the wire log. Both are called on the event loop and must return quickly. Raises UserError for an
-    invalid setting and for a port that cannot be opened. Leaving the block stops the mount and closes everything.
+    invalid setting and for a surface that cannot be opened; the mount's port is waited for in ``ready``. Leaving the
+    block stops the mount and closes everything.
     """
     tables: dict[str, object] = {
         "mount": [_keys({"at": mount, **settings})],
-        "surface": [_keys({"at": surface} if isinstance(surface, str) else surface) for surface in surfaces],
+        "surface": [
+            _keys(surface if isinstance(surface, Mapping) else {"at": surface})
+            for surface in ([surfaces] if isinstance(surfaces, str) else surfaces)
+        ],
     }
-    config = make_config(tables, Source("open_gateway"))
+    config = make_config(tables, Source("open_gateway"), served=False)
     from gateway.app.gateway import Gateway
     from gateway.app.watchdog.client import Watchdog, available
     from gateway.astro.ephemeris.sky import Sky
@@ -164,3 +189,22 @@ async def open_gateway(
 def _keys(settings: Mapping[str, object]) -> dict[str, object]:
     """Return keyword arguments under the key names of ``gateway.toml``."""
     return {name.replace("_", "-"): value for name, value in settings.items()}
+
+
+def _checked(operation: op.Operation[_T]) -> op.Operation[_T]:
+    """Return an operation whose fields have the types that are declared. Raises Invalid for one of another type."""
+    if not isinstance(operation, op.Operation):
+        raise Invalid(f"{repr(operation)[:40]} is no operation; write one like gateway.core.operations.Position().")
+    fields = {name: _plain(getattr(operation, name)) for name in operation.__struct_fields__}
+    try:
+        return convert(fields, type(operation))
+    except ValidationError as error:
+        why, _, field = str(error).strip("`").partition(" - at `$.")
+        raise Invalid(f"{type(operation).__name__}: {field}: {why}.") from None
+
+
+def _plain(value: object) -> object:
+    """Return a number of another library as one of Python's own, and everything else as it is."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)

@@ -33,8 +33,11 @@ class Mistake(NamedTuple):
     words: str
 
 
-def mistakes(config: Config) -> Iterator[Mistake]:
-    """Yield the mistakes of a configuration whose values all have the right types, the most important first."""
+def mistakes(config: Config, served: bool = True) -> Iterator[Mistake]:
+    """Yield the mistakes of a configuration whose values all have the right types, the most important first.
+
+    If programs are to be ``served``, a surface is needed.
+    """
     yield from _endpoints(config)
     for number, mount in enumerate(config.mount):
         lowest, highest = mount.limits.lowest, mount.limits.highest
@@ -47,7 +50,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     yield from _console(config)
     yield from _mqtt(config)
     yield from _used_twice(config)
-    if not config.surface:
+    if served and not config.surface:
         yield Mistake(
             ("surface",), "at least one surface is needed, where programs connect: --surface lx200@tcp://127.0.0.1:4030"
         )

@@ -97,15 +97,18 @@ def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
             yield from _control_characters(value, (*place, number))
 
 
-def make_config(tables: dict[str, object], source: Source) -> Config:
-    """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key."""
+def make_config(tables: dict[str, object], source: Source, served: bool = True) -> Config:
+    """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key.
+
+    If programs are to be ``served``, a surface is needed.
+    """
     for place, words in _control_characters(tables):
         raise _located(source, Mistake(_key_place(place), words))
     try:
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
         raise _msgspec_error(tables, source, *_read_error(str(error))) from None
-    for mistake in mistakes(config):
+    for mistake in mistakes(config, served):
         raise _located(source, mistake)
     return config
 

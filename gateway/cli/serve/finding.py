@@ -29,8 +29,6 @@ NAMED, UNNAMED = 3.0, 4.5
 USUAL = 9600
 #: With --wait, seconds that the ready lines wait for the identification of the mount.
 QUICK = 0.5
-#: The beginning of the line's reason if its port cannot be opened.
-CANNOT_OPEN = "cannot open"
 #: Seconds after which a message says what the gateway waits for.
 SAID_AFTER = 1.0
 
@@ -72,9 +70,9 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], silence: float =
         if heard is None and line.transaction.heard_ever:
             heard = now()
         hope = silence if heard is None else FIND_MOUNT if line.answers else FIRST_SENSE
-        if line.reason.startswith(CANNOT_OPEN) or now() > (heard or began) + hope:
+        if line.unopened or now() > (heard or began) + hope:
             break
-        if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
+        if not said and now() > began + SAID_AFTER and not line.unopened:
             said = True
             warn(waiting_message(gateway))
     return position.is_set()  # a device that reports a position is a mount
@@ -85,7 +83,7 @@ async def _find(gateway: Gateway, warn: Callable[[str], None], longest: float = 
     began, line = asyncio.get_running_loop().time(), gateway.controller.line
     if await _found(gateway, warn):
         return
-    if not line.transaction.heard_ever and not line.reason.startswith(CANNOT_OPEN):
+    if not line.transaction.heard_ever and not line.unopened:
         await line.close()
         await _check_for_another(gateway)
         left = began + longest - asyncio.get_running_loop().time()
@@ -95,8 +93,8 @@ async def _find(gateway: Gateway, warn: Callable[[str], None], longest: float = 
             if await _found(gateway, warn, left):
                 return
     words = not_found_message(gateway)
-    if line.reason.startswith(CANNOT_OPEN):
-        raise UserError(f"{gateway.title}: {line.reason}; {_port_advice(gateway, line.reason)}")
+    if line.unopened:
+        raise UserError(f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened)}")
     await line.close()
     await _check_for_another(gateway)
     raise UserError(words)

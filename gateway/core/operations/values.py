@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from enum import Enum
+from functools import cache
 from math import inf, isfinite
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
@@ -52,8 +53,8 @@ def _is_number(value: object, most: float) -> bool:
 class Operation(Struct, Generic[AnswerT], frozen=True):
     """Base of all operations. One that ``survives_abort`` is no motion: a stop leaves it alone.
 
-    ``called`` is the name for people, if it is not the words of the class name. Raises Invalid for a number that is not
-    finite, or beyond a pole (``polar`` fields), so that nobody can order a motion to a place that is none.
+    ``called`` is the name for people, if it is not the words of the class name. Raises Invalid for a number that is
+    missing, not finite, or beyond a pole (``polar`` fields), so that nobody can order a motion to a place that is none.
     """
 
     polar: ClassVar[tuple[str, ...]] = POLAR
@@ -61,17 +62,30 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
     called: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        for name in self.__struct_fields__:
-            value = getattr(self, name) if name in NUMBERS else None
-            value = value.degrees if isinstance(value, Rate) else value
-            if value is not None and not _is_number(value, 90.0 if name in self.polar else inf):
-                span = " from -90 to 90" if name in self.polar else ""
+        for name, most, optional in _numbers(type(self)):
+            value = getattr(self, name)
+            if isinstance(value, Rate):
+                value, optional = value.degrees, True
+            if not (value is None and optional) and not _is_number(value, most):
+                span = "" if most == inf else " from -90 to 90"
                 raise Invalid(f"The {NUMBERS[name]} must be a number{span}, not {repr(value)[:40]}.")
 
     @classmethod
     def title(cls) -> str:
         """Return the kind of the operation in words, to begin a line of the log: ``Goto``, ``Release of an arrow``."""
         return cls.called or re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).capitalize()
+
+
+@cache
+def _numbers(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
+    """Return the numbers among the fields of an operation: name, largest value, and whether None may stand for it."""
+    fields, defaults = kind.__struct_fields__, kind.__struct_defaults__
+    without = dict(zip(reversed(fields), reversed(defaults), strict=False))
+    return tuple(
+        (name, 90.0 if name in kind.polar else inf, without.get(name, 0.0) is None)
+        for name in fields
+        if name in NUMBERS
+    )
 
 
 class Read(Operation[AnswerT], frozen=True):

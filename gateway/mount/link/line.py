@@ -29,6 +29,8 @@ MUTE = 20.0
 OVERDUE = 2.0
 #: Seconds before each further attempt to open the port; the last one repeats.
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+#: The beginning of the line's reason if its port cannot be opened.
+CANNOT_OPEN = "cannot open"
 #: How often the line is checked before it counts as down, and the factor by which the quiet before each check grows.
 CHECKS, QUIETER = 3, 3.0
 
@@ -83,6 +85,11 @@ class MountLink:
     @property
     def usable(self) -> bool:
         return self.state == "up" and self.served
+
+    @property
+    def unopened(self) -> str:
+        """Why the port cannot be opened; empty unless the last attempt has failed."""
+        return self.reason if self.reason.startswith(CANNOT_OPEN) else ""
 
     @property
     def typical_rtt(self) -> float:
@@ -150,7 +157,7 @@ class MountLink:
             except Exception as error:  # pyserial raises more than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.wire_log.put("mount", "v", note=reason)
-                self._down(f"cannot open {self.wire.name}: {reason}")
+                self._down(f"{CANNOT_OPEN} {self.wire.name}: {reason}")
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue

@@ -125,9 +125,14 @@ class SiteAndClock:
     async def _set_clock(self, operation: op.SetClock, program: Program) -> None:
         """Use the client's clock at once. Raises Invalid for a year that this mount's clock does not take, Refused."""
         years = self._context.driver.years
-        year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
+        try:
+            year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
+        except (OSError, OverflowError, ValueError):  # before the year 1, or after 9999
+            year = 0
         if year not in years:
-            raise Invalid(f"The clock of this mount takes the years {years[0]} to {years[-1]}, not {year}.")
+            raise Invalid(
+                f"The clock of this mount takes the years {years[0]} to {years[-1]}{f', not {year}' * bool(year)}."
+            )
         self._context.incoming.complete(program)
         self._read_by(program).keep_clock(operation)
         self.sync.queue(operation, by=program)

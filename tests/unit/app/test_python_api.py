@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import doctest
+import re
 import subprocess
 import sys
+import time
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args
 
+import numpy
 import pytest
 
 import gateway
@@ -41,6 +45,25 @@ def test_every_name_that_is_offered_can_be_imported_and_is_documented() -> None:
         _ = gateway.nothing_of_this_name
 
 
+def in_the_table(kind: type[op.Operation]) -> str:
+    """Return the beginning of the row of an operation in docs/python.md: its fields with their defaults, its answer."""
+    defaults = dict(zip(reversed(kind.__struct_fields__), reversed(kind.__struct_defaults__), strict=False))
+    fields = [name if defaults.get(name) is None else f"{name}={defaults[name]!r}" for name in kind.__struct_fields__]
+    (answer,) = get_args(kind.__orig_bases__[0])  # type: ignore[attr-defined]
+    names = [one.__name__ for one in get_args(answer) or [answer] if one is not NoneType]
+    return f"| `{kind.__name__}({', '.join(fields)})` | {'`' * bool(names)}{', '.join(names)}{'`' * bool(names)} |"
+
+
+def test_the_page_lists_every_operation_with_its_fields_and_its_answer() -> None:
+    page = (ROOT / "docs" / "python.md").read_text("utf-8").partition("## Operations")[2]
+    listed = re.findall(r"^\| `([A-Z]\w+)\(", page, re.MULTILINE)
+    assert len(listed) == len(set(listed)) > 50
+    kinds = {kind for name in dir(op) if (kind := op.named(name)) is not None}
+    assert set(listed) == {kind.__name__ for kind in kinds}
+    for kind in kinds:
+        assert f"\n{in_the_table(kind)} " in page
+
+
 def test_importing_the_package_loads_next_to_nothing() -> None:
     code = "import sys, gateway; print([name for name in sys.modules if name.startswith('gateway.')])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=20)
@@ -61,6 +84,7 @@ def test_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     told = {
         "read_a_conversation": "BelowHorizon",
         "embed_a_gateway": "arrived at right ascension",
+        "point_from_a_script": "Polaris: arrived",
         "tiny_client": "(",
         "like_skysafari": "at rest: 09:57:5",
     }
@@ -134,6 +158,8 @@ def test_a_program_points_a_simulated_mount() -> None:
             await running.sync(21.0, 80.0)
             assert await running.position() == pytest.approx((21.0, 80.0), abs=0.1)
             assert isinstance(await running.perform(op.GetStatus()), op.Status)
+            assert await running.site() == op.Place(48.1, 11.6)
+            assert (await running.time()).unix == pytest.approx(time.time(), abs=60)
         assert any(entry.side == "mount" and entry.data[:1] == b"r" for entry in seen)
 
     asyncio.run(points())
@@ -173,6 +199,25 @@ def test_a_mount_that_does_not_answer_is_told_in_words() -> None:
     asyncio.run(waits())
 
 
+def test_a_port_that_does_not_exist_is_told_at_once() -> None:
+    async def waits() -> None:
+        async with open_gateway("nexstar@/dev/ttyNONE", watchdog=False) as running, asyncio.timeout(10):
+            with pytest.raises(UserError, match=r"^nexstar@/dev/ttyNONE: cannot open /dev/ttyNONE: no such port"):
+                await running.ready(60)
+
+    asyncio.run(waits())
+
+
+def test_a_program_needs_no_surface_and_may_write_one_without_a_list() -> None:
+    async def opens() -> None:
+        async with open_gateway(SIM) as alone, open_gateway("lx200@sim", SURFACE) as serving:
+            await alone.ready()
+            assert alone.addresses == []
+            assert len(serving.addresses) == 1
+
+    asyncio.run(opens())
+
+
 @pytest.mark.parametrize(
     ("surface", "settings", "words"),
     [
@@ -192,7 +237,7 @@ def test_a_setting_that_cannot_be_used_is_a_user_error(surface: str, settings: d
     assert words in str(caught.value)
 
 
-@each("ra, dec", [(float("nan"), 80.0), (40.0, float("inf")), (400.0, 95.0), ("05:34:32", 22.0)])
+@each("ra, dec", [(float("nan"), 80.0), (40.0, float("inf")), (400.0, 95.0), ("05:34:32", 22.0), (None, 22.0)])
 def test_what_is_no_place_is_refused_at_once_and_the_gateway_goes_on(ra: Any, dec: Any) -> None:
     async def program() -> None:
         async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"]) as running:
@@ -201,5 +246,38 @@ def test_what_is_no_place_is_refused_at_once_and_the_gateway_goes_on(ra: Any, de
                 with pytest.raises(Fault, match="must be a number"):
                     await order(ra, dec)
             assert await running.position()
+
+    asyncio.run(program())
+
+
+@each(
+    ("operation", "words"),
+    [
+        ("goto", "'goto' is no operation"),
+        (op.Position, "is no operation"),
+        (op.MoveAxis("east", 1, op.Rate("find")), "MoveAxis: axis: Expected `int`, got `str`."),  # type: ignore[arg-type]
+        (op.SetTracking("no"), "SetTracking: on: Expected `bool`, got `str`."),  # type: ignore[arg-type]
+        (op.Pulse("up", 100), "Pulse: direction: Invalid enum value 'up'."),  # type: ignore[arg-type]
+        (op.SetClock(1e30, 0.0), "The clock of this mount takes the years"),
+    ],
+)
+def test_what_is_no_operation_is_refused_in_a_sentence(operation: Any, words: str) -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, site=(48.1, 11.6)) as running:
+            await running.ready()
+            with pytest.raises(Fault) as caught:
+                await running.perform(operation)
+            assert words in str(caught.value)
+
+    asyncio.run(program())
+
+
+def test_numbers_of_other_libraries_are_numbers() -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0) as running:
+            await running.ready()
+            await running.goto(numpy.float32(20.0), numpy.int64(10))  # type: ignore[arg-type]
+            await running.perform(op.Move("n", op.Rate(key=numpy.int8(2))))  # type: ignore[arg-type]
+            await running.stop()
 
     asyncio.run(program())

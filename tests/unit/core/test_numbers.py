@@ -11,6 +11,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import Invalid
 
+_NORTH = op.Direction.NORTH
 MADE: list[Callable[[Any], op.Operation]] = [
     lambda value: op.Goto(value, 10.0),
     lambda value: op.Goto(10.0, value),
@@ -32,6 +33,14 @@ def test_what_is_no_number_is_refused_in_a_sentence(make: Callable[[Any], op.Ope
     with pytest.raises(Invalid, match=r"^The [A-Za-z ]+ must be a number.*\.$"):
         make(value)
     assert make(12) == make(12.0)
+
+
+def test_a_number_that_is_needed_cannot_be_left_out() -> None:
+    missing: Any = None
+    for make in (lambda: op.Goto(missing, 10.0), lambda: op.Sync(10.0, missing), lambda: op.Move(_NORTH, missing)):
+        with pytest.raises(Invalid, match=r"must be a number.*, not None"):
+            make()
+    assert op.Goto(10.0, 10.0, lowest=None) and op.SetSite(48.1) and op.Move(_NORTH, op.Rate("guide"))
 
 
 @pytest.mark.parametrize("dec", [90.001, -95.0])

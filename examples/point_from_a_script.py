@@ -1,0 +1,47 @@
+"""Point a mount at a few places from a script without an event loop, here a simulated mount and nothing that listens.
+
+Run it: ``python examples/point_from_a_script.py``. To move a real mount, write ``"nexstar@/dev/ttyUSB0"`` for
+``"nexstar@sim"``, and leave out what is set for the simulation. Leaving the ``with`` block stops it, also by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime
+
+from gateway import Fault, UserError, open_blocking_gateway
+from gateway.core import operations as op
+
+#: Right ascension and declination of date, degrees.
+PLACES = {"Messier 81": (149.49, 68.94), "Polaris": (46.6, 89.37), "nowhere": (float("nan"), 20.0)}
+
+
+def main() -> None:
+    with open_blocking_gateway(
+        "nexstar@sim",
+        site=(48.1, 11.6),  # degrees, north and east positive
+        lowest=-90,  # allow every place at any time of day
+        sun=0,
+        speed=20,  # a simulated mount that slews 20 times faster than a real one
+    ) as gateway:
+        gateway.ready()
+        identity = gateway.perform(op.GetIdentity())
+        site, now = gateway.site(), datetime.fromtimestamp(gateway.time().unix, UTC)
+        print(f"{identity.product} {identity.version} at {site.latitude:.2f}, {site.longitude:.2f}; {now:%H:%M} UTC")
+        for name, (ra, dec) in PLACES.items():
+            try:
+                gateway.goto(ra, dec)
+                there = gateway.arrived(seconds=60)
+            except Fault as fault:  # a limit, the mount, or what is no place: go on with the next one
+                print(f"{name}: {fault}")
+                continue
+            print(f"{name}: arrived at {there[0]:.2f}, {there[1]:.2f}")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except UserError as error:  # a mistake in the settings, or a port that cannot be opened
+        sys.exit(str(error))
+    except KeyboardInterrupt:
+        sys.exit("the mount was stopped")

@@ -1,0 +1,122 @@
+"""The gateway for programs without an event loop: the same methods, on a thread that ends with block or program."""
+
+from __future__ import annotations
+
+import inspect
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway import BlockingGateway, Fault, RunningGateway, UserError, open_blocking_gateway, open_gateway
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer, Stopped
+from gateway.core.wire_log import Entry
+from tests.support.process import Running
+
+SIM: dict[str, Any] = {"site": (48.1, 11.6), "lowest": -90, "sun": 0}
+SCRIPT = """
+from gateway import open_blocking_gateway
+
+def watch(entry):
+    if entry.side == "mount" and entry.data[:1] in (b"r", b"M"):
+        print("the mount got", entry.data[:1].decode(), flush=True)
+
+opened = open_blocking_gateway("nexstar@sim", site=(48.1, 11.6), lowest=-90, sun=0, watch=watch)
+gateway = opened.__enter__()
+gateway.ready()
+gateway.goto(20.0, 10.0)
+print("ready on@its way", flush=True)
+"""
+
+
+def threads() -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name == "mount-gateway"]
+
+
+def test_it_has_every_method_of_the_other_one_with_the_same_arguments() -> None:
+    for name, offered in vars(RunningGateway).items():
+        if name.startswith("_"):
+            continue
+        blocking = vars(BlockingGateway)[name]
+        assert blocking.__doc__
+        if inspect.isfunction(offered):
+            assert not inspect.iscoroutinefunction(blocking)
+            assert inspect.signature(blocking) == inspect.signature(offered)
+    assert inspect.signature(open_blocking_gateway) == inspect.signature(open_gateway)
+    assert "thread" in (open_blocking_gateway.__doc__ or "")
+
+
+def test_a_script_points_a_mount_that_serves_nobody() -> None:
+    seen: list[Entry] = []
+    with open_blocking_gateway("nexstar@sim", watch=seen.append, speed=20, **SIM) as gateway:
+        gateway.ready()
+        assert gateway.addresses == []
+        gateway.goto(20.0, 80.0)
+        assert gateway.arrived(30) == pytest.approx((20.0, 80.0), abs=0.1)
+        assert gateway.ended_short == ""
+        gateway.sync(21.0, 80.0)
+        assert gateway.position() == pytest.approx((21.0, 80.0), abs=0.1)
+        assert gateway.site() == op.Place(48.1, 11.6)
+        assert abs(gateway.time().unix - time.time()) < 60.0
+        assert gateway.perform(op.GetStatus()).aligned
+        assert gateway.moving() is False
+        assert threads()
+    assert any(entry.side == "mount" and entry.data[:1] == b"r" for entry in seen)
+    assert not threads()
+    with pytest.raises(NoAnswer, match="closed"):
+        gateway.position()
+
+
+def test_a_stop_from_another_thread_is_told_to_who_waits() -> None:
+    with open_blocking_gateway("nexstar@sim", **SIM) as gateway:
+        gateway.ready()
+        gateway.goto(20.0, 10.0)
+        stopping = threading.Timer(0.5, gateway.stop)  # the goto takes many times as long
+        stopping.start()
+        with pytest.raises(Stopped):
+            gateway.arrived(30)
+        stopping.join(10)
+
+
+def test_what_is_called_on_the_gateways_thread_cannot_wait_for_it() -> None:
+    opened: list[BlockingGateway] = []
+    said: list[str] = []
+
+    def watch(_: Entry) -> None:
+        for gateway in opened:
+            try:
+                gateway.position()
+            except RuntimeError as error:
+                said.append(str(error))
+
+    with open_blocking_gateway("nexstar@sim", watch=watch, **SIM) as gateway:
+        opened.append(gateway)
+        gateway.ready()
+    assert "on its own thread" in said[0]
+
+
+def test_errors_arrive_where_they_belong_and_leave_no_thread() -> None:
+    with pytest.raises(UserError, match="there is no such key"), open_blocking_gateway("nexstar@sim", lowset=3):
+        pass
+    with pytest.raises(UserError, match="no such port"), open_blocking_gateway("nexstar@/dev/ttyNONE") as gateway:
+        gateway.ready()
+    with pytest.raises(Fault, match="must be a number"), open_blocking_gateway("nexstar@sim", **SIM) as gateway:
+        gateway.goto(float("nan"), 80.0)
+    assert not threads()
+
+
+@pytest.mark.parametrize("ends", ["", "gateway.arrived(60)"])
+def test_the_end_of_a_program_stops_the_mount(ends: str, tmp_path: Path) -> None:
+    """One that forgets to leave the block, and one that Ctrl-C ends while it waits."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT + ends)
+    running = Running(str(script), by=[sys.executable, "-bb", "-W", "error"])
+    assert running.ready() == "its way"
+    said = running.finish(signal.SIGINT if ends else None)
+    assert "the mount got M" in said.stdout
+    assert (said.returncode != 0, said.stderr.count("Traceback")) == ((True, 1) if ends else (False, 0))
