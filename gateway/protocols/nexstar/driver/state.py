@@ -1,4 +1,4 @@
-"""The driver's state: what it knows of the mount, what it has started on it, and what survives a restart."""
+"""The driver's state: the hand control that was found, what it has started on the mount, what survives a restart."""
 
 from __future__ import annotations
 
@@ -9,12 +9,21 @@ from msgspec import Struct, ValidationError, convert, to_builtins
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Refused, Unsupported
-from gateway.protocols.base.driver import SLEWING, GotoUnderWay, Handler, SavedValues, Send
+from gateway.core.errors import Fault, Refused, Silence, Unsupported
+from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
 from gateway.protocols.base.spec import DriverSettings
-from gateway.protocols.nexstar.counting import SIDEREAL, rate_tables
-from gateway.protocols.nexstar.driver.hand_control import HandControl
-from gateway.protocols.wireformat.rows import Version
+from gateway.protocols.nexstar.counting import SIDEREAL, key_speed, rate_tables
+from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, numbered
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Model, Version
+
+#: The version that is presented until the hand control has reported its own.
+FIRST_SHOWN: Version = (4, 21)
+#: Timeout of ``v``, seconds: not every version answers it.
+VARIANT_PATIENCE = 1.5
+#: The first version that uses coordinates of date.
+JNOW_FROM = (4, 14)
+UNKNOWN: Model = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 
 
 class GotoState(GotoUnderWay):
@@ -42,9 +51,13 @@ class Memory(Struct, omit_defaults=True):
     tracking: op.Tracking | None = None
 
 
-class NexStar(HandControl):
-    """The driver's state of a Celestron mount. ``now`` is a monotonic clock in seconds."""
+class NexStar(Driver):
+    """The driver's state of a Celestron mount. ``now`` is a monotonic clock in seconds.
 
+    Model and version are as the user named them, or as the hand control has reported them.
+    """
+
+    protocol = load("nexstar")
     sync_aligns = False
 
     def __init__(
@@ -53,9 +66,23 @@ class NexStar(HandControl):
         settings: DriverSettings = DriverSettings(),
         handlers: Mapping[str, Handler] = {},
     ) -> None:
-        super().__init__(settings.model, settings.version, handlers)
+        super().__init__(handlers)
         rate_tables()  # read now: later the process may have run out of file descriptors
         self.now, self.settings = now, settings
+        # the hand control
+        named = numbered(settings.version) if settings.version else None
+        self.named_model = self.model = settings.model
+        self.version: Version | None = named.counts_as if named else None
+        self.version_text = "?"
+        #: The replies to ``V`` and ``m``.
+        self.shown: Version | None = None
+        self.number: int | None = None
+        #: Commands that it has not answered.
+        self.unanswered: set[str] = set()
+        self.starsense = named is not None and named.starsense
+        self.motors: dict[int, Version] = {}
+        self.focuser = False
+        self.found: set[str] = set()
         # the drive
         self.tracking: op.Tracking | None = None
         self.native_mode: op.Tracking | None = None
@@ -246,6 +273,90 @@ class NexStar(HandControl):
             return {"guide": guides, "center": 4, "find": 7, "max": 9}[rate.name]
         wanted = rate.degrees or 0.0
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
+
+    # --- what follows from the model and version of the hand control --------------------------------------------------
+
+    def presented(self) -> Model:
+        """Return the row of its model with the reported values; ``counts_as`` is the version whose commands it has."""
+        shown = self.shown or FIRST_SHOWN
+        return {
+            **self.facts,
+            "id": self.facts.get("id", self.number or 0),
+            "name": self.model or "unknown",
+            "version": shown,
+            "counts_as": self.version or shown,
+            "own": True,
+            "variant": STARSENSE_VARIANT if self.starsense else NEXSTAR_VARIANT,
+        }
+
+    def reported_model(self, identity: op.Identity) -> str | None:
+        if self.number is None:
+            return None
+        rows = self.protocol.models
+        if self.named_model in rows and rows[self.named_model].get("id") == self.number:
+            return self.named_model
+        return next((name for name, row in rows.items() if row.get("id") == self.number), f"model {self.number}")
+
+    def own(self, operation: op.Own) -> Steps:
+        """Pass a client's command on and return the raw reply. Which versions answer ``v`` is not documented.
+
+        Raises Unsupported if the hand control lacks the command or has not answered it.
+        """
+        if not self.supports(operation.command) or operation.command in self.unanswered:
+            raise Unsupported
+        patience = VARIANT_PATIENCE if operation.command == "v" else None
+        try:
+            return (yield Send(operation.command, dict(operation.fields), patience, raw=True))["raw"]
+        except Silence:
+            self.unanswered.add(operation.command)
+            raise Unsupported from None
+
+    def probe(self) -> Steps:
+        """Send ``K``, which is no command of a Meade."""
+        yield Send("K", {"echo": 0x78})
+
+    @property
+    def facts(self) -> Model:
+        """The row of ``models.toml``; an unknown mount counts as an alt-az fork without extras."""
+        return self.protocol.models.get(self.model or "", UNKNOWN)
+
+    @property
+    def loses_alignment(self) -> bool:  # type: ignore[override]
+        """Whether setting site or time destroys its alignment, as on a StarSense."""
+        return self.starsense
+
+    @property
+    def emulates_sync(self) -> bool:  # type: ignore[override]
+        """Whether there is no sync command, which came with 4.10: the driver keeps an offset."""
+        return not self.supports("s")
+
+    @property
+    def moves_by_gotos(self) -> bool:  # type: ignore[override]
+        """Whether hand motion consists of small gotos: before 1.6 there is no pass-through to the motors."""
+        return not self.supports("slew_azm_pos")
+
+    @property
+    def equinox(self) -> str:  # type: ignore[override]
+        """Up to 4.13, and on every GT, J2000 according to Celestron's own driver; other sources disagree."""
+        if self.starsense or self.version is None or self.version >= JNOW_FROM:
+            return "jnow"
+        return "j2000"
+
+    @property
+    def german(self) -> bool:  # type: ignore[override]
+        return bool(self.facts["mount"] == "german")
+
+    def has(self, part: str) -> bool:
+        return part in self.facts["has"] or part in self.found
+
+    @property
+    def rates(self) -> Model:
+        """The key speeds of the mount's family."""
+        return rate_tables()[self.facts["rates"]]
+
+    def key_speed(self, key: int) -> float:
+        """Return the speed of a hand-control key (1-9), degrees a second."""
+        return key_speed(self.rates, key)
 
 
 def rate_zero(axis: int) -> Send:
