@@ -14,8 +14,7 @@ from collections.abc import Callable
 
 from gateway.clients.commands.pushes import Pushes
 from gateway.clients.commands.releases import Releases
-from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
-from gateway.clients.commands.turn_runner import TurnRunner
+from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn, TurnRunner
 from gateway.clients.commands.unread import UnreadText
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core.errors import NoAnswer

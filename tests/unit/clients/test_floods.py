@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.commands.turn_runner import MAX_BACKGROUND
+from gateway.clients.commands.turn import MAX_BACKGROUND
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
