@@ -119,8 +119,8 @@ class Driver:
     years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own, and whether it times guide pulses itself.
     gps = times_pulses = False
-    #: Whether the gateway stores a sync that the mount's own axis readings do not include.
-    has_sync_offset = False
+    #: Degrees that replace a sync that the mount cannot take, in RA and declination; its axes know nothing of them.
+    offset: tuple[float, float] = (0.0, 0.0)
     #: Whether it does so because the hand control has no sync command.
     emulates_sync = False
     #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.

@@ -92,12 +92,37 @@ def test_an_lx200_program_too(mount: Any) -> None:
     run(program())
 
 
+def test_after_a_sync_that_the_gateway_keeps_the_drive_stays_off() -> None:
+    """The mount itself goes to where the place is without that sync, by its axes."""
+
+    async def program() -> None:
+        async with over(("gt", "nexstar", NORTH, b""), "alpaca") as own:
+            own.controller.astrometry.sky.load()
+            client = own.client()
+            await ask(client, "put connect")
+            ra, dec = await ask(client, "get rightascension"), await ask(client, "get declination")
+            assert await ask(client, f"put synctocoordinates RightAscension={ra - 0.07} Declination={dec + 1}") is None
+            assert await ask(client, "put tracking Tracking=false") is None
+            assert await ask(client, "put slewtoaltazasync Azimuth=100 Altitude=50") is None
+            while await ask(client, "get slewing"):
+                assert await ask(client, "get tracking") is False
+                await asyncio.sleep(0.5)
+            told = await ask(client, "get azimuth"), await ask(client, "get altitude")
+            assert separation(*told, 100.0, 50.0) < NEAR
+            assert separation(*horizon(own.sim), 100.0, 50.0) > 1.0, "the mount knows nothing of the sync"
+            first = horizon(own.sim)
+            await asyncio.sleep(60.0)
+            assert separation(*horizon(own.sim), *first) < 2.0 / 3600.0, "it stands"
+
+    run(program())
+
+
 def test_a_classic_which_cannot_stop_tracking_refuses() -> None:
     async def program() -> None:
         async with over(("lx200", "lx200", NORTH, b""), "alpaca") as own:
             client = own.client()
             await ask(client, "put connect")
-            assert await ask(client, "put slewtoaltazasync Azimuth=150 Altitude=45") == -0x40B
+            assert await ask(client, "put slewtoaltazasync Azimuth=150 Altitude=45") == -0x400
             await asyncio.sleep(2.0)
             assert not own.sim.slewing
 

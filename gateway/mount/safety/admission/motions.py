@@ -13,8 +13,9 @@ import contextlib
 from msgspec.structs import replace
 
 from gateway.astro.axes import Build, Geometry, Pair
-from gateway.astro.spherical import separation, wrap360
+from gateway.astro.spherical import fold_declination, separation, wrap360
 from gateway.core import operations as op
+from gateway.core.about import FIRST_RULES
 from gateway.core.errors import BelowHorizon, Fault, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
@@ -126,12 +127,17 @@ class Admission:
         mount = self._mount
         mount.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         status = await self._status()
-        by_axes = mount.driver.implementation(op.GotoAxes)
-        if not status.equatorial and by_axes and not mount.driver.has_sync_offset:
+        rests = status.tracking is op.Tracking.OFF and mount.policy.rules > FIRST_RULES
+        by_axes = not status.equatorial and mount.driver.implementation(op.GotoAxes)
+        if by_axes and not any(mount.driver.offset):
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
         goal = mount.astrometry.equatorial(operation)
+        if by_axes and rests:
+            east, north = mount.driver.offset
+            own = mount.astrometry.horizon(op.Equatorial(*fold_declination(goal.ra - east, goal.dec - north)))
+            return await self._admit(op.GotoAxes(own.az, own.alt, operation.fastest))
         goto = op.Goto(goal.ra, goal.dec, fastest=operation.fastest)
-        if status.equatorial and status.aligned and status.tracking is op.Tracking.OFF:
+        if status.equatorial and status.aligned and rests:
             return await self._admit_at_rest(operation, goto)
         return await self._admit(goto)
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.core.errors import Invalid, Refused
-from gateway.core.operations import GetActivity, GetStatus, Tracking, Values
+from gateway.core.errors import Invalid, Refused, Unsupported
+from gateway.core.operations import GetAbilities, GetActivity, GetStatus, SetTracking, Tracking, Values
 from gateway.protocols.alpaca.tables import NotConnected, Parked, is_refusal, member, refusal
 from gateway.protocols.base.session import Kept, Session
 from gateway.protocols.base.surface import Handler, Surface
@@ -64,6 +64,8 @@ def _admitted(session: Session, command: Command) -> Handling:
     if needs.unparked and (yield GetActivity()).parked:
         raise Parked
     if needs.tracking is not None:
+        if not needs.tracking and SetTracking.__name__ not in (yield GetAbilities()).can:
+            raise Unsupported("This mount cannot stop tracking, which a goto over the horizon needs.")
         tracks = (yield GetStatus()).tracking is not Tracking.OFF
         if tracks is not needs.tracking and not (needs.tracking and kept.no_tracking):
             raise Refused(

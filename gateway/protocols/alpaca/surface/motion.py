@@ -24,6 +24,7 @@ BY_SKY = (
     'calibrated with an earlier version must be calibrated anew, with "reverse Dec after meridian flip" off; '
     'guide-directions = "motor" on the surface brings back what they meant then'
 )
+NO_PARK = "This mount cannot be parked."
 #: A speed that differs from one of the mount's by less than this fraction counts as that one.
 NEAR = 0.01
 #: The sidereal rate, degrees per second.
@@ -83,22 +84,33 @@ def at_home(session: AlpacaSession, command: Command, values: Values) -> Handlin
     return (yield op.GetActivity()).homed and (yield op.HomeState()) == 1
 
 
+def find_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    yield from _needs(op.Home, "This mount has no home position.")
+    yield op.Home()
+
+
 def park(session: AlpacaSession, command: Command, values: Values) -> Handling:
     """Park the mount, unless it is parked already."""
+    yield from _needs(op.Park, NO_PARK)
     if not (yield op.GetActivity()).parked:
         yield op.Park()
 
 
 def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling:
     """Unpark and turn tracking on if possible. Raises Unsupported for a mount that cannot be parked."""
-    if "Park" not in (yield op.GetAbilities()).can:
-        raise Unsupported("This mount cannot be parked.")
+    yield from _needs(op.Park, NO_PARK)
     if not (yield op.GetActivity()).parked:
         return
     yield op.Unpark()
     if (yield op.GetStatus()).tracking is op.Tracking.OFF:
         with suppress(Fault):  # it is unparked all the same
             yield op.SetTracking(True)
+
+
+def _needs(operation: type[op.Operation], words: str) -> Handling:
+    """Raise Unsupported if the mount can never do this: at once, whatever it is busy with."""
+    if operation.__name__ not in (yield op.GetAbilities()).can:
+        raise Unsupported(words)
 
 
 def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:

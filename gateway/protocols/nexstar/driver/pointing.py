@@ -40,7 +40,7 @@ def axis_readings(mount: NexStar) -> Send:
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
     """Return a fork's own Horizontal position; None if the axes are equatorial (then the controller calculates it)."""
     mode = tracking.native_mode(mount)
-    if mount.german or (mode is not None and mode.equatorial) or mount.has_sync_offset:
+    if mount.german or (mode is not None and mode.equatorial) or any(mount.offset):
         return None
     answer = yield axis_readings(mount)
     return op.Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))

@@ -120,14 +120,9 @@ class NexStar(Driver):
         self.last: op.Equatorial | None = None
         #: Whether the declination reported last was beyond 90 degrees.
         self.beyond_pole = False
-        self.offset: tuple[float, float] = (0.0, 0.0)
+        self.offset = (0.0, 0.0)
         self.home: op.Horizontal | None = None
         self.home_state = 0
-
-    @property
-    def has_sync_offset(self) -> bool:  # type: ignore[override]
-        """Whether an emulated sync is in force, on a hand control that has no sync command."""
-        return self.offset != (0.0, 0.0)
 
     @property
     def tracking_suspended(self) -> bool:  # type: ignore[override]

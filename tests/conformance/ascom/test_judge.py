@@ -1,0 +1,91 @@
+"""ASCOM's judge on six mounts: every check is ok, but for the issues that are listed here with their reasons."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.virtual_time import run
+from tests.conformance.ascom.methods import METHODS
+from tests.conformance.ascom.properties import CONNECTING, PROPERTIES, disconnect
+from tests.conformance.ascom.telescope import Ascom, Issue, Skipped, Telescope
+
+START = 1769634000.0
+MOST = 2
+PAGE = Path(__file__).parents[3] / "docs" / "programs" / "alpaca.md"
+
+
+class Mount(NamedTuple):
+    """A simulated mount, its latitude, what its owner tells it before, and the issues that remain with their reason."""
+
+    model: str
+    driven: str
+    latitude: float
+    told: bytes
+    issues: dict[str, str]
+
+
+COARSE = (
+    "these motors count quarters of an arcsecond a second, and both turn in every direction: over 5 s that is up to "
+    "0.6 arcseconds an axis, of right ascension near the pole ten times as much"
+)
+ALTAZ = {"PulseGuide north and south": COARSE, "PulseGuide east and west": COARSE}
+CLASSIC = {
+    "A slew right after UTCDate": "a classic calculates its planets for seconds after each date, and takes no order",
+    "Answers in time": "the same: its answer to a new date takes seconds, and the goto waits before it is refused",
+}
+MOUNTS = {
+    "CPC": Mount("cpc", "nexstar", 45.0, b"", ALTAZ),
+    "CGEM north": Mount("cgem", "nexstar", 45.0, b"", {}),
+    "CGEM south": Mount("cgem", "nexstar", -34.0, b"", {}),
+    "GT": Mount("gt", "nexstar", 45.0, b"", ALTAZ),
+    "LX200GPS polar": Mount("lx200gps", "lx200", 45.0, b":AP#", {}),
+    "LX200 classic": Mount("lx200", "lx200", 45.0, b"", CLASSIC),
+}
+CHECKS = {**CONNECTING, **PROPERTIES, **METHODS, "Disconnect": disconnect}
+
+
+async def judged(mount: Mount) -> dict[str, str]:
+    """Return what was wrong with each check that applies to the mount, empty if nothing."""
+    found: dict[str, str] = {}
+    async with Stage(
+        mount.model, start=START, driven=mount.driven, presented="alpaca", site=(mount.latitude, 10.0), named=True,
+        config={"sun": 0.0},
+    ) as own:  # fmt: skip
+        own.sim.feed(mount.told)
+        own.controller.astrometry.sky.load()
+        scope = Telescope(own)
+        for name, check in CHECKS.items():
+            try:
+                await check(scope)
+                found[name] = ""
+            except (Issue, Ascom) as error:
+                found[name] = str(error)
+            except Skipped:
+                pass
+    return found
+
+
+def in_the_page(name: str) -> tuple[int, int]:
+    """Return how many checks are ok, and how many issues there are, by the page for users."""
+    [found] = re.findall(rf"^\| {name} \| (\d+) \| (\d+)", PAGE.read_text("utf-8"), re.MULTILINE)
+    return int(found[0]), int(found[1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MOUNTS)
+def test_the_judge_finds_what_is_known(name: str) -> None:
+    mount = MOUNTS[name]
+
+    async def program() -> None:
+        found = await judged(mount)
+        issues = {check: words for check, words in found.items() if words}
+        assert issues.keys() == mount.issues.keys(), issues
+        assert len(issues) <= MOST
+        assert (len(found) - len(issues), len(issues)) == in_the_page(name)
+
+    run(program())
