@@ -107,10 +107,10 @@ class ConnectionAcceptor:
         """Check whether a connection is allowed; log a refusal once per host. Raises ConnectionRefused."""
         self._admission.check(name, host, self.clients(), _is_serial(name, host))
 
-    def clients(self) -> int:
-        """The number of clients, including disconnected ones whose operations are still under way."""
+    def clients(self) -> list[str]:
+        """The hosts of all clients, including disconnected ones whose operations are still under way."""
         self._clients = {client for client in self._clients if client.open or client.busy}
-        return len(self._clients)
+        return [client.activity.who for client in self._clients]
 
     def present_hosts(self) -> list[str]:
         """Return the hosts of the clients that seem present.

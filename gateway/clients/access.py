@@ -18,6 +18,7 @@ from gateway.core.operations import AbortMotion, AbortSlew, Focus, Hibernate, Op
 from gateway.core.wire_log import WireLog
 from gateway.system.file_limits import no_room
 from gateway.transport.handler import ConnectionRefused
+from gateway.transport.room import share
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
@@ -92,12 +93,15 @@ class Admission:
     def __init__(self, access: Access, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log
 
-    def check(self, name: str, host: str, connected: int, lasting: bool = False) -> None:
-        """Raises ConnectionRefused if ``connected`` clients are the most allowed; a ``lasting`` one needs no file."""
+    def check(self, name: str, host: str, connected: Sequence[str], lasting: bool = False) -> None:
+        """Raises ConnectionRefused if the hosts ``connected`` are the most allowed; a ``lasting`` one needs no file."""
+        most = self._access.most
         if not self._access.admits(host):
             why = "it is not in allow"
-        elif connected >= self._access.most:
-            why = f"there are {self._access.most} clients (max-clients) already"
+        elif len(connected) >= most:
+            why = f"there are {most} clients (max-clients) already"
+        elif connected.count(host) >= (own := share(host, most)):
+            why = f"it has {own} clients already, three quarters of max-clients"
         elif not lasting and (words := no_room()):
             why = words
         else:

@@ -118,22 +118,26 @@ class PageSession:
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
-    def take(self, text: str | bytes) -> None:
-        """Receive a message from the page. An invalid one is answered with an error and has no effect."""
+    def take(self, text: str | bytes) -> bool:
+        """Receive a message from the page. An invalid one is answered with an error and has no effect.
+
+        Return whether somebody uses the page: every open page sends beats, and empty searches to see if it is answered.
+        """
         self._heard = self._loop.time()
         try:
             request = requests.read(text)
         except ValueError as error:
             self._tasks.spawn(self._answer(0, False, f"the console does not understand this: {error}"))
-            return
+            return False
         if isinstance(request, requests.Beat):
             for number, arrows in enumerate(self._arrows):
                 arrows.keep({(_direction(one.direction), one.press) for one in request.held if one.mount == number})
-            return
+            return bool(request.held)
         if len(self._tasks) >= AT_ONCE and not isinstance(request, requests.Stop | requests.LetGo):
             self._tasks.spawn(self._answer(request.id, False, "too many requests at once; wait a moment"))
-            return
-        self._tasks.spawn(self._carry_out(request, self._press_or_release(request)))
+        else:
+            self._tasks.spawn(self._carry_out(request, self._press_or_release(request)))
+        return not isinstance(request, requests.Search) or bool(request.text)
 
     def _press_or_release(self, request: requests.Asked) -> asyncio.Task[tuple[bool, str]] | None:
         """Press or release an arrow at once, in the order of the messages. Return the outcome of a press."""

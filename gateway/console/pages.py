@@ -1,4 +1,4 @@
-"""What the web servers of the console and the fleet share: static files, access checks, listening.
+"""What the web servers of the console and the fleet share: static files, access checks.
 
 The files are read once at the start; a path to any other file is not served. Every refusal is one plain line of text.
 
@@ -19,7 +19,6 @@ from typing import Any
 from aiohttp import web
 
 from gateway.system.own_names import host_of
-from gateway.system.web_log import web_log
 
 #: Content types of the files that are served, by their suffix.
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
@@ -83,19 +82,6 @@ def guarded(refused: Callable[[web.Request], str]) -> Any:
         return response
 
     return admit
-
-
-async def runner_of(app: web.Application) -> web.AppRunner:
-    """Return a server that is ready to listen."""
-    runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
-    await runner.setup()
-    return runner
-
-
-async def listen(runner: web.AppRunner, host: str, port: int) -> int:
-    """Listen at an address and return the actual port. Raises OSError."""
-    await web.TCPSite(runner, host, port).start()
-    return int(runner.addresses[-1][1])
 
 
 def same_origin(origin: str | None, host: str | None) -> bool:

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from gateway.app.discovery.offer import web_address
 from gateway.app.gateway import Gateway
@@ -22,10 +22,12 @@ from gateway.clients.access import Access
 from gateway.clients.any_protocol.web import NONE
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
-from gateway.console.pages import Pages, from_own_page, guarded, listen, runner_of, same_token
+from gateway.console.pages import Pages, from_own_page, guarded, same_token
+from gateway.core.waiting import BackgroundTasks
 from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
-from gateway.system.own_names import known_host
+from gateway.transport.http_server import HttpServer, addressed_here, local_address
+from gateway.transport.room import Guest, Room, Use
 
 PAGE = Path(__file__).parent / "page"
 #: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
@@ -51,7 +53,8 @@ class Console:
         self._files = Pages({path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")})
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
-        self._runner: web.AppRunner | None = None
+        self._room, self._ending = Room(MOST_PAGES), BackgroundTasks()
+        self._server: HttpServer | None = None
         self._served: list[Callable[[], None]] = []
         self.host, self.port = "", 0
 
@@ -68,12 +71,12 @@ class Console:
             web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._metrics_text),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
-        self._runner = await runner_of(app)
+        self._server = await HttpServer.start(app)
         if not host:
             return
         for attempt in range(others + 1):
             try:
-                self.host, self.port = host, await listen(self._runner, host, port + attempt if port else 0)
+                self.host, self.port = host, await self._server.listen(host, port + attempt if port else 0)
                 return
             except OSError:
                 if attempt == others or not port:
@@ -91,11 +94,8 @@ class Console:
 
     def serve(self, transport: asyncio.Transport, data: bytes) -> None:
         """Take over a connection that was accepted elsewhere and of which these bytes have been read."""
-        assert self._runner is not None and self._runner.server is not None
-        protocol = self._runner.server()
-        transport.set_protocol(protocol)
-        protocol.connection_made(transport)
-        protocol.data_received(data)
+        assert self._server is not None
+        self._server.serve(transport, data)
 
     async def close(self) -> None:
         """Close all pages, which releases their direction keys, stop serving, and end running recordings."""
@@ -105,9 +105,9 @@ class Console:
             await asyncio.wait(self._pages, timeout=1.0)
         for end in self._served:
             end()
-        if self._runner is not None:
-            await self._runner.cleanup()
-            self._runner = None
+        if self._server is not None:
+            await self._server.close()
+            self._server = None
         self._metrics.close()
         for recording in self._mounts.recordings:
             if recording.state is not None:
@@ -120,15 +120,15 @@ class Console:
         headers = request.headers
         if not self._access.admits(request.remote or ""):
             return "This address is not in the console's allow list."
-        if not known_host(headers.get("Host"), _local_address(request)[0], self._names):
-            return "This gateway does not have that name; if it does, add the name to [console] names."
+        if not addressed_here(request, self._names):
+            return "This gateway does not know that name; if it leads here, add it to names of [console] or a surface."
         if not from_own_page(headers, request.path):
             return "Only the console's own page may request this."
         return ""
 
     def _view_only(self, request: web.Request) -> bool:
         """Whether the client is view-only, by the console's rules or those of the port of the connection."""
-        rules = [self._access, self._port_rules.get(_local_address(request)[1], self._access)]
+        rules = [self._access, self._port_rules.get(local_address(request)[1], self._access)]
         return any(rule.is_read_only(request.remote or "") for rule in rules)
 
     def _may_act(self, request: web.Request) -> bool:
@@ -157,18 +157,28 @@ class Console:
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         if not same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
-        if len(self._pages) >= MOST_PAGES:
-            raise web.HTTPServiceUnavailable(reason=f"{MOST_PAGES} pages are open already")
+        host = request.remote or "?"
         ws = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=HEARTBEAT, compress=False)
         await ws.prepare(request)
-        host = request.remote or "?"
+        place = self._room.enter(host, lambda: self._ending.spawn(_full(ws)), Use.IDLE)
+        if place is None:
+            await _full(ws)
+            return ws
+        try:
+            await self._converse(ws, request, host, place)
+        finally:
+            self._room.leave(place)
+        return ws
+
+    async def _converse(self, ws: web.WebSocketResponse, request: web.Request, host: str, place: Guest) -> None:
+        """Serve a page until it disconnects."""
         session = PageSession(self._mounts, _Socket(ws, request), host, self._may_act(request))
         shown = asyncio.ensure_future(session.run())
         self._pages.add(shown)
         try:
             async for message in ws:
-                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
-                    session.take(message.data)
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and session.take(message.data):
+                    self._room.mark(place, Use.IDLE)
                 if shown.done():
                     break
         finally:
@@ -176,7 +186,11 @@ class Console:
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await shown
             self._pages.discard(shown)
-        return ws
+
+
+async def _full(ws: web.WebSocketResponse) -> None:
+    """Close a page for which there is no place; it tries again much later."""
+    await ws.close(code=WSCloseCode.TRY_AGAIN_LATER, drain=False)
 
 
 async def _no_page(request: web.Request) -> web.StreamResponse:
@@ -203,9 +217,3 @@ class _Socket:
         if self._ws.closed:
             raise ConnectionError("the page has disconnected")
         await self._ws.send_str(text)
-
-
-def _local_address(request: web.Request) -> tuple[str, int]:
-    """Return the local address and port of a request's connection."""
-    local = request.transport.get_extra_info("sockname") if request.transport else None
-    return (str(local[0]), int(local[1])) if local else ("", 0)

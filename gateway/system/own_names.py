@@ -41,14 +41,16 @@ def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> boo
     ``local`` is the address at which the connection arrived. Rebinding needs a foreign name or address.
     """
     host = host_of(header or "")
+    if host and host in {host_of(name) for name in names}:
+        return True
     try:
         address = ip_address(host.partition("%")[0])
     except ValueError:
-        return host in own_names() or host in {name.lower() for name in names}
-    return address.is_loopback or _plain(local) == _plain(str(address)) or str(address) in own_addresses()
+        return host in own_names()
+    return address.is_loopback or plain_address(local) == plain_address(str(address)) or str(address) in own_addresses()
 
 
-def _plain(address: str) -> str:
+def plain_address(address: str) -> str:
     """Remove the IPv6 zone and the prefix of an IPv4-mapped address."""
     return address.partition("%")[0].removeprefix("::ffff:")
 

@@ -1,6 +1,7 @@
 """The log of the web server on the terminal: its own failures, with their traceback.
 
-A request that is not valid HTTP is answered with 400 and not logged, because it is no failure of the server.
+A request that is not valid HTTP is answered with 400 and not logged, because it is no failure of the server; nor is
+a client that leaves before its request is whole.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ def web_log() -> logging.Logger:
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether a record is more than an invalid request."""
+    """Whether a record is more than an invalid request, or half of one."""
     from aiohttp.http_exceptions import HttpProcessingError
 
-    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError | ConnectionError))

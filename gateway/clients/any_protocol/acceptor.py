@@ -30,7 +30,7 @@ class AnyConnection:
 
     def __init__(self, port: AnyAcceptor, name: str, host: str, write: Write, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
-        self._name, self._host, self._write = name, host, write
+        self._name, self.host, self._write = name, host, write
         self._hang_up: HangUp | None = None
         self._hand_over: HandOver | None = None
         #: The connection that answers, and its protocol; preliminary while the protocol is undecided.
@@ -127,7 +127,7 @@ class AnyConnection:
         self._protocol = protocol
         self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
         self._handler = self._acceptors[protocol].create_silently(
-            self._name, self._host, self._write, first_bytes=self._answered_bytes
+            self._name, self.host, self._write, first_bytes=self._answered_bytes
         )
         if self._hang_up is not None:
             self._handler.network(self._hang_up)
@@ -150,7 +150,7 @@ class AnyConnection:
         self._close_handler()
         self.sent, self.feed, self._waits_for_web = sent, self._wait_for_web, True
         words = "speaks HTTP: passed to the console, nothing of it reaches the mount"
-        self._controller.wire_log.note_once(self._name, words, of=self._host)
+        self._controller.wire_log.note_once(self._name, words, of=self.host)
         self._web.enter(self)
 
     def _wait_for_web(self, data: bytes) -> None:
@@ -188,8 +188,10 @@ class AnyAcceptor:
 
     def admit(self, name: str, host: str) -> None:
         """Check whether a connection is allowed. Raises ConnectionRefused."""
-        unknown = sum(not connection.decided for connection in self._connections)
-        self._admission.check(name, host, unknown + sum(one.clients() for one in self.acceptors.values()))
+        connected = [one.host for one in self._connections if not one.decided]
+        for acceptor in self.acceptors.values():
+            connected += acceptor.clients()
+        self._admission.check(name, host, connected)
 
     def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
         wire_log = self.controller.wire_log

@@ -16,13 +16,13 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.console.pages import Pages, from_own_page, guarded, listen, runner_of, same_token
+from gateway.console.pages import Pages, from_own_page, guarded, same_token
 from gateway.console.server import PAGE
 from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
 from gateway.fleet.topics import Message, Received, Topics
-from gateway.system.own_names import known_host
+from gateway.transport.http_server import HttpServer, addressed_here
 
 OWN = Path(__file__).parent / "page"
 #: Files that are shared with the console's page.
@@ -62,7 +62,7 @@ class Overview:
         self._files = Pages(own | {name: PAGE / name for name in SHARED})
         self._connected, self._why = False, "the broker has not answered yet"
         self._waiting_for_echo: dict[str, asyncio.Event] = {}
-        self._runner: web.AppRunner | None = None
+        self._server: HttpServer | None = None
         self.where = ""
 
     async def open(self, port: int) -> None:
@@ -72,19 +72,19 @@ class Overview:
             web.get("/", self._index), web.get("/fleet.json", self._mounts), web.post("/stop", self._stop),
             web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
-        self._runner = await runner_of(app)
+        self._server = await HttpServer.start(app)
         try:
-            taken = await listen(self._runner, "127.0.0.1", port)
+            taken = await self._server.listen("127.0.0.1", port)
         except OSError:
-            await self._runner.cleanup()
+            await self._server.close()
             raise
         self.where = f"http://127.0.0.1:{taken}/"
         self._link.start()
 
     async def close(self) -> None:
         """Stop serving, and disconnect from the broker."""
-        if self._runner is not None:
-            await self._runner.cleanup()
+        if self._server is not None:
+            await self._server.close()
         await self._link.close()
 
     # --- the broker -------------------------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ class Overview:
     def _refused(self, request: web.Request) -> str:
         """Return why a request is refused (it is not from the page, or lacks the token), or an empty text."""
         headers = request.headers
-        ours = known_host(headers.get("Host"), "127.0.0.1") and from_own_page(headers, request.path)
+        ours = addressed_here(request) and from_own_page(headers, request.path)
         private = request.path in ("/fleet.json", "/stop")
         if ours and (not private or same_token(headers.get("X-Token"), self._token)):
             return ""

@@ -19,6 +19,7 @@ from gateway.core.errors import UserError
 from gateway.diagnostics.virtual_time import run
 from gateway.transport.handler import ConnectionRefused
 from gateway.transport.tcp import exposed
+from tests.support.any_port import AnyBridge
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.nexstar_flows import precise, up
@@ -95,6 +96,25 @@ def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leaves() ->
         two[1][1].close()
 
     serve(program, max_clients=2)
+
+
+def test_one_address_gets_three_quarters_of_the_places_and_this_computer_all() -> None:
+    async def program() -> None:
+        async with AnyBridge(keys={"max_clients": 8}) as bridge:
+            first = [bridge.call("10.0.0.1") for _ in range(6)]
+            for caller in first[:3]:  # what these speak is known; the others have sent nothing
+                await caller.ask(b":GR#")
+            with pytest.raises(ConnectionRefused):
+                bridge.call("10.0.0.1")
+            [told] = [notice.text for notice in bridge.wire_log.recent if notice.side == "10.0.0.1"]
+            assert "it has 6 clients already, three quarters of max-clients" in told
+            bridge.call("10.0.0.2"), bridge.call("127.0.0.1")
+        async with AnyBridge(keys={"max_clients": 4}) as bridge:
+            assert len([bridge.call() for _ in range(4)]) == 4
+            with pytest.raises(ConnectionRefused):
+                bridge.call("10.0.0.1")
+
+    run(program())
 
 
 def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> None:

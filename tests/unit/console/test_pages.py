@@ -23,6 +23,8 @@ NAME = socket.gethostname().lower().partition(".")[0]
         (f"{NAME}.local:4080", True),
         ("192.0.2.7:4080", True),  # the address at which the connection came in
         ("pier.example.org", True),  # configured
+        ("203.0.113.7:8080", True),  # configured: an address that a router or a container translates
+        ("[2001:DB8::7]", True),
         ("192.0.2.8:4080", False),
         ("evil.example", False),
         ("localhost.evil.example", False),
@@ -33,7 +35,7 @@ NAME = socket.gethostname().lower().partition(".")[0]
     ],
 )
 def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
-    assert known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
+    assert known_host(header, "192.0.2.7", ["Pier.example.org", "203.0.113.7", "2001:db8::7"]) is allowed
 
 
 @each(

@@ -17,6 +17,7 @@ from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.clients.access import Access, networks
 from gateway.console.server import LONGEST, MOST_PAGES, Console
+from gateway.transport.room import KEPT
 
 PATIENCE = 10.0
 
@@ -180,17 +181,23 @@ def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
     play(work())
 
 
-def test_no_more_pages_than_there_is_room_for(tmp_path: Path) -> None:
+def test_a_page_too_many_takes_the_place_of_the_one_that_was_not_used_for_longest(tmp_path: Path) -> None:
     async def work() -> None:
-        async with opened(tmp_path) as there:
-            token = await there.token()
-            where = f"{there.console.where}socket?token={token}"
-            pages = [await there.http.ws_connect(where) for _ in range(MOST_PAGES)]
-            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
-                await there.http.ws_connect(where)
-            assert refused.value.status == 503
-            for page in pages:
-                await page.close()
+        async with opened(tmp_path) as there, contextlib.AsyncExitStack() as stack:
+            where = f"{there.console.where}socket?token={await there.token()}"
+
+            async def connect() -> Page:
+                return Page(await stack.enter_async_context(there.http.ws_connect(where)))
+
+            pages = [await connect() for _ in range(MOST_PAGES - KEPT)]
+            used = pages.pop(0)
+            assert (await used.ask("look_up", name="Vega"))["ok"]
+            for number, last in enumerate([await connect(), await connect()]):
+                assert (await last.ask("stop"))["id"]
+                with pytest.raises(AssertionError, match=r"CLOSE.*1013"):  # the page tries again much later
+                    await pages[number].until(lambda: False)
+            assert (await used.ask("look_up", name="Vega"))["ok"]
+            await asyncio.gather(*(page.ws.close() for page in [used, *pages]))
 
     play(work())
 

@@ -22,21 +22,20 @@ from gateway.core.errors import ReadOnly
 from gateway.protocols.alpaca.http.programs import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, client_numbers, parse_request
 from gateway.protocols.alpaca.tables import empty_value, member, refused
-from gateway.system.own_names import known_host
-from gateway.system.web_log import web_log
 from gateway.transport.handler import ConnectionRefused
+from gateway.transport.http_server import HttpServer, addressed_here
 from gateway.transport.web_port import WebDevice
 
 #: The longest body of a request, bytes.
 LONGEST = 8192
-#: Seconds in which it must arrive.
-TIMEOUT = 5.0
-#: Seconds in which open requests may be answered at the end.
-END = 0.5
 FORM = "application/x-www-form-urlencoded"
 CONSOLE = '<a href="/">The console</a> shows and moves the mount.'
 NO_CONSOLE = (
     "Its console shows and moves the mount; its address is in the line <q>ready console</q> that the gateway prints."
+)
+NOT_HERE = (
+    "This gateway does not know the name or address in the Host header. If that leads here, through a container or a "
+    'router, add it: names = ["pier.example.org"] on the surface, or --names pier.example.org.'
 )
 #: The UUID namespace of the devices' identifiers.
 _SPACE = uuid.UUID("6f3d2c1e-7c1b-5d0e-9a53-6d6f756e7467")
@@ -94,9 +93,8 @@ class AlpacaServer:
 
     def _refused(self, request: web.Request) -> str:
         """Return why a request is refused, or an empty string."""
-        local = request.transport.get_extra_info("sockname") if request.transport else None
-        if not known_host(request.headers.get("Host"), str(local[0]) if local else "", self._names):
-            return "The Host header is not a name of this computer."
+        if not addressed_here(request, self._names):
+            return NOT_HERE
         if "Origin" in request.headers or request.headers.get("Sec-Fetch-Site", "none") != "none":
             return "Requests from web pages are refused."
         return ""
@@ -165,25 +163,22 @@ class AlpacaServer:
 class OwnServer:
     """The web server of a port that has only Alpaca."""
 
-    def __init__(self, runner: web.AppRunner, alpaca: AlpacaServer) -> None:
-        self._runner, self._alpaca = runner, alpaca
+    def __init__(self, server: HttpServer, alpaca: AlpacaServer) -> None:
+        self._server, self._alpaca = server, alpaca
 
     @classmethod
     async def start(cls, alpaca: AlpacaServer) -> OwnServer:
         app = web.Application(client_max_size=LONGEST)
         alpaca.add_to(app)
-        runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=END, logger=web_log())
-        await runner.setup()
-        return cls(runner, alpaca)
+        return cls(await HttpServer.start(app), alpaca)
 
     def __call__(self) -> asyncio.Protocol:
-        assert self._runner.server is not None
-        return self._runner.server()
+        return self._server()
 
     async def close(self) -> None:
         """Stop answering and close all connections."""
         self._alpaca.close()
-        await self._runner.cleanup()
+        await self._server.close()
 
 
 def _unique_id(title: str) -> str:
@@ -207,14 +202,10 @@ async def _parameters(request: web.Request) -> Pairs:
 async def _body(request: web.Request) -> bytes:
     """Return the whole body, which may arrive in pieces; half a number would be another number. Raises BadRequest."""
     body = b""
-    try:
-        async with asyncio.timeout(TIMEOUT):
-            async for piece in request.content.iter_any():
-                body += piece
-                if len(body) > LONGEST:
-                    raise BadRequest(f"The body is longer than {LONGEST} bytes")
-    except TimeoutError:
-        raise BadRequest(f"The body has not arrived within {TIMEOUT:g} s") from None
+    async for piece in request.content.iter_any():
+        body += piece
+        if len(body) > LONGEST:
+            raise BadRequest(f"The body is longer than {LONGEST} bytes")
     return body
 
 

@@ -177,8 +177,8 @@ def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
     run(test)
 
 
-def test_a_body_that_does_not_come_is_waited_for_in_vain_for_some_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.protocols.alpaca.http.server.TIMEOUT", 0.2)
+def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.transport.http_server.WHOLE", 0.2)
 
     async def test(own: Served) -> None:
         async def pieces() -> AsyncIterator[bytes]:
@@ -187,7 +187,8 @@ def test_a_body_that_does_not_come_is_waited_for_in_vain_for_some_seconds(monkey
             yield b".5"
 
         form = {"Content-Type": "application/x-www-form-urlencoded"}
-        assert (await own.ask("PUT", API + "moveaxis", data=pieces(), headers=form))[0] == 400
+        with pytest.raises(aiohttp.ClientError):
+            await own.ask("PUT", API + "moveaxis", data=pieces(), headers=form)
         assert own.mount.said == []
 
     run(test)
@@ -211,6 +212,7 @@ def test_a_body_that_cannot_be_read(body: bytes) -> None:
         ({"Host": "localhost:11111"}, 200),
         ({"Host": socket.gethostname()}, 200),
         ({"Host": "pier.example.org"}, 200),
+        ({"Host": "203.0.113.7:8080"}, 200),
         ({"Host": "rebound.example.com"}, 403),
         ({"Host": "192.0.2.99"}, 403),
         ({"Host": ""}, 403),
@@ -231,7 +233,21 @@ def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str],
                 assert not [name for name in response.headers if name.lower().startswith("access-control")]
         assert len(own.mount.said) == (2 if status == 200 else 0)
 
-    run(test, names=("pier.example.org",))
+    run(test, names=("pier.example.org", "203.0.113.7"))
+
+
+@each(("first", "status"), [("GET / HTTP/1.0", 404), ("GET /setup HTTP/1.0", 200), ("GET /setup HTTP/1.1", 400),
+                            ("GET /setup HTTP/1.0\r\nHost: rebound.example.com", 403),
+                            ("GET /setup HTTP/1.0\r\nOrigin: http://evil.example", 403)])  # fmt: skip
+def test_a_program_that_does_not_say_whom_it_means_speaks_http_1_0(first: str, status: int) -> None:
+    async def test(own: Served) -> None:
+        reader, writer = await asyncio.open_connection(*own.url.removeprefix("http://").split(":"))
+        writer.write(f"{first}\r\n\r\n".encode())
+        async with asyncio.timeout(PATIENCE):
+            assert str(status).encode() in await reader.readline()
+        writer.close()
+
+    run(test)
 
 
 def test_a_preflight_is_refused() -> None:

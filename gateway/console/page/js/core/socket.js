@@ -7,6 +7,9 @@ const BEAT = 500;
 const QUIET = 2000;
 const DEAD = 5000;
 const AGAIN = [300, 600, 1000, 2000, 3000];
+// The gateway has closed this page, because too many are open and this one was not used for longest.
+const CROWDED = 1013;
+const LATER = 60000;
 
 /** @type {WebSocket | null} */
 let ws = null;
@@ -77,21 +80,22 @@ export function connect() {
     emit("open");
   });
   mine.addEventListener("message", hear);
-  mine.addEventListener("close", () => mine === ws && lost());
+  mine.addEventListener("close", (event) => mine === ws && lost(event.code === CROWDED));
 }
 
-function lost() {
+function lost(crowded = false) {
   ws?.close();
   ws = null;
   const was = state.connected;
   state.connected = false;
+  state.crowded = crowded;
   for (const resolve of waiting.values()) {
     resolve({ ok: false, lost: true, words: "The connection broke before the gateway answered; look at what the mount does." });
   }
   waiting.clear();
   changed();
   if (was) emit("lost");
-  setTimeout(again, AGAIN[Math.min(attempts++, AGAIN.length - 1)]);
+  setTimeout(again, crowded ? LATER : AGAIN[Math.min(attempts++, AGAIN.length - 1)]);
 }
 
 /** Reconnect. After a restart the gateway has a new token, which only a reloaded page knows. */

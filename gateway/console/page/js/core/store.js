@@ -1,8 +1,8 @@
 // The state of the page: the last state of every mount, and whether the gateway is connected. Parts of the page
 // subscribe and are called at most once per animation frame, however many messages have arrived.
 
-/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], chosen: number, connected: boolean, act: boolean, pin: string}} */
-export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chosen: 0, connected: false, act: false, pin: "" };
+/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], chosen: number, connected: boolean, crowded: boolean, act: boolean, pin: string}} */
+export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chosen: 0, connected: false, crowded: false, act: false, pin: "" };
 
 /** @type {Set<() => void>} */
 const listeners = new Set();

@@ -44,6 +44,7 @@ function now() {
 
 function lostWords() {
   if (!state.hello) return "Connecting to the gateway…";
+  if (state.crowded) return "Too many pages are open, so the gateway has closed this one, which was not used for longest. What is shown is old, and STOP does not get through. Reload the page to use it; else it is tried again in a minute.";
   lostAt ||= performance.now();
   return `No connection to the gateway since ${span(Math.round((performance.now() - lostAt) / 1000))}. What is shown is old, and STOP does not get through: stop at the mount itself. It is tried again.`;
 }
