@@ -92,14 +92,14 @@ def make_surface(
     )
 
 
-async def open_surface(endpoint: Endpoint, baud: int | None, accept: Accept, title: str) -> Listener:
+async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accept, title: str) -> Listener:
     """Open the port of a surface; HTTP clients see the mount under its ``title``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
         return SharedWebPort()
     if spec is None or spec.web is None:
-        return await open_port(endpoint.where, accept, baud)
-    return await spec.web().open_port(endpoint.where, WebDevice(accept, title))
+        return await open_port(endpoint.where, accept, surface.baud)
+    return await spec.web().open_port(endpoint.where, WebDevice(accept, title), surface.names)
 
 
 def _no_warning(words: str) -> None:

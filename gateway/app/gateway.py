@@ -115,7 +115,7 @@ class Gateway:
         for endpoint, surface, acceptor in zip(self.endpoints, self.surfaces, self.acceptors, strict=True):
             try:
                 accept = self.entrance.accept(acceptor)
-                self.ports.append(await open_surface(endpoint, surface.baud, accept, self.title))
+                self.ports.append(await open_surface(endpoint, surface, accept, self.title))
             except UserError:
                 await self.close()
                 raise

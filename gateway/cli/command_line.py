@@ -67,6 +67,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UserError(plainly(message, self.prog, example(self._text_below(), self.prog)))
 
+    def _get_option_tuples(self, option_string: str) -> Any:
+        """Return the flags that a word abbreviates. ``--name``, a key that has no flag, does not mean ``--names``."""
+        return [] if option_string.partition("=")[0] == "--name" else super()._get_option_tuples(option_string)
+
     def _text_below(self) -> str:
         return self._late() if self._late is not None else self.epilog or ""
 

@@ -137,8 +137,10 @@ def _clients(config: Config) -> Iterator[Mistake]:
 
 
 def _access(config: Config) -> Iterator[Mistake]:
-    """Check that networks are valid, and named only on surfaces that have network connections."""
+    """Check that networks are valid, and named only on surfaces that have network connections; names only for HTTP."""
     for number, surface in enumerate(config.surface):
+        if surface.names and not speaks_http(surface.at):
+            yield Mistake(("surface", number, "names"), "only programs that speak HTTP need this: alpaca@ and any@")
         for key, value in (("allow", surface.allow), ("read-only", surface.read_only)):
             if not isinstance(value, list):
                 continue
@@ -154,6 +156,12 @@ def _access(config: Config) -> Iterator[Mistake]:
                 continue
             if key == "allow" and (words := _excludes_all(parse_endpoint(surface.at).where, found)):
                 yield Mistake(place, words)
+
+
+def speaks_http(at: str) -> bool:
+    """Whether programs that speak HTTP can use a surface."""
+    protocol = parse_endpoint(at).protocol
+    return protocol == ANY or PROTOCOLS[protocol].web is not None
 
 
 def _excludes_all(where: str, allowed: Networks) -> str:

@@ -27,6 +27,7 @@ def key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, 
 WORD = r"[A-Za-z0-9_.-]+"
 Word = Annotated[str, Meta(pattern=f"^{WORD}$", title="a word of letters, digits and _ . -")]
 Plain = Annotated[str, Meta(pattern=r"^[ -\"$-~]+$", title="plain text without #")]
+Host = Annotated[str, Meta(pattern=r"^[][A-Za-z0-9_.:-]+$", title="a host name or an address")]
 _Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Longitude = Annotated[float, Meta(ge=-180.0, le=360.0)]
 
@@ -267,6 +268,14 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
             "NETWORKS",
         ),
     ] = False
+    names: Annotated[
+        list[Host],
+        key(
+            "alpaca and any: further names and addresses under which programs reach this computer, as through a router "
+            "or a container's published port",
+            "NAMES",
+        ),
+    ] = []
     hold_text: Annotated[
         bool,
         key(

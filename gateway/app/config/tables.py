@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
-from gateway.app.config.keys import OFF, WORD, MountConfig, Plain, SurfaceConfig, Word, key
+from gateway.app.config.keys import OFF, WORD, Host, MountConfig, Plain, SurfaceConfig, Word, key
 
 #: What MQTT topics may begin with: words separated by slashes.
 PARTS = rf"^{WORD}(/{WORD})*$"
@@ -43,8 +43,9 @@ class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
         Plain | None, key("a page can only look and stop the mount until its user enters this", "PIN", "4711")
     ] = None
     names: Annotated[
-        list[str], key("further names under which browsers reach this computer", "NAMES", ["pier.example.org"])
-    ] = []  # fmt: skip
+        list[Host],
+        key("further names and addresses under which browsers reach this computer", "NAMES", ["pier.example.org"]),
+    ] = []
 
 
 class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):

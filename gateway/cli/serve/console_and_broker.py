@@ -34,7 +34,8 @@ async def open_console(
     if config.page is None:
         return None
     console = await asyncio.to_thread(_load_console)  # loading takes a quarter of a second, and clients must not wait
-    page = console(gateways, _access(config.page), config.page.pin or "", config.page.names, _shared_ports(gateways))
+    names = [*config.page.names, *_names(gateways)]
+    page = console(gateways, _access(config.page), config.page.pin or "", names, _shared_ports(gateways))
     host, port = split_address(config.page.at)
     try:
         await page.open(host, port)
@@ -55,7 +56,7 @@ async def open_console(
 async def open_programs(gateway: Gateway) -> Console:
     """Open a server without a console or a port: for the HTTP programs at the mount's ports for every protocol."""
     console = await asyncio.to_thread(_load_console)
-    server = console([gateway], ports=_shared_ports([gateway]), page=False)
+    server = console([gateway], names=_names([gateway]), ports=_shared_ports([gateway]), page=False)
     await server.open("", 0)
     return server
 
@@ -89,6 +90,11 @@ def _shared_ports(gateways: Sequence[Gateway]) -> dict[int, Access]:
         for endpoint, port, acceptor in zip(gateway.endpoints, gateway.ports, gateway.acceptors, strict=True)
         if endpoint.protocol == ANY
     }
+
+
+def _names(gateways: Sequence[Gateway]) -> list[str]:
+    """Return the further names of this computer that the surfaces have."""
+    return [name for gateway in gateways for surface in gateway.surfaces for name in surface.names]
 
 
 def _load_console() -> type[Console]:

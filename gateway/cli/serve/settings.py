@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -39,8 +40,9 @@ GROUPS = {
 }
 MOUNT = "about the mount"
 SURFACE = "about the surface, where there is one (where there are several: in the file)"
-#: Keys that only apply to surfaces on a network.
-NETWORK_KEYS = ("allow", "max-clients")
+#: Keys that only apply to some surfaces: what their addresses begin with, and these surfaces in words.
+_NETWORK = (r".*@(tcp|rfc2217)://", "on a network (tcp:// or rfc2217://)")
+ONLY_FOR = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
 #: The value that means true for a flag that may be true or a list.
 ALL = "all"
 #: Tables with flags of their own: the title of the group, and the key of each flag. Their other keys can only be set in
@@ -231,7 +233,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
         meant = [
             number
             for number, surface in enumerate(surfaces)
-            if len(surfaces) == 1 or name not in NETWORK_KEYS or _on_network(surface)
+            if len(surfaces) == 1 or name not in ONLY_FOR or re.match(ONLY_FOR[name][0], str(surface.get("at")))
         ]
         if len(meant) > 1:
             raise UserError(
@@ -239,16 +241,11 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
                 "[[surface]] that it is meant for (mount-gateway config --example shows how)"
             )
         if surfaces and not meant:
-            raise UserError(f"--{name}: none of these surfaces is on a network (tcp:// or rfc2217://)")
+            raise UserError(f"--{name}: none of these surfaces is {ONLY_FOR[name][1]}")
         for number in meant:
             tables["surface"] = surfaces = list(surfaces)
             surfaces[number] = surfaces[number] | {name: value}
             source.flags[("surface", number, name)] = f"--{name}"
-
-
-def _on_network(surface: dict[str, object]) -> bool:
-    """Whether a surface is on a network."""
-    return str(surface.get("at")).partition("@")[2].startswith(("tcp://", "rfc2217://"))
 
 
 def _value(key: Key, text: Any) -> Any:

@@ -18,11 +18,12 @@ from tests.support.process import PATIENCE, Running, run_to_end
 API = "/api/v1/telescope/0/"
 
 
-def ask(where: str, method: str, member: str, **parameters: str) -> Any:
+def ask(where: str, method: str, member: str, called: str = "", **parameters: str) -> Any:
     """The value; an error as its number below 0, and what is not understood as its HTTP status."""
     host, _, port = where.split("://")[1].rstrip("/").rpartition(":")
     link = http.client.HTTPConnection(host, int(port), timeout=PATIENCE)
     form = {"Content-Type": "application/x-www-form-urlencoded"} if method == "PUT" else {}
+    form |= {"Host": called} if called else {}
     try:
         link.request(method, API + member, urlencode(parameters) if method == "PUT" else None, form)
         response = link.getresponse()
@@ -81,6 +82,23 @@ def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> N
     assert "the same bytes" in played(path)
     said = run_to_end("decode", str(path)).stdout
     assert "go to a position: RA 05:30:00" in said and "rightascension: RA" in said
+
+
+@pytest.mark.parametrize("console", [["--console", "tcp://127.0.0.1:0"], []])
+def test_a_computer_may_have_names_that_it_does_not_know(tmp_path: Path, console: list[str]) -> None:
+    """A container's published port, or a router: the program types the name or the address of that."""
+    config = tmp_path / "gateway.toml"
+    config.write_text(
+        '[[surface]]\nat = "any@tcp://127.0.0.1:0"\nnames = ["pier.example.org"]\n'
+        '[[surface]]\nat = "alpaca@tcp://127.0.0.1:0"\nnames = ["203.0.113.7"]\n', "utf-8"
+    )  # fmt: skip
+    own = start(tmp_path, str(config), *console)
+    every, alone = own.ready(), own.ready()
+    assert ask(every, "GET", "interfaceversion", "pier.example.org:8080") == 4
+    assert ask(alone, "GET", "interfaceversion", "203.0.113.7:32768") == 4
+    assert ask(alone, "GET", "interfaceversion", "pier.example.org") == 403
+    assert [ask(where, "GET", "interfaceversion", "rebound.example.com") for where in (every, alone)] == [403] * 2
+    assert own.end() == 0
 
 
 def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:

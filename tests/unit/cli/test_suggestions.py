@@ -88,6 +88,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             ["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
             "--allow: this surface has no network connections; write it on a surface at tcp://",
         ),
+        (["run", *PLAIN, "--names", "pier"], "--names: only programs that speak HTTP need this: alpaca@ and any@"),
+        (["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--names", "pier"], "none of these surfaces is for HTTP"),
+        (["run", *PLAIN, "--names", "http://pier/"], "write a list, each a host name or an address"),
         (["run", *PLAIN, "--allow", "10.0.0.1/8"], "--allow '10.0.0.1/8': write 10.0.0.0/8"),
     ],
 )
@@ -166,6 +169,12 @@ def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str])
         assert f"{line}\n" in told
     assert main(["config", *PLAIN, "--read-only=10.0.0.0/8"]) == 0
     assert 'read-only = ["10.0.0.0/8"]  # --read-only\n' in capsys.readouterr().out
+
+
+def test_names_are_for_the_surface_that_speaks_http(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["config", *PLAIN, "--surface", "any@tcp://:0", "--names", "pier,[2001:db8::7]"]) == 0
+    first, second = capsys.readouterr().out.split("[[surface]]")[1:]
+    assert "names = []\n" in first and 'names = ["pier", "[2001:db8::7]"]  # --names\n' in second
 
 
 def test_who_may_connect_is_for_the_surface_on_the_network(capsys: pytest.CaptureFixture[str]) -> None:

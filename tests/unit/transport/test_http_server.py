@@ -60,8 +60,8 @@ class Line(asyncio.Transport):
 
 
 async def answer(request: web.Request) -> web.Response:
-    """Read the whole body, and take as long as it says."""
-    await asyncio.sleep(float(await request.text() or 0))
+    """Read the whole body, and take as long as it says; without reading if the query says so."""
+    await asyncio.sleep(0.0 if request.query_string else float(await request.text() or 0))
     return web.Response(text="done")
 
 
@@ -114,6 +114,22 @@ def test_who_is_answered_slowly_or_waits_between_two_requests_stays() -> None:
             line.says(b"30")
             await asyncio.sleep(40.0)
             assert line.heard.count(b"done") == number and not line.is_closing()
+        line.says(HALF)
+        await asyncio.sleep(WHOLE + 1.0)
+        assert line.is_closing()
+
+    serve(test)
+
+
+def test_a_body_may_come_after_the_answer() -> None:
+    async def test(server: HttpServer) -> None:
+        line = Line(server)
+        line.says(POST.replace(b"/ ", b"/?early "))
+        await asyncio.sleep(3.0)
+        assert b"done" in line.heard
+        line.says(b"9" * 99)
+        await asyncio.sleep(3.0 * WHOLE)
+        assert not line.is_closing()
         line.says(HALF)
         await asyncio.sleep(WHOLE + 1.0)
         assert line.is_closing()

@@ -73,6 +73,13 @@ def test_who_comes_last_takes_a_place_of_the_address_with_most_and_two_are_kept(
     assert crowd.comes("a third", "10.0.0.5") and crowd.gone == ["10.0.0.1/0", "10.0.0.1/1"]
 
 
+def test_a_half_open_one_of_an_address_that_has_fewer_stays() -> None:
+    crowd = Crowd()
+    crowd.come("10.0.0.2", 2, Use.HALF_OPEN)
+    crowd.come("10.0.0.1", 4)
+    assert crowd.comes("more", "10.0.0.2") and crowd.gone == ["10.0.0.1/0"]
+
+
 def test_nobody_takes_the_place_of_an_address_that_has_fewer() -> None:
     crowd = Crowd()
     crowd.come("10.0.0.2", 1)
