@@ -155,6 +155,7 @@ class AcceptorFactory:
     ) -> ConnectionAcceptor:
         binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
+        binding.surface.rules = self._controller.policy.rules
         if presents_mount(self._mount, endpoint):
             binding = msgspec.structs.replace(binding, fit=None)
             self.own.append(binding)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice, Unsupported
 from gateway.core.operations import Read, named
+from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, sent, taken
 from gateway.diagnostics.rehearsal.play import Play
 from gateway.protocols.base.driver import Send
@@ -124,14 +125,14 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
     elif said == "refused":
         if any(reply.fault for reply, _ in command.replies) or _no_form(surface, play.frame):
             if not no:
-                yield f"refused, and the reply {play.reply!r} is no no"
+                yield f"refused, and the reply '{show(play.reply)}' is no no"
         elif not notes:
             yield "refused, and neither the reply nor the log says so"
     elif said == "silent":
         if play.reply:
-            yield f"silent, and yet {play.reply!r} is said"
+            yield f"silent, and yet '{show(play.reply)}' is said"
     elif no:
-        yield f"{said}, and yet the reply is no: {play.reply!r}"
+        yield f"{said}, and yet the reply is no: '{show(play.reply)}'"
     elif not play.reply and any(
         form.fault is None and form.when in (None, *case.face, *PRECISIONS) for form, _ in command.replies
     ):

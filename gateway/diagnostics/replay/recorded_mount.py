@@ -10,7 +10,7 @@ from typing import Any
 
 from gateway.app.recording.format import Event
 from gateway.core.errors import Fault
-from gateway.core.wire_log import MOUNT
+from gateway.core.wire_log import MOUNT, show
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.link.queue import Request, RequestQueue
 from gateway.protocols.base.driver import Send
@@ -100,7 +100,7 @@ class RecordedWire:
     def write(self, data: bytes) -> None:
         wanted = self.script.popleft() if self.script else b""
         if data != wanted:
-            self.strayed.append(f"{self._now():.3f} s: asked {data!r}, then {wanted!r}")
+            self.strayed.append(f"{self._now():.3f} s: asked '{show(data)}', then '{show(wanted)}'")
         self.written += 1
         if self._held:
             asyncio.get_running_loop().call_soon(self._release)

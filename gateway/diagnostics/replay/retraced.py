@@ -11,7 +11,7 @@ from gateway.app.recording.entrance import Entrance
 from gateway.app.recording.format import RECORDER, Event, Recording
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.core.errors import UserError
-from gateway.core.wire_log import MOUNT
+from gateway.core.wire_log import MOUNT, show
 from gateway.transport.wires import OnData, OnLost
 
 #: How many differing requests are reported.
@@ -168,7 +168,7 @@ class RetracedWire:
             return
         wanted, failure = self.script.popleft() if self.script else (b"", None)
         if data != wanted and len(self.strayed) < TOLD:
-            self.strayed.append(f"{self._now():.3f} s: asked {data!r}, then {wanted!r}")
+            self.strayed.append(f"{self._now():.3f} s: asked '{show(data)}', then '{show(wanted)}'")
         if failure is not None:
             raise OSError(failure)
 

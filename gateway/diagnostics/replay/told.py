@@ -8,6 +8,7 @@ from typing import NamedTuple
 from gateway.app.gateway import Gateway
 from gateway.app.recording.format import Event
 from gateway.core.errors import UserError
+from gateway.core.wire_log import show
 from gateway.transport import ConnectionHandler
 from gateway.transport.listening import networked
 
@@ -81,4 +82,4 @@ def surface_and_host(event: Event) -> tuple[int, str]:
 
 
 def in_words(found: list[Difference]) -> list[str]:
-    return [f"{item.at:.3f} s, {item.client}: then {item.then!r}, now {item.now!r}" for item in found]
+    return [f"{item.at:.3f} s, {item.client}: then '{show(item.then)}', now '{show(item.now)}'" for item in found]

@@ -13,6 +13,7 @@ from functools import cached_property
 
 from gateway.core.errors import MappingError
 from gateway.core.operations import Values
+from gateway.core.wire_log import show
 from gateway.protocols.wireformat.fields import Codec, codec
 from gateway.protocols.wireformat.rows import ANSWERS, URGENT, CommandRow, Reply, Source, Version, parse_version
 
@@ -71,7 +72,7 @@ class FrameTemplate:
         """Return the values in a frame. Raises ValueError if it has another form or a field is out of range."""
         found = self.matcher.fullmatch(frame)
         if found is None:
-            raise ValueError(f"{frame!r} is not {self.source!r}")
+            raise ValueError(f"'{show(frame)}' is not {self.source!r}")
         return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), found.groups(), strict=True)}
 
 

@@ -15,6 +15,7 @@ from urllib.parse import unquote
 
 import msgspec
 
+from gateway.core.wire_log import show
 from gateway.protocols.wireformat import numerals
 from gateway.protocols.wireformat import sexagesimal as sx
 
@@ -40,7 +41,7 @@ def _within(decode: Callable[[bytes], float], low: float, high: float) -> Callab
     def checked(raw: bytes) -> float:
         value = decode(raw)
         if not low <= value <= high:
-            raise ValueError(f"{raw!r} is outside {low:g}..{high:g}")
+            raise ValueError(f"'{show(raw)}' is not from {low:g} to {high:g}")
         return value
 
     return checked
@@ -59,23 +60,12 @@ _TEXT_ANGLES = {
     "DDD*MM:SS": _sexagesimal(sx.azimuth, sx.parse_azimuth, 0, _BELOW_DAY),
     "DDD*MM": _sexagesimal(sx.azimuth_low, sx.parse_azimuth, 0, _BELOW_DAY),
     "sDDD*MM": _sexagesimal(sx.longitude, sx.parse_longitude, -180, 180),
-    "hh:mm:ss": _sexagesimal(sx.clock, sx.parse_clock, 0, 86399.9999),
-    "hh:mm:ss 12h": _sexagesimal(sx.clock_12, sx.parse_clock, 0, 86399.9999),
+    "hh:mm:ss": _sexagesimal(sx.clock, sx.parse_clock, 0, 86400),
+    "hh:mm:ss 12h": _sexagesimal(sx.clock_12, sx.parse_clock, 0, 86400),
     # The longitude in the manual's command to set a site: unsigned, 0 to 360 degrees west. Signed input is accepted.
     "DDD*MM west": _sexagesimal(sx.azimuth_low, sx.parse_longitude, -180, 180),
     # A lunar longitude beyond 180 degrees is not another way to write a western one.
     "sDDD*MM moon": _sexagesimal(sx.longitude, sx.parse, -180, 180),
-}
-
-
-def _below_sixty(codec: Codec) -> Codec:
-    """Return the codec for targets, which refuses 60 minutes or seconds instead of carrying them."""
-    return codec._replace(decode=lambda raw: codec.decode(sx.below_sixty(raw)))
-
-
-_TEXT_ANGLES |= {
-    f"{name} below 60": _below_sixty(_TEXT_ANGLES[name])
-    for name in ("HH:MM:SS", "HH:MM.T", "sDD*MM:SS", "sDD*MM", "hh:mm:ss")
 }
 
 # --- text: numbers and words ----------------------------------------------------------------------------------
@@ -94,8 +84,13 @@ def _number(
             raise ValueError(f"{value!r} does not fit {name}")
         return text.encode("ascii")
 
-    decode = _within(sx.number, low, high)
-    return Codec(encode, decode if decimals else lambda raw: int(decode(raw)), _FREE)
+    within = _within(sx.number, low, high)
+
+    def decode(raw: bytes) -> float:
+        value = within(raw if signed else sx.unsigned(raw))
+        return value if decimals else int(sx.whole(raw))
+
+    return Codec(encode, decode, _FREE)
 
 
 def _arcminutes(codec: Codec) -> Codec:

@@ -12,6 +12,8 @@ from urllib.parse import quote, unquote
 
 import msgspec
 
+from gateway.core.wire_log import show
+
 _TRUTH = {b"true": True, b"false": False}
 _BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
 #: The first and the last second that have a date of four digits, Unix time.
@@ -48,7 +50,7 @@ def parse_whole(raw: bytes) -> int:
     """Parse a whole number of 32 bits, with or without a sign."""
     digits = raw[1:] if raw[:1] in (b"-", b"+") else raw
     if not digits.isdigit() or len(digits) > _DIGITS or int(raw) not in _WHOLE:
-        raise ValueError(f"{raw!r} is not a whole number of 32 bits")
+        raise ValueError(f"'{show(raw)}' is not a whole number of 32 bits")
     return int(raw)
 
 
@@ -57,7 +59,7 @@ def parse_truth(raw: bytes) -> bool:
     try:
         return _TRUTH[raw.lower()]
     except KeyError:
-        raise ValueError(f"{raw!r} is neither true nor false") from None
+        raise ValueError(f"'{show(raw)}' is neither true nor false") from None
 
 
 def moment(unix: float) -> bytes:

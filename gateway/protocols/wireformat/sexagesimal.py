@@ -1,8 +1,8 @@
 """Sexagesimal angles, clock times, dates and UTC offsets, to text and back.
 
 Writing converts to whole units of the last digit ("ticks"): round once, wrap, then split. Reading uses one lenient
-pattern: every separator seen from a program, optional seconds, a fraction on the last part, and a last part of exactly
-60, which carries (some programs round that way) unless ``below_sixty`` refuses it. Angles are degrees.
+pattern: every separator seen from a program, optional seconds, a fraction on the last part. Minutes and seconds of
+exactly 60 carry in every field, because programs round that way; 61 to 99 are refused. Angles are degrees.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import datetime
 import re
 from collections.abc import Callable
 from functools import cache
+
+from gateway.core.wire_log import show
 
 _SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
 _PARTS = (
@@ -35,39 +37,45 @@ def parse(raw: bytes, least: int = 2) -> float:
     """
     found = _parts().fullmatch(raw)
     if found is None:
-        raise ValueError(f"{raw!r} is not a sexagesimal number")
+        raise ValueError(f"'{show(raw)}' is not a sexagesimal number")
     parts = [text for text in found.groups()[1:] if text is not None]
     if len(parts) < least:
-        raise ValueError(f"{raw!r} is incomplete")
+        raise ValueError(f"'{show(raw)}' is incomplete")
     if any(b"." in text for text in parts[:-1]):
-        raise ValueError(f"{raw!r} has a fraction before its last part")
+        raise ValueError(f"'{show(raw)}' has a fraction before its last part")
     numbers = [float(text) for text in parts]
-    if any(number >= 60 for number in numbers[1:-1]) or (len(numbers) > 1 and numbers[-1] > 60):
-        raise ValueError(f"{raw!r} has minutes or seconds over 59")
+    if any(number > 60 for number in numbers[1:]):
+        raise ValueError(f"'{show(raw)}' has minutes or seconds over 60")
     value = 0.0
     for part in reversed(numbers):  # not sum(), whose last digit depends on the version of Python
         value = value / 60.0 + part
     return -value if found[1] == b"-" else value
 
 
-def below_sixty(raw: bytes) -> bytes:
-    """Return the text unchanged. Raises ValueError if minutes or seconds are 60, which no program sends in a target."""
-    found = _parts().fullmatch(raw)
-    if found is not None and any(text is not None and float(text) >= 60 for text in found.groups()[2:]):
-        raise ValueError(f"{raw!r} has minutes or seconds over 59")
+def unsigned(raw: bytes) -> bytes:
+    """Return the text unchanged. Raises ValueError if it has a sign, in a form that has none."""
+    if b"-" in raw or b"+" in raw:
+        raise ValueError(f"'{show(raw)}' has a sign, and this form has none")
+    return raw
+
+
+def whole(raw: bytes) -> bytes:
+    """Return the text unchanged. Raises ValueError if it has decimals, in a form that has none."""
+    if b"." in raw:
+        raise ValueError(f"'{show(raw)}' has decimals, and this form has none")
     return raw
 
 
 def number(raw: bytes) -> float:
     """Parse a decimal number, which may have blanks around it. Raises ValueError."""
     if re.fullmatch(rb" *[+-]?(?:\d+\.?\d*|\.\d+) *", raw) is None:
-        raise ValueError(f"{raw!r} is not a number")
+        raise ValueError(f"'{show(raw)}' is not a number")
     return float(raw)
 
 
 def parse_hours(raw: bytes) -> float:
     """Parse a right ascension ``HH:MM:SS`` or ``HH:MM.T``; return degrees. 23:59:60 is 0."""
-    value = parse(raw)
+    value = parse(unsigned(raw))
     if value == 24 and raw.lstrip()[:2] == b"23":
         return 0.0
     return value * 15.0
@@ -75,9 +83,9 @@ def parse_hours(raw: bytes) -> float:
 
 def parse_azimuth(raw: bytes) -> float:
     """Parse an azimuth; return degrees in [0, 360). 360 is north."""
-    value = parse(raw)
-    if not -360 <= value <= 360:
-        raise ValueError(f"{raw!r} is not an azimuth")
+    value = parse(unsigned(raw))
+    if value > 360:
+        raise ValueError(f"'{show(raw)}' is not an azimuth")
     return value % 360.0
 
 
@@ -85,13 +93,16 @@ def parse_longitude(raw: bytes) -> float:
     """Parse a Meade longitude, unsigned 0 to 360 or signed; return degrees in [-180, 180], west positive."""
     value = parse(raw)
     if not -180 <= value <= 360:
-        raise ValueError(f"{raw!r} is not a longitude")
+        raise ValueError(f"'{show(raw)}' is not a longitude")
     return value - 360.0 if value > 180 else value
 
 
 def parse_clock(raw: bytes) -> float:
-    """Parse a time of day; return seconds since midnight."""
-    return parse(raw, least=3) * 3600.0
+    """Parse a time of day; return seconds since midnight. 23:59:60 is 86400, the midnight at the end of the day."""
+    value = parse(unsigned(raw), least=3)
+    if value == 24 and raw.lstrip()[:2] != b"23":
+        raise ValueError(f"'{show(raw)}' is not a time of day")
+    return value * 3600.0
 
 
 def _split(ticks: int, *bases: int) -> list[int]:
@@ -158,16 +169,13 @@ def limit(raw: bytes) -> float:
     value = number(text)
     value = value / 60.0 if re.fullmatch(rb" *\d{4} *", text) else value
     if not -90 <= value <= 90:
-        raise ValueError(f"{raw!r} is not an altitude limit")
+        raise ValueError(f"'{show(raw)}' is not an altitude limit")
     return value
 
 
 def limit_to_set(raw: bytes) -> float:
-    """Parse an altitude limit that a client sets: 0 to 90 degrees, without a minus sign. Raises ValueError."""
-    value = limit(raw)
-    if value < 0 or b"-" in raw:
-        raise ValueError(f"{raw!r} is not an altitude limit from 0 to 90 degrees")
-    return value
+    """Parse an altitude limit that a client sets: 0 to 90 whole degrees, without a sign. Raises ValueError."""
+    return limit(whole(unsigned(raw)))
 
 
 def offset_in_full(value: float) -> str:
@@ -190,7 +198,7 @@ def parse_offset(raw: bytes) -> float:
         if tenths in (7, 8) and len(text.partition(b".")[2]) < 2:
             value = (whole + 0.75) * (-1 if text.startswith(b"-") else 1)
     if not -14 <= value <= 14:
-        raise ValueError(f"{raw!r} is not a UTC offset")
+        raise ValueError(f"'{show(raw)}' is not a UTC offset")
     return value
 
 
@@ -206,12 +214,12 @@ def parse_date(raw: bytes) -> datetime.date:
     """
     found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if found is None:
-        raise ValueError(f"{raw!r} is not a date MM/DD/YY")
+        raise ValueError(f"'{show(raw)}' is not a date MM/DD/YY")
     month, day, year = (int(group) for group in found.groups())
     if len(found[3]) == 2:
         year += 2000 if year <= 50 else 1900
     if not 1951 <= year <= 2050:
-        raise ValueError(f"{raw!r} is outside the years 1951 to 2050 that MM/DD/YY can express")
+        raise ValueError(f"'{show(raw)}' is outside the years 1951 to 2050 that MM/DD/YY can express")
     return datetime.date(year, month, day)
 
 

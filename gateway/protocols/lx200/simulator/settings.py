@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import calendar
 import re
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 
 from gateway.astro.spherical import wrap180
 from gateway.core.operations import Values
@@ -70,8 +70,8 @@ def _set_clock(sim: Telescope, local: datetime) -> None:
 
 def set_time(sim: Telescope, name: str, values: Values) -> bytes:
     """:SL"""
-    seconds = int(values["time"])
-    _set_clock(sim, _local(sim).replace(hour=seconds // 3600, minute=seconds // 60 % 60, second=seconds % 60))
+    midnight = _local(sim).replace(hour=0, minute=0, second=0)
+    _set_clock(sim, midnight + timedelta(seconds=int(values["time"])))
     return b"1"
 
 

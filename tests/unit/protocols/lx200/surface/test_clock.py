@@ -199,7 +199,7 @@ def test_a_question_about_time_hands_on_what_is_there_first(question: bytes) -> 
 
 def test_a_refused_piece_leaves_the_others_alone() -> None:
     talk = Talk()
-    assert talk.send(b":SG+05#:SL24:00:00#:SC02/30/26#:SC13/01/26#:SL12:60:00#:SGabc#:SG+15#") == b"1000000"
+    assert talk.send(b":SG+05#:SL24:00:00#:SC02/30/26#:SC13/01/26#:SL12:61:00#:SGabc#:SG+15#") == b"1000000"
     assert talk.send(b":SL21:30:00#") == b"1"
     assert talk.send(b":SC07/04/26#") == DATED
     assert instants(talk.mount) == [unix("2026-07-05 02:30:00")]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from gateway.clients.access import Access
+from gateway.core.about import FIRST_RULES
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from tests.support.each import each
@@ -84,33 +85,65 @@ def test_letters_in_place_of_a_number_are_answered_once(bad: bytes) -> None:
 
 
 @each(
-    ("bad", "reads", "before"),
+    ("said", "asked", "told"),
     [
-        (b":Sr12:34:60#", b":Gr#", b"00:00:00#"),
-        (b":Sr12:60:00#", b":Gr#", b"00:00:00#"),
-        (b":Sr12:60.0#", b":Gr#", b"00:00:00#"),
+        (b":Sr12:34:60#", b":Gr#", b"12:35:00#"),
+        (b":Sr12:59:60#", b":Gr#", b"13:00:00#"),
+        (b":Sr12:60:00#", b":Gr#", b"13:00:00#"),
+        (b":Sr12:60.0#", b":Gr#", b"13:00:00#"),
         (b":Sr23:59:60#", b":Gr#", b"00:00:00#"),
-        (b":Sd+45*60#", b":Gd#", b"+00*00:00#"),
-        (b":Sd+45*59:60#", b":Gd#", b"+00*00:00#"),
-        (b":Sd-00*60#", b":Gd#", b"+00*00:00#"),
+        (b":Sd+45*60#", b":Gd#", b"+46*00:00#"),
+        (b":Sd+45*59:60#", b":Gd#", b"+46*00:00#"),
+        (b":Sd-45*59:60#", b":Gd#", b"-46*00:00#"),
+        (b":Sd-00*60#", b":Gd#", b"-01*00:00#"),
+        (b":SL12:34:60#", b":GL#", b"12:35:00#"),
+        (b":SL12:60:00#", b":GL#", b"13:00:00#"),
     ],
 )
-def test_a_target_has_no_sixtieth_minute_or_second(bad: bytes, reads: bytes, before: bytes) -> None:
-    """And a target that was refused is none."""
+def test_sixty_carries_in_a_target_and_in_a_time(said: bytes, asked: bytes, told: bytes) -> None:
+    """As INDIGO rounds, and Hamlib: the mount goes where the program meant."""
     talk = Talk()
     assert talk.send(b":Sr05:00:00#:Sd+20*00:00#") == b"11"
-    assert talk.send(bad) == b"0"
-    assert talk.send(reads) == before
-    assert talk.send(b":MS#") == b"1No target set.#"
+    assert talk.send(said + asked) == b"1" + told
+    assert talk.send(b":MS#") != b"1No target set.#"
 
 
-@each("bad", [b":SL12:34:60#", b":SL12:60:00#", b":SL23:59:60#"])
-def test_a_time_of_day_has_no_sixtieth_minute_or_second(bad: bytes) -> None:
+def test_the_sixtieth_second_of_a_day_is_the_next_midnight() -> None:
+    talk = Talk()
+    assert talk.send(b":SC03/22/26#")[:1] == b"1"
+    assert talk.send(b":SL23:59:60#:GC#:GL#") == b"103/23/26#00:00:00#"
+
+
+@each("bad", [b":Sr12:34:61#", b":Sr12:61:00#", b":Sd+45*99#", b":Sd+90*00:60#", b":Sr+05:00:00#", b":Sr-00:00:00#"])
+def test_a_target_that_was_refused_is_none(bad: bytes) -> None:
+    talk = Talk()
+    assert talk.send(b":Sr05:00:00#:Sd+20*00:00#") == b"11"
+    assert talk.send(bad + b":Gr#:MS#") == b"000:00:00#1No target set.#"
+
+
+@each("bad", [b":SL12:34:61#", b":SL12:99:00#", b":SL24:00:00#", b":SL23:60:60#", b":SL-12:00:00#"])
+def test_a_time_of_day_that_is_none(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":GL#") == b"20:15:30#"
     assert talk.send(bad) == b"0"
     talk.wait(5.0)
     assert talk.send(b":GL#") == b"20:15:35#"
+
+
+@each("bad", [b":Sz-10*00#", b":Sz+10*00#", b":Sh85.5#", b":Sh+85#", b":So10.5*#", b":SF21.5#", b":SB1.5#", b":SB+1#"])
+def test_a_sign_or_decimals_that_a_form_has_not_are_refused(bad: bytes) -> None:
+    talk = Talk(model="lx200gps")
+    assert talk.send(b":So10*#:Sh80#") == b"11"
+    assert talk.send(bad) == b"0"
+    assert talk.send(b":Go#:Gh#") == b"10*#80*#"
+
+
+def test_a_recording_of_before_is_replayed_by_the_rules_of_then() -> None:
+    """They refused sixty in a target and in a time: no goto followed."""
+    talk = Talk()
+    talk.binding.surface.rules = FIRST_RULES
+    assert talk.send(b":Sr05:00:00#:Sd+20*00:00#:SL12:60:00#:Sd+45*60.0#:MS#:Sz179*60#") == b"11001No target set.#1"
+    assert talk.send(b":Sr06:00:00#:Sd+60*00:60#:Sd+60*00#:MS#") == b"1011No target set.#"
 
 
 @each("model", WITH_HORIZON)

@@ -15,8 +15,8 @@ from tests.support.examples import some
 from tests.support.fake_mount import Mount, Talk
 
 TARGET = b":Sr05:34:32#:Sd+22*00:52#"
-REFUSED_RA = (b":Sr24:00:00#", b":Sr12:60:00#", b":Sr12:00:61#", b":Sr-01:00:00#", b":Sr#", b":Srabc#", b":Sr05#")
-REFUSED_DEC = (b":Sd+91*00:00#", b":Sd+90*00:01#", b":Sd-90*00:01#", b":Sd+12*60:00#", b":Sd#", b":Sd+22#")
+REFUSED_RA = (b":Sr24:00:00#", b":Sr12:61:00#", b":Sr12:00:61#", b":Sr-01:00:00#", b":Sr#", b":Srabc#", b":Sr05#")
+REFUSED_DEC = (b":Sd+91*00:00#", b":Sd+90*00:01#", b":Sd-90*00:01#", b":Sd+12*61:00#", b":Sd#", b":Sd+22#")
 
 
 # --- targets ------------------------------------------------------------------------------------------------------
