@@ -31,7 +31,7 @@ def first_messages(controller: MountController, model: str | None, version: str 
     if identity is None:
         return
     yield UserMessage(f"found {collect_state(controller, '', '', ()).found}")
-    where = f"site {site(controller)}" if site(controller) else "site not known"
+    where = f"site {site(controller)}" if site(controller) else "site not known (--site LAT,LON sets it)"
     yield UserMessage(f"{where}; clock {clock(controller) or 'not known'}")
     if words := _contradiction(controller, identity, model, version):
         yield UserMessage(words, warns=True)
@@ -43,8 +43,8 @@ def first_messages(controller: MountController, model: str | None, version: str 
         )
     if not site(controller):
         yield UserMessage(
-            "the site is not known: gotos are not checked against the horizon; --site LAT,LON sets it "
-            "(north and east are positive)",
+            "the site is not known: gotos are not checked against the horizon, and a program that asks for it or for "
+            "the sidereal time gets no answer; --site LAT,LON sets it (north and east are positive)",
             warns=True,
         )
     if controller.driver.german and controller.policy.limits.hour_angle is None:

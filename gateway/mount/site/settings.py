@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from gateway.core import operations as op
+from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Refused, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
@@ -22,6 +23,7 @@ from gateway.mount.readings.reader import FIRST_ANSWER
 from gateway.mount.site.pending_settings import Setting, kind_of
 from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings_sync import SyncSettings
+from gateway.mount.site.site_clock import GPS_SEARCH
 
 #: Seconds that one half of a site waits for the other.
 HALF_SITE = 2.0
@@ -50,6 +52,7 @@ class SiteAndClock:
             op.PeriodicError: self._periodic_error,
         }
         self._reading_gps = asyncio.Lock()
+        self._asked_site = -GPS_SEARCH
 
     def _read_by(self, program: Program) -> ReadBy:
         return ReadBy(self._site_clock, program)
@@ -64,7 +67,17 @@ class SiteAndClock:
     async def _get_site(self, _: op.GetSite, program: Program) -> op.Place:
         if self._read_by(program).site() is None:
             await self._first_answers()
+        if self._read_by(program).site() is None:
+            await self._ask_for_site()
         return self._context.astrometry_for(program).place()
+
+    async def _ask_for_site(self) -> None:
+        """Ask a mount again that told no site at the start: its GPS may have a fix by now."""
+        now = self._context.now()
+        if self._context.policy.rules == FIRST_RULES or now - self._asked_site < GPS_SEARCH:
+            return
+        self._asked_site = now
+        await self.renew(op.GetSite)
 
     async def _get_clock(self, _: op.GetClock, program: Program) -> op.Moment:
         if self._read_by(program).clock() is None:
