@@ -69,6 +69,9 @@ class Fault(GatewayError):
     #: Whether the command may have reached the mount.
     sent = True
 
+    #: Whether it is in the log, and counted, as a refusal.
+    logged = False
+
     #: At most 60 characters for programs that show no more; if there are such, the whole text says what to do as well.
     brief = ""
 

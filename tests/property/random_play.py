@@ -12,6 +12,7 @@ from typing import Any
 
 from msgspec import Struct
 
+from gateway.core.wire_log import show
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
 from tests.property import random_commands
@@ -204,7 +205,7 @@ class _Player:
 
     def _withheld(self, number: int, data: bytes) -> bool:
         """Whether the log has the reason why this program gets no reply to this."""
-        begins = f"no reply to {data!r}: the mount has not answered"
+        begins = f"no reply to {show(data)}: the mount has not answered"
         return any(side == f"127.0.0.{number + 1}" and note.startswith(begins) for side, note in self.judge.unanswered)
 
     async def clear(self, number: int) -> None:

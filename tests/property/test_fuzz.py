@@ -169,7 +169,7 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
             await client.ask(b":SL20:15:30#")
             await asyncio.sleep(5)
             assert await client.ask(b":GR#")
-        assert [entry for entry in bridge.entries if "internal error at b'clock.commit_quiet'" in entry.note]
+        assert [entry for entry in bridge.entries if "internal error at clock.commit_quiet" in entry.note]
         assert not left
 
     run(program())

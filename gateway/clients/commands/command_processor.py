@@ -252,11 +252,14 @@ class CommandProcessor:
         if found is not None and not found[0].replies:
             return
         self.log.note_once(
-            f"no reply to {frame!r}: the mount has not answered within "
+            f"no reply to {show(frame)}: the mount has not answered within "
             f"{ANSWER_WITHIN} s, and a later answer would be taken for the reply to another command"
         )
 
     def _log_refused(self, frame: bytes) -> None:
+        if self.session.said_no:
+            self.session.said_no = False
+            self.log.wire_log.refusals += 1
         if self.session.refused:
             why, self.session.refused = self.session.refused, ""
             sent = show(frame.removesuffix(b"\n"))
@@ -265,7 +268,7 @@ class CommandProcessor:
     def _log_silence(self, frame: bytes) -> None:
         """Log why there is no reply, once for every command of every host."""
         if why := self.surface.silence(self.session, frame):
-            self.log.note_once(f"no reply to {frame!r}: {why}")
+            self.log.note_once(f"no reply to {show(frame)}: {why}")
 
     def push(self) -> None:
         """Start the subscriptions of this client, if its surface sends data without being asked."""

@@ -21,7 +21,7 @@ from gateway.clients.profiles import EquinoxConverter
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Move, MoveAxis, Operation, Own, Read, StopAxis, Sync
-from gateway.core.wire_log import ClientLog
+from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MAX_START_DELAY, STARTED_TOO_LATE
 from gateway.mount.motion.taps import LONGEST_HELD
@@ -230,6 +230,8 @@ class TurnRunner:
     def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> Operation:
         """Continue a command until it must wait. Return the operation to wait for; StopIteration carries the reply."""
         while True:
+            if fault is not None:
+                fault.logged = True  # whoever found it has noted it
             wanted = turn.steps.send(answer) if fault is None else turn.steps.throw(fault)
             answer, fault, turn.lasting = None, None, isinstance(wanted, LASTING)
             if isinstance(wanted, FireAndForget):
@@ -378,7 +380,7 @@ class TurnRunner:
 
     def defect(self, frame: bytes, error: Exception) -> None:
         """Log an internal error, and stop a moving mount: the failed command may have been meant to end the motion."""
-        self._log.note(f"internal error at {frame!r}, please report it: {error!r}")
+        self._log.note(f"internal error at {show(frame)}, please report it: {error!r}")
         if self._controller.reconciler.busy:
             self._controller.begin_stop()
 

@@ -112,6 +112,8 @@ class Session:
         self.last = b""
         #: Why the current command was refused, if its protocol has no reply form for a refusal; else empty.
         self.refused = ""
+        #: Whether the reply to the current command is a refusal that is not in the log.
+        self.said_no = False
         self.forget()
 
     def forget(self) -> None:

@@ -139,6 +139,7 @@ class Surface:
             return self.reply(session, command, answer)
         except Fault as fault:
             refusal = _refusal(command, fault)
+            session.said_no = bool(refusal) and not fault.logged and not command.question
             if not refusal and isinstance(fault, Invalid):
                 session.refused = f"{command.help}: {fault}"
             return refusal or self.unanswered(frame, fault)

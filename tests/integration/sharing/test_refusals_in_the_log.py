@@ -20,7 +20,6 @@ from tests.support.in_process_gateway import Bridge
         b":F0#",
         b":F9#",
         b":RA-1.0#",
-        b":T000.000#",
         b":Mgn-5#",
         b":BD100#",
         b":hI990231000000#",

@@ -59,3 +59,21 @@ def test_faults_are_counted_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
             assert counts.faults["NoAnswer"] >= 1 and counts.stops == 1 and not sum(counts.stopping.counts)
 
     run(program())
+
+
+def test_every_refusal_is_counted_once_from_the_first_one_on() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            client, log = bridge.client(), bridge.wire_log
+            assert await client.ask(b":Sr25:00:00#") == b"0" and log.refusals == 1  # the value
+            assert await client.ask(b":Sr25:00:00#" * 3, until=b"000") == b"000" and log.refusals == 4
+            assert (await client.ask(b":MS#")).startswith(b"1") and log.refusals == 5  # no target
+            said = await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
+            assert said.startswith(b"111") and log.refusals == 6  # the limits
+            client.tell(b":F9#")  # without a reply
+            await asyncio.sleep(1.0)
+            assert log.refusals == 7
+            assert await client.ask(b":Sr05:34:32#") == b"1" and await client.ask(b":GR#", until=b"#")
+            assert log.refusals == 7
+
+    run(program())

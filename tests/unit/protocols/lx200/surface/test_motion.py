@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
-from gateway.core.errors import NoAnswer
+from gateway.core.errors import NoAnswer, Unsupported
 from gateway.core.operations import Direction, Rate
 from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
@@ -137,11 +137,19 @@ def test_tracking_rate(frames: bytes, told: bytes, rate: op.TrackRate) -> None:
     assert talk.send(b":GT#") == told
 
 
-@each("frame", [b":ST000.0#", b":ST100.0#", b":ST#"])
+@each("frame", [b":ST000.0#", b":ST100.0#", b":ST#", b":T000.000#", b":T100.0#", b":T#", b":T-59.5#"])
 def test_an_impossible_tracking_rate_is_refused(frame: bytes) -> None:
     talk = Talk()
     assert talk.send(frame + b":GT#") == b"060.1#"
     assert talk.mount.of(op.TrackRate) == []
+
+
+@each("frame", [b":ST059.5#", b":T059.5#"])
+def test_a_rate_that_the_mount_cannot_track_at_is_refused_not_passed_over_in_silence(frame: bytes) -> None:
+    """A program waits for the character."""
+    talk = Talk()
+    talk.mount.faults[op.TrackRate] = Unsupported("This mount tracks at the sidereal rate only.")
+    assert talk.send(frame) == b"0"
 
 
 @each(("start", "step", "told"), [(b":T000.2#", b":T-#", b"00.1#"), (b":T099.8#", b":T+#", b"99.9#")])
