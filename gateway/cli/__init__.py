@@ -31,6 +31,7 @@ def main(argv: list[str] | None = None) -> int:
     """
     garbage.starting()
     streams.reopen_closed()
+    streams.replace_unencodable()
     code = 0
     try:
         words = _protected(sys.argv[1:] if argv is None else argv)

@@ -73,7 +73,7 @@ class Mounts:
                 process.kill()
                 await process.wait()
                 return False, f"no explanation within {EXPLAIN:.0f} seconds; mount-gateway explain may take longer"
-        if process.returncode:
+        if not out:
             return False, err.decode("utf-8", "replace").strip() or "no explanation"
         return True, out.decode("utf-8", "replace")
 

@@ -8,6 +8,7 @@ inode of the stream; the level is sd-daemon(3)'s ``<N>``. On any other stream a 
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import errno
 import io
@@ -20,6 +21,11 @@ from typing import TextIO
 ERROR, WARNING, NOTICE, INFO = 3, 4, 5, 6
 #: Control characters except tab and line feed.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+#: Character -> how it is written where it cannot be encoded; any other is a question mark.
+PLAIN = {
+    "°": "d", "′": "'", "″": '"', "…": "...", "–": "-", "—": "-", "−": "-", "×": "x", "·": "-", "±": "+/-", "≤": "<=",
+    "≥": ">=", "→": "->", "←": "<-", "“": '"', "”": '"', "‘": "'", "’": "'",
+}  # fmt: skip
 #: Errors of a stream that cannot be written to.
 WRITE_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EBADF, errno.EIO, errno.EFBIG)
 
@@ -50,10 +56,18 @@ def say(text: str) -> None:
         )
 
 
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    """Return the plain form of characters that a stream cannot encode, and where to go on."""
+    assert isinstance(error, UnicodeEncodeError)
+    return "".join(PLAIN.get(one, "?") for one in error.object[error.start : error.end]), error.end
+
+
 def replace_unencodable() -> None:
-    """Replace characters that stdout cannot encode (the degree sign) by a question mark instead of failing."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")
+    """Write what a terminal or a file cannot encode (cp437, ascii) in plain characters instead of failing."""
+    codecs.register_error("plain", _plain)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="plain")
 
 
 def warn(text: str, level: int) -> None:

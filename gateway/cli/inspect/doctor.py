@@ -44,11 +44,9 @@ def _doctor(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.doctor.checks import examine
     from gateway.diagnostics.doctor.facts import BAD
     from gateway.diagnostics.doctor.gathering import gather
-    from gateway.system import streams
 
     results = examine(gather(arguments.state))
     well = all(result.state != BAD for result in results)
-    streams.replace_unencodable()
     if arguments.json:
         told = {"version": full_version(), "good": well, "checks": msgspec.to_builtins(results)}
         print(json.dumps(told, indent=2))

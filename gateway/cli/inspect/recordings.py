@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, guess
-from gateway.system import streams
 
 if TYPE_CHECKING:
     from gateway.diagnostics.decode import Capture
@@ -36,7 +35,6 @@ def _decode(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.log.conversation import Side
     from gateway.diagnostics.recorded_sides import RecordedSides
 
-    streams.replace_unencodable()
     path = arguments.file
     capture = Capture(path)
     recording = capture.recording
@@ -94,7 +92,6 @@ def _replay(arguments: argparse.Namespace) -> int:
 
     recording = read(arguments.file)
     if arguments.sim:
-        streams.replace_unencodable()
         replay_on_simulator(recording, print)
         if recording.cut:
             print(recording.cut)

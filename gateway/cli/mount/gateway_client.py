@@ -108,7 +108,6 @@ def report(answer: str) -> int:
     if how == "failed":
         streams.warn(plain, streams.ERROR)
         return 1
-    streams.replace_unencodable()
     print(plain)
     return 0
 

@@ -69,7 +69,6 @@ async def _show_once(arguments: argparse.Namespace) -> int:
     for endpoint, answer in zip(endpoints, answers, strict=True):
         if isinstance(answer, str):
             streams.warn(f"{endpoint.name or endpoint.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
-    streams.replace_unencodable()
     if arguments.json:
         print(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:
@@ -83,7 +82,6 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen, rate, told = Screen(find_terminal()), Rate(), tuple[Served, ...]()
-    streams.replace_unencodable()
     now = asyncio.get_running_loop().time
     try:
         while (answer := await unless(done, _state(endpoint))) is not None:

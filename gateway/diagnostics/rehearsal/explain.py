@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from functools import cache
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -22,10 +23,11 @@ from gateway.diagnostics.log.words import in_words
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
+from gateway.protocols.base.surface import ACKNOWLEDGED
 from gateway.protocols.registry import PROTOCOLS, mounts
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import KEEPS, SurfaceRow, Version
+from gateway.protocols.wireformat.rows import KEEPS, Model, SurfaceRow, Version
 
 #: How long the gateway is idle before the command, seconds.
 IDLE = 3.0
@@ -34,8 +36,15 @@ NO_HINT = "; mount-gateway tables lists them all"
 MANY = 3
 
 
-def explain(surface: str, mount: str, typed: str) -> str:
-    """Return lines of text. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model.
+class Explained(NamedTuple):
+    """Lines of text, and whether the command is one that can be carried out."""
+
+    text: str
+    valid: bool
+
+
+def explain(surface: str, mount: str, typed: str) -> Explained:
+    """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model.
 
     Raises UserError if one of them does not exist, or if the protocol does not have the command.
     """
@@ -57,7 +66,8 @@ def explain(surface: str, mount: str, typed: str) -> str:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
     if face.version and not command.known_to(None, PROTOCOLS[face.protocol].counts_as(face.version)):
         lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
-        return "\n".join(lines)
+        return Explained("\n".join(lines), False)
+    valid = True
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
     try:
@@ -65,13 +75,17 @@ def explain(surface: str, mount: str, typed: str) -> str:
             lines.append(f"  {said}")
     except ValueError as error:
         lines.append(f"  not valid: {error}")
-    play, presented = play_one(face, at, frame, row)
-    own = presents_mount(at, face)
-    seen = traits(replace(face, model=presented), command)
-    lines += _own(protocol, command.name) if own else _said(row, driven, at, seen)
+        valid = False
+    play, facts = play_one(face, at, frame, row)
+    if presents_mount(at, face):
+        lines += _own(protocol, command.name)
+    elif not valid:
+        lines.append(f"outcome: {_means('refused', play.reply)}")
+    else:
+        lines += _said(row, driven, at, traits(face, command, facts), play.reply)
     said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
-    return "\n".join([*lines, *shown(play, face.protocol, at.protocol)])
+    return Explained("\n".join([*lines, *shown(play, face.protocol, at.protocol)]), valid)
 
 
 @cache
@@ -94,12 +108,15 @@ def counted(mount: Endpoint) -> Version | None:
     return PROTOCOLS[mount.protocol].counts_as(mount.version) if mount.version else None
 
 
-def traits(face: Endpoint, command: Command) -> frozenset[str]:
-    """Return the traits of a presented model for a command; empty if its version does not have the command."""
+def traits(face: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
+    """Return the traits of a presented model for a command; empty if its version does not have the command.
+
+    ``facts`` are those of the model that is presented because it fits the mount, which may lack a part.
+    """
     spec = PROTOCOLS[face.protocol]
-    protocol, model = spec.commands, face.model or spec.default_model or ""
+    protocol, model = spec.commands, facts["name"] if facts else face.model or spec.default_model or ""
     version = spec.counts_as(face.version) if face.version else None
-    return protocol.traits(model) if command.known_to(None, version) or command.beyond else frozenset()
+    return protocol.traits(model, facts=facts) if command.known_to(None, version) or command.beyond else frozenset()
 
 
 def before(face: Endpoint, row: SurfaceRow) -> Before:
@@ -114,17 +131,17 @@ def greeted(face: Endpoint) -> Before:
     return Before(tuple(map(unescape, PROTOCOLS[face.protocol].required_requests)))
 
 
-def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, str]:
+def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, Model]:
     """Play a frame on a stage of its own; return the play and the presented model, chosen to fit if none is named."""
 
-    async def play() -> tuple[Play, str]:
+    async def play() -> tuple[Play, Model]:
         async with stage(face, mount, sky()) as whole_gateway:
             await whole_gateway.gateway.fit()
             await asyncio.sleep(IDLE)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(frame, Before() if row is None else before(face, row))
-            return played, str(whole_gateway.face.model["name"])
+            return played, dict(whole_gateway.face.model)
 
-    result: tuple[Play, str] = run(play())
+    result: tuple[Play, Model] = run(play())
     return result
 
 
@@ -133,11 +150,11 @@ def _name(at: Endpoint) -> str:
     return f"{'an' if model[0] in 'aeil' else 'a'} {model}{f'/{at.version}' if at.version else ''}"
 
 
-def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozenset[str]) -> list[str]:
+def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozenset[str], reply: bytes) -> list[str]:
     """Return the outcome on this mount according to the tables."""
     kind = Kind(at.model, counted(at), aligned=True)
     said = outcome(row, driven, kind, face=face)
-    lines = [f"outcome on {_name(at)} mount: {_means(said)}"]
+    lines = [f"outcome on {_name(at)} mount: {_means(said, reply)}"]
     for when, other in (
         ("before the alignment", kind._replace(aligned=False)),
         ("on a wedge", kind._replace(wedge=True)),
@@ -149,8 +166,15 @@ def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozen
     return lines + [f"  {way.why}" for way in taken(row, driven, kind) if way.why]
 
 
-def _means(outcome: str) -> str:
-    return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
+def _means(outcome: str, reply: bytes) -> str:
+    """Return what an outcome means; of a refusal, who is told."""
+    if outcome != "refused":
+        return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
+    if not reply:
+        return "refused (this command has no reply: only the log tells it)"
+    if reply == ACKNOWLEDGED:
+        return "refused (the reply is # all the same, because this protocol has no other: only the log tells it)"
+    return "refused (the reply says so)"
 
 
 def _own(protocol: CommandSet, name: str) -> list[str]:

@@ -170,12 +170,13 @@ class CommandSet:
     def models(self) -> dict[str, Model]:
         return self._read("models.toml", Model)
 
-    def traits(self, model: str, wedge: bool = False) -> frozenset[str]:
+    def traits(self, model: str, wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
         """Return the words that rows may require of a model: its name and mount type, what it ``has``, its true keys.
 
+        ``facts`` are those of its row, unless they differ on a surface.
         A fork is ``alt-az``, or ``equatorial`` on a wedge; a German mount is always ``equatorial``.
         """
-        facts = self.models.get(model, {})
+        facts = self.models.get(model, {}) if facts is None else facts
         flags = (key for key, value in facts.items() if value is True)
         build = facts.get("mount", "")
         moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, "")

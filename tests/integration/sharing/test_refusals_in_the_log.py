@@ -13,17 +13,7 @@ from tests.support.in_process_gateway import Bridge
 
 @pytest.mark.parametrize(
     "said",
-    [
-        b":$BZ100#",
-        b":$BAxx#",
-        b":Rg-1.0#",
-        b":F0#",
-        b":F9#",
-        b":RA-1.0#",
-        b":Mgn-5#",
-        b":BD100#",
-        b":hI990231000000#",
-    ],
+    [b":$BZ100#", b":$BAxx#", b":Rg-1.0#", b":F0#", b":F9#", b":RA-1.0#", b":Mgn-5#", b":BD100#", b":hI990231000000#"],
 )
 def test_an_lx200_command_without_a_reply(said: bytes) -> None:
     async def play() -> None:

@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import socket
+import sys
 import threading
 import time
 from pathlib import Path
@@ -245,3 +246,22 @@ def test_tables_and_explain_print(capsys: pytest.CaptureFixture[str]) -> None:
     assert "NexStar on LX200" in tables
     assert main(["explain", "lx200", "nexstar", ":MS#"]) == 0
     assert "r3B78FC00,0FA79B00" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("encoding", ["cp437", "ascii"])
+@pytest.mark.parametrize(
+    "words",
+    [["explain", "lx200", "cpc", ":Sd+12*00:00#"], ["tables"], ["run", "--surface", "lx200@tcp://0.0.0.0:4030 …"]],
+)
+def test_a_terminal_that_has_few_characters_gets_plain_ones(
+    words: list[str], encoding: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding, errors="strict") for _ in range(2))
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setattr(sys, "stderr", err)
+    assert main(words) == (2 if words[0] == "run" else 0)
+    written = [stream.buffer.getvalue() if stream.flush() is None else b"" for stream in (out, err)]
+    told = b"".join(written).decode(encoding)
+    assert told and "\\u" not in told
+    if words[0] == "explain":
+        assert "Dec +12%s00'00" % ("°" if encoding == "cp437" else "d") in told

@@ -7,6 +7,7 @@ from typing import Any, get_args, get_type_hints
 
 import pytest
 
+from gateway.cli import main
 from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.diagnostics.rehearsal.meaning import meaning
@@ -77,7 +78,7 @@ def test_they_say_what_is_done(operation: op.Operation, words: str) -> None:
 
 
 def test_a_goto_is_explained_to_an_owner() -> None:
-    told = explain("lx200", "6se", ":MS#").splitlines()
+    told = explain("lx200", "6se", ":MS#").text.splitlines()
     assert told[0] == ":MS#  slew to the target"
     assert told[1].startswith("outcome on a 6-8se/4.21 mount: translated (the mount carries it out, by commands")
     assert "  the gateway understands: go to RA 05:34:32, Dec +22°00'52\", and track there" in told
@@ -89,20 +90,49 @@ def test_a_goto_is_explained_to_an_owner() -> None:
 
 
 def test_values_and_replies_are_told_as_people_write_them() -> None:
-    told = explain("lx200", "etx", ":Sr05:34:32#").splitlines()
+    told = explain("lx200", "etx", ":Sr05:34:32#").text.splitlines()
     assert told[1] == "  RA 05:34:32" and told[2].startswith("answered by the gateway")
-    assert explain("lx200", "nexstar", ":GD#").splitlines()[-1] == "reply: +00*00:00#  (Dec +00°00'00\")"
+    assert explain("lx200", "nexstar", ":GD#").text.splitlines()[-1] == "reply: +00*00:00#  (Dec +00°00'00\")"
 
 
 def test_every_outcome_is_explained() -> None:
     from gateway.diagnostics.command_outcomes import STANDS_FOR
 
     assert tuple(STANDS_FOR) == OUTCOMES
-    assert "(the reply is the protocol's refusal; if it has none, the refusal is only logged)" in explain(
-        "lx200gps", "cge/3.02", ":gT#"
-    )
+    assert "cge/3.02 mount: refused (the reply says so)" in explain("lx200gps", "cge/3.02", ":gT#").text
+
+
+def test_the_outcome_is_the_one_on_the_wire() -> None:
+    """Of the model that is presented because it fits; where a refusal has no reply, that is said."""
+    gps = explain("nexstar", "lx200gps", "P\\x01\\xb0\\x37\\x00\\x00\\x00\\x01").text
+    assert "outcome on an lx200gps mount: translated (" in gps and gps.endswith("reply: \\x01#  (linked)")
+    classic = explain("nexstar", "lx200:lx200", "T\\x02").text
+    assert "refused (the reply is # all the same, because this protocol has no other: only the log tells it)" in classic
+    assert "refused (this command has no reply: only the log tells it)" in explain("lx200", "cge/1.2", ":T-#").text
+
+
+@each(
+    ("command", "why", "reply"),
+    [
+        (":Foo#", "'oo' is not a number", "none"),
+        (":Sr25:00:00#", "'25:00:00' is not from 0 to 360", "0  (Invalid value.)"),
+        (":Sh85.5#", "'85.5' has decimals, and this form has none", "0  (Invalid value.)"),
+    ],
+)
+def test_a_value_that_is_none_is_refused_in_plain_words(
+    command: str, why: str, reply: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["explain", "lx200", "cpc", command]) == 1
+    told = capsys.readouterr().out
+    assert f"  not valid: {why}\noutcome: refused (" in told and told.endswith(f"reply: {reply}\n")
+    assert "b'" not in told
+
+
+def test_a_command_that_this_hand_control_has_not_is_an_error() -> None:
+    assert main(["explain", "nexstar:nexstar-gps/1.2", "lx200", "e"]) == 1
+    assert main(["explain", "lx200", "cpc", ":GR#"]) == 0
 
 
 @pytest.mark.parametrize("command", [":MS#", ":MA#", ":hP#"])
 def test_a_mount_that_is_in_a_hurry_is_not_said_to_stand_wrong(command: str) -> None:
-    assert "axis stands" not in explain("lx200", "nexstar", command)
+    assert "axis stands" not in explain("lx200", "nexstar", command).text

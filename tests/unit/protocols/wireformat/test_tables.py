@@ -158,13 +158,13 @@ def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 
 def test_an_explanation_is_of_the_model_that_was_named() -> None:
-    told = explain("lx200:lx200gps", "nexstar:cpc/4.21", ":gT#")
+    told = explain("lx200:lx200gps", "nexstar:cpc/4.21", ":gT#").text
     assert "outcome on a cpc/4.21 mount: kept (" in told and "\n  before the alignment: translated\n" in told
-    assert "outcome on a cge/3.02 mount: refused" in explain("lx200:lx200gps", "nexstar:cge/3.02", ":gT#")
-    assert "reply: 3.34#" in explain("lx200:lx200", "nexstar", ":GVN#")
-    assert "reply: \\x03\\x02#" in explain("nexstar:cge/3.02", "lx200", "V")
-    assert "version 1.2 does not know it" in explain("nexstar:nexstar-gps/1.2", "lx200", "e")
-    assert "the gateway keeps it as an offset" in explain("lx200", "nexstar:i-series/1.6", ":CM#")
+    assert "outcome on a cge/3.02 mount: refused" in explain("lx200:lx200gps", "nexstar:cge/3.02", ":gT#").text
+    assert "reply: 3.34#" in explain("lx200:lx200", "nexstar", ":GVN#").text
+    assert "reply: \\x03\\x02#" in explain("nexstar:cge/3.02", "lx200", "V").text
+    assert "version 1.2 does not know it" in explain("nexstar:nexstar-gps/1.2", "lx200", "e").text
+    assert "the gateway keeps it as an offset" in explain("lx200", "nexstar:i-series/1.6", ":CM#").text
     with pytest.raises(UserError, match="no model 'cgx9'"):
         explain("lx200", "nexstar:cgx9", ":CM#")
 
