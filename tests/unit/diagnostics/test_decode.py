@@ -116,7 +116,7 @@ def test_a_terminal_without_a_degree_sign(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, "ascii"))
     assert main(["decode", str(path)]) == 0
     sys.stdout.flush()
-    assert b"Dec +22?00'52\"" in shown.getvalue()
+    assert b"Dec +22d00'52\"" in shown.getvalue()
 
 
 def words(path: Path, data: bytes, capsys: pytest.CaptureFixture[str], protocol: str) -> str:

@@ -27,7 +27,7 @@ from tests.support.sampling import as_a_rule
 def test_every_row_is_explained(client: str, mount: str) -> None:
     asked = [item for item in load(client).commands.items() if item[1].asked]
     for name, command in asked[:: as_a_rule(9, whole=1)]:
-        told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example(command)))
+        told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example(command))).text
         assert command.help in told, name
         assert ": missing" not in told, name
         assert "\nreply: " in told, name
@@ -59,7 +59,7 @@ OVER_MEADE = wire.Pair(Endpoint("nexstar", "-", "cge", "4.21"), Endpoint("lx200"
 @pytest.mark.parametrize(
     ("pair", "name", "row", "says"),
     [
-        (CPC, "GD", {"outcome": "kept", "call": "silence"}, "kept, and yet there is no reply"),
+        (CPC, "GD", {"outcome": "kept", "call": "accessories.silence"}, "kept, and yet there is no reply"),
         (CPC, "GVP", {"outcome": "translated"}, "the mount has never been asked"),
         (CPC, "GVP", {"outcome": "silent"}, "silent, and yet 'LX2001#' is said"),
         (CPC, "AL", {"outcome": "kept"}, "kept, and yet T goes to the mount"),
@@ -82,7 +82,7 @@ def test_a_row_that_says_something_else_is_found(
 
 
 def test_a_way_that_is_not_taken_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(load("nexstar").driver, "SetSite", [Implementation(call="set_site", uses=["W"])])
+    monkeypatch.setitem(load("nexstar").driver, "SetSite", [Implementation(call="place.set_site", uses=["W"])])
     _, found = wire.rehearse(CPC, frozenset(["Sg"]))
     assert [difference.words for difference in found] == ["translated, and nothing that changes the mount is sent"]
 
@@ -126,21 +126,21 @@ def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
 
 
 def test_what_is_explained_is_what_the_mount_was_sent() -> None:
-    told = explain("lx200gps", "cge", ":TL#")  # FFFD hexadecimal is the lunar rate of the azimuth motor
+    told = explain("lx200gps", "cge", ":TL#").text  # FFFD hexadecimal is the lunar rate of the azimuth motor
     assert "to the mount: P\\x03\\x10\\x06\\xff\\xfd\\x00\\x00  variable rate" in told
-    assert explain("lx200", "cge", "\\x06").endswith("reply: P  (polar)")
-    small = explain("lx200", "gt/101.0", ":Mn#")
+    assert explain("lx200", "cge", "\\x06").text.endswith("reply: P  (polar)")
+    small = explain("lx200", "gt/101.0", ":Mn#").text
     assert "to the mount: R" in small and "P\\x02" not in small
     assert "to the mount: and so on" in small
-    home = explain("lx200gps", "6se", ":hF#")
+    home = explain("lx200gps", "6se", ":hF#").text
     assert "after :hS#, with the Crab nebula" in home and "No home position" not in home
 
 
 def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
-    assert "to the mount: e  precise" in explain("nexstar", "cpc", "e")
-    told = explain("lx200", "lx200gps", ":GVP#")  # no model is named: the mount itself is what programs see
+    assert "to the mount: e  precise" in explain("nexstar", "cpc", "e").text
+    told = explain("lx200", "lx200gps", ":GVP#").text  # no model is named: the mount itself is what programs see
     assert "answered by the mount itself" in told and told.endswith("reply: LX2001#")
-    assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#  (cpc)")  # a polar Meade: a CPC on its wedge
+    assert explain("nexstar", "lx200:lx200", "m").text.endswith("reply: \\x09#  (cpc)")  # a polar Meade: a CPC on its wedge
 
 
 @each(
