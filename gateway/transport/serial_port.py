@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 
 from gateway.core.errors import UserError
 from gateway.transport.handler import Accept, ConnectionHandler
@@ -11,6 +12,11 @@ from gateway.transport.wires import SerialTransport
 
 #: Seconds between two attempts to open a lost port.
 RETRY_AFTER = 1.0
+#: What to do about a port for programs that does not exist.
+PAIR = (
+    "; a program's serial port is one end of a pair, and this is the other, which has to be there before the gateway "
+    "starts; on Linux and macOS pty:/tmp/port makes both"
+)
 
 
 class SerialPort:
@@ -32,7 +38,8 @@ class SerialPort:
         try:
             await self._wire.open(self._handler.feed, self._lost)
         except OSError as error:
-            raise UserError(f"cannot open {url}: {error.strerror or error}") from None
+            advice = PAIR if error.errno == errno.ENOENT and "://" not in url else ""
+            raise UserError(f"cannot open {url}: {error.strerror or error}{advice}") from None
         return self
 
     def _write(self, data: bytes) -> None:

@@ -44,6 +44,8 @@ _REASONS = (
     ),
     ((errno.EISDIR,), "Is a directory", errno.EISDIR, "this is a folder, not a serial port"),
     ((errno.ENOTTY,), "Inappropriate ioctl", errno.ENOTTY, "this is not a serial port"),
+    ((), "FileNotFoundError", errno.ENOENT, "no such port"),  # as pyserial says it on Windows
+    ((), "PermissionError", errno.EBUSY, "the port is in use by another program"),  # there it means that
     ((), "refused", errno.ECONNREFUSED, "no program listens there (connection refused)"),
 )
 

@@ -18,15 +18,15 @@ TOP = Path(__file__).resolve().parents[2]
 LINES = {
     1: "A stop from any program goes to the mount before everything else and is repeated until the mount is seen at "
     "rest.",
-    2: "`mount-gateway stop` stops every mount from any terminal. Ctrl-C and SIGTERM stop what the gateway has set "
-    "moving, a closed terminal too, except on Windows.",
+    2: "`mount-gateway stop` stops every mount from any terminal. Ctrl-C, SIGTERM and a closed terminal stop what the "
+    "gateway has set moving.",
     3: "Gotos and motion by hand keep to the altitudes between 0° and 90°, or to `lowest` and `highest` if you set "
     "them; the mount's own keys only if you set them.",
     4: "While the Sun is up, no goto leads nearer to it than 20°, and motion that comes nearer is stopped.",
     5: "The tube of a German mount is kept from the pier only if you set `hour-angle-limit`.",
     6: "Fast motion by hand stops if the program that started it is silent for 30 s. Gotos continue.",
     7: "If the gateway is killed or hangs while the mount moves, a second process stops the mount (on Linux and "
-    "macOS).",
+    "macOS, not on Windows).",
     8: "Syncs that turn the sky or an axis by more than 15° are refused, except the first one of a Meade, and by night "
     "those of up to 1° on the sky. A Celestron that is not aligned accepts no goto.",
     9: "Everyone who can reach the port can move the mount. Only this computer can, until you write another address.",

@@ -1,7 +1,8 @@
 """Handles the signals that end or suspend the process.
 
-SIGINT, SIGTERM and closing the terminal end it after an orderly shutdown; a second Ctrl-C ends it at once. Ctrl-Z
-suspends it only after the mount was stopped, because a suspended gateway cannot supervise a moving mount.
+SIGINT, SIGTERM and closing the terminal end it after an orderly shutdown; a second Ctrl-C ends it at once. Windows
+reports a closed window to a handler of the console's instead, and gives the process 5 s. Ctrl-Z suspends it only after
+the mount was stopped, because a suspended gateway cannot supervise a moving mount.
 """
 
 from __future__ import annotations
@@ -11,12 +12,19 @@ import contextlib
 import os
 import signal
 import sys
+import time
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import TypeVar
 
 _T = TypeVar("_T")
 #: Two SIGINTs within so many seconds count as one: a wrapper that passes Ctrl-C on delivers it twice, a user is slower.
 TWICE = 0.1
+#: What Windows reports: the terminal's window is closed, the user logs off, the computer shuts down.
+CLOSED = (2, 5, 6)
+#: Seconds that the handler waits for the process to end: longer than the 5 s after which Windows ends it.
+WINDOWS_WAITS = 10.0
+#: The handlers that Windows calls, which ctypes does not keep alive.
+_HANDLERS: list[object] = []
 
 
 def until_signal() -> asyncio.Event:
@@ -34,14 +42,41 @@ def until_signal() -> asyncio.Event:
             os._exit(128 + number)
 
     numbers = [signal.SIGINT, signal.SIGTERM]
-    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else it runs under nohup
+    if sys.platform == "win32":
+        numbers.append(signal.SIGBREAK)
+    elif signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else it runs under nohup
         numbers.append(signal.SIGHUP)
     for number in numbers:
         try:
             loop.add_signal_handler(number, end, number)
         except NotImplementedError:  # Windows
             signal.signal(number, lambda number, _: loop.call_soon_threadsafe(end, number))
+    if sys.platform == "win32":
+        _when_the_window_closes(lambda: loop.call_soon_threadsafe(end, signal.SIGTERM))
     return done
+
+
+def _when_the_window_closes(end: Callable[[], object]) -> None:
+    """On Windows, call ``end`` when the terminal's window closes, and let the process end by itself after that.
+
+    This comes after the signals: the handler that is added last is asked first, and that of Python's C library would
+    take a closed window for Ctrl-Break and return at once, which ends the process.
+    """
+    import ctypes
+
+    def asked(event: int) -> bool:
+        """Called on a thread of Windows' own, which ends the process as soon as this returns True."""
+        if event not in CLOSED:
+            return False  # Ctrl-C and Ctrl-Break, which are signals
+        with contextlib.suppress(RuntimeError):  # the loop is closed: the process is ending already
+            end()
+        time.sleep(WINDOWS_WAITS)
+        return True
+
+    handler = ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)(asked)  # type: ignore[attr-defined,unused-ignore]
+    _HANDLERS.append(handler)
+    kernel = ctypes.WinDLL("kernel32")  # type: ignore[attr-defined,unused-ignore]
+    kernel.SetConsoleCtrlHandler(handler, True)
 
 
 async def unless(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:

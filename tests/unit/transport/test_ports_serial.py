@@ -9,6 +9,7 @@ import socket
 import tty
 
 import pytest
+import serial
 
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
@@ -155,3 +156,19 @@ def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
     with server:
         heard, _ = asyncio.run(main())
     assert heard == [b"34AB0000,12CE0000#", b"1"]
+
+
+@each(
+    ("told", "words"),
+    [
+        ("FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)", "no such port; a program's"),
+        ("PermissionError(13, 'Access is denied.', None, 5)", "the port is in use by another program"),
+    ],
+)
+def test_what_windows_says_of_a_port_is_said_in_words(told: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(f"could not open port 'COM5': {told}")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(UserError, match=f"^cannot open COM5: {words}"):
+        serve(lambda _: asyncio.sleep(0), "lx200@COM5")
