@@ -15,7 +15,8 @@ RELEASED = 1767225600.0
 #: The folder ``gateway/``, in a checkout or as installed.
 PACKAGE = Path(__file__).resolve().parents[1]
 #: The rules by which the gateway decides. A recording is replayed by those of its time: by the first ones a site or
-#: clock might go to a mount that slews, a goto did not wait for them, and the site was read as seldom as the clock.
+#: clock might go to a mount that slews, a goto did not wait for them, the site was read as seldom as the clock, and
+#: only gotos were judged by the axes as they were before the syncs.
 RULES, FIRST_RULES = 2, 1
 #: How many digits of a commit are told.
 DIGITS = 12

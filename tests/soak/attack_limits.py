@@ -188,10 +188,7 @@ def unaligned(order: bytes, at: Attacked) -> None:
 #: Degrees that a mount which does not know where it points may be turned without its owner's permission.
 STAYS = ("turned", None, 0.5)
 SYNCS = [
-    Attack("syncs", "four syncs of 14°, then an arrow down", (FORK,), syncs_add_up, ALTITUDE),
-    # No axis of a Meade shows its altitude, so the gateway cannot know that the first, permitted sync is wrong.
-    Attack("syncs", "four syncs of 14°, then an arrow down", (MEADE, AUTOSTAR), syncs_add_up,
-           ("altitude", LOWEST - RUNS_ON - 15.0, None)),
+    Attack("syncs", "four syncs of 14°, then an arrow down", (FORK, GERMAN, MEADE, AUTOSTAR), syncs_add_up, ALTITUDE),
     Attack("not aligned", "`:Sz090*00#:Sa+30*00#:MA#`", (FORK,), partial(unaligned, b":Sz090*00#:Sa+30*00#:MA#"), STAYS,
            sim=("--unaligned",)),
     Attack("not aligned", "`:hP#`", (FORK,), partial(unaligned, b":hP#"), STAYS, sim=("--unaligned",)),

@@ -25,8 +25,8 @@ NEVER = -1e9
 class PositionSample(Struct, frozen=True):
     """A position of the mount: altitude and hour angle (None without a site), distances from each possible Sun.
 
-    ``lifting`` is the motion by hand of the second axis at that time. Distances from Suns can be compared within one
-    ``era`` (`SunAvoidance`).
+    ``unsynced`` are the altitudes at which the tube may be if the syncs were wrong. ``lifting`` is the motion by hand
+    of the second axis at that time. Altitudes, and distances from Suns, can be compared within one ``era``.
     """
 
     at: float
@@ -35,13 +35,19 @@ class PositionSample(Struct, frozen=True):
     hour_angle: float | None = None
     suns: tuple[float, ...] = ()
     lifting: op.Move | op.MoveAxis | None = None
-    era: int = 0
+    era: object = 0
+    unsynced: tuple[float, ...] = ()
+
+    @property
+    def altitudes(self) -> tuple[float, ...]:
+        """Every altitude that the limits judge; none without a site."""
+        return () if self.altitude is None else (self.altitude, *self.unsynced)
 
 
 class Changes(Struct, frozen=True):
     """The speeds of these values from one position to the next, degrees a second, never negative."""
 
-    altitude: float = 0.0
+    altitudes: tuple[float, ...] = ()
     hour_angle: float = 0.0
     suns: tuple[float, ...] = ()
 
@@ -89,7 +95,7 @@ def see(seen: Seen, sample: PositionSample) -> Seen:
     elapsed = sample.at - before.at
     across = separation(before.place.ra, before.place.dec, sample.place.ra, sample.place.dec) / elapsed
     changes = Changes(
-        abs((sample.altitude or 0.0) - (before.altitude or 0.0)) / elapsed,
+        tuple(abs(now - then) / elapsed for then, now in zip(before.altitudes, sample.altitudes, strict=False)),
         abs(wrap180((sample.hour_angle or 0.0) - (before.hour_angle or 0.0))) / elapsed,
         tuple(abs(now - then) / elapsed for then, now in zip(before.suns, sample.suns, strict=True)),
     )

@@ -19,13 +19,13 @@ NEARER = 0.05
 
 def allow(view: View) -> Verdict:
     """Return the verdict that forbids the motion, else the one with the earliest deadline for the next position."""
-    verdicts = []
+    soonest = ALLOWED
     for rule in (altitude, near_sun, meridian):
         verdict = rule(view)
         if verdict.reason:
             return verdict
-        verdicts.append(verdict)
-    return min(verdicts, key=lambda verdict: float("inf") if verdict.within is None else verdict.within)
+        soonest = _sooner(soonest, verdict)
+    return soonest
 
 
 def first_stretch(view: View, now: float, speed: float) -> Verdict:
@@ -38,9 +38,8 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     if here is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:
         return Verdict()
     rooms = [distance - view.sun for distance in here.suns]
-    if here.altitude is not None:
-        rooms += [here.altitude - limits.lowest] * (limits.lowest > -90.0)
-        rooms += [limits.highest - here.altitude] * (limits.highest < 90.0)
+    rooms += [altitude - limits.lowest for altitude in here.altitudes if limits.lowest > -90.0]
+    rooms += [limits.highest - altitude for altitude in here.altitudes if limits.highest < 90.0]
     nearest = min((room for room in rooms if room > 0.0), default=180.0)
     seconds = nearest / speed - timing.to_stop - (now - here.at)
     return Verdict(within=max(seconds, timing.interval + MIN_INTERVAL), limit="a limit")
@@ -60,20 +59,31 @@ def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> b
 
 
 def altitude(view: View) -> Verdict:
-    """End a motion before it passes an altitude limit."""
+    """End a motion before it passes an altitude limit, by what the mount tells or by what it told before its syncs."""
     before, last, changes = view.seen.before, view.seen.last, view.seen.changes
-    if before is None or last is None or changes is None or before.altitude is None or last.altitude is None:
+    if before is None or last is None or changes is None:
         return ALLOWED
-    limits, earlier = view.limits, view.seen.earlier
-    rate = view.ahead(changes.altitude, None if earlier is None else earlier.altitude)
-    margin = view.margin(rate) - OVERSHOOT * view.on_checked_path
-    if leaving(limits, before.altitude, last.altitude, margin):
-        return Verdict(f"the altitude limit ({last.altitude:.1f} degrees)")
-    if last.altitude < before.altitude and limits.lowest > -90.0:
-        return view.allowed_within(last.altitude - limits.lowest, rate, "the altitude limit")
-    if last.altitude > before.altitude and limits.highest < 90.0:
-        return view.allowed_within(limits.highest - last.altitude, rate, "the altitude limit")
-    return ALLOWED
+    limits, earlier, soonest = view.limits, view.seen.earlier, ALLOWED
+    for number, (then, now) in enumerate(zip(before.altitudes, last.altitudes, strict=False)):
+        grew = _earlier(changes.altitudes, None if earlier is None else earlier.altitudes, number)
+        rate = view.ahead(changes.altitudes[number], grew)
+        if leaving(limits, then, now, view.margin(rate) - OVERSHOOT * view.on_checked_path):
+            return Verdict(f"the altitude limit ({now:.1f} degrees{', if the syncs were wrong' * (number > 0)})")
+        if now < then and limits.lowest > -90.0:
+            soonest = _sooner(soonest, view.allowed_within(now - limits.lowest, rate, "the altitude limit"))
+        elif now > then and limits.highest < 90.0:
+            soonest = _sooner(soonest, view.allowed_within(limits.highest - now, rate, "the altitude limit"))
+    return soonest
+
+
+def _earlier(changes: tuple[float, ...], before: tuple[float, ...] | None, number: int) -> float | None:
+    """Return one of the speeds before these; None if there were others then."""
+    return before[number] if before is not None and len(before) == len(changes) else None
+
+
+def _sooner(one: Verdict, other: Verdict) -> Verdict:
+    """Return the verdict with the earlier deadline."""
+    return min(one, other, key=lambda verdict: float("inf") if verdict.within is None else verdict.within)
 
 
 # --- the Sun ----------------------------------------------------------------------------------------------------------
@@ -91,9 +101,7 @@ def near_sun(view: View) -> Verdict:
     for number, (then, now) in enumerate(zip(before.suns[:count], last.suns[:count], strict=True)):
         rate = _rate(view, number)
         if now >= view.sun + view.margin(rate):
-            soon = view.allowed_within(now - view.sun, rate, "the Sun") if now < then else ALLOWED
-            if soon.within is not None and (soonest.within is None or soon.within < soonest.within):
-                soonest = soon
+            soonest = _sooner(soonest, view.allowed_within(now - view.sun, rate, "the Sun") if now < then else ALLOWED)
         elif now < view.seen.farthest[number] - NEARER:
             return Verdict(f"the Sun ({now:.0f} degrees from it)")
     return soonest
@@ -113,8 +121,8 @@ def _rate(view: View, number: int) -> float:
     """How fast the tube may approach one of the Suns, degrees a second."""
     changes, earlier = view.seen.changes, view.seen.earlier
     assert changes is not None
-    comparable = earlier is not None and len(earlier.suns) == len(changes.suns)
-    return view.ahead(changes.suns[number], earlier.suns[number] if comparable and earlier is not None else None)
+    grew = _earlier(changes.suns, None if earlier is None else earlier.suns, number)
+    return view.ahead(changes.suns[number], grew)
 
 
 # --- the meridian -----------------------------------------------------------------------------------------------------

@@ -13,9 +13,11 @@ from math import asin, cos, degrees, radians, sin
 
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
+from gateway.core.about import FIRST_RULES
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
 from gateway.mount.readings.reader import Reader
+from gateway.mount.site.astrometry import Shift
 
 #: Degrees by which alignment, cone error and refraction may let an axis reading differ from the calculated altitude.
 TOLERANCE = 1.0
@@ -94,6 +96,16 @@ class AltitudeAxis:
         return (
             self._mount.astrometry.site_clock.site() is not None and driver.implementation(op.AxisPosition) is not None
         )
+
+    @property
+    def shifts(self) -> tuple[Shift, ...]:
+        """By how much the tube may be off because of syncs, where the axes do not tell; none without a site.
+
+        A recording of the time before the altitudes that follow from them were watched is replayed without.
+        """
+        mount = self._mount
+        unknown = mount.policy.rules == FIRST_RULES or self.available or mount.sources.site() is None
+        return () if unknown else mount.frame().shifts
 
     def interval(self, moves: bool) -> float | None:
         """Return how often to read the axes, seconds; None if that is not needed."""

@@ -202,12 +202,13 @@ class LimitWatch:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
         here = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
-        altitude, hour_angle = astrometry.altitude(here.ra, here.dec), None
+        altitude, hour_angle, shifts = astrometry.altitude(here.ra, here.dec), None, self.altitude_axis.shifts
         if altitude is not None:
             altitude += self.altitude_axis.tilt or 0.0
             hour_angle = astrometry.sidereal_time() - here.ra
-        suns = tuple(mount.suns.distances(here))
-        return PositionSample(now, place, altitude, hour_angle, suns, mount.wanted.by_hand.get(2), mount.suns.era)
+        unsynced = () if altitude is None else tuple(mount.suns.altitude(here, shift) for shift in shifts)
+        suns, lifting = tuple(mount.suns.distances(here)), mount.wanted.by_hand.get(2)
+        return PositionSample(now, place, altitude, hour_angle, suns, lifting, (mount.suns.era, shifts), unsynced)
 
     def _update_state(self, now: float, status: op.Status | None) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""

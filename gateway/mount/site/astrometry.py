@@ -28,8 +28,6 @@ CACHE_FOR, CACHE_SHORTLY = 60.0, 5.0
 SAME, JUMPS = 0.5, 0.1
 #: Degrees; a Sun this low may still shine into a tube: refraction, its disk, and a horizon below eye level.
 SUN_IS_UP = -1.0
-
-
 #: Degrees by which the tube may be off from where the mount believes to point: so much is alignment and refraction.
 OFF = 1.0
 
@@ -60,14 +58,12 @@ class SiteAstrometry:
 
     def horizon(self, seen: op.Equatorial) -> op.Horizontal:
         """Return azimuth and altitude of a position (equinox of date)."""
-        place = self.place()
-        unix = self.site_clock.unix()
+        place, unix = self.place(), self.site_clock.unix()
         return op.Horizontal(*self.sky.horizon(seen.ra, seen.dec, place.latitude, place.longitude, unix))
 
     def equatorial(self, seen: op.Horizontal | op.GotoHorizontal | op.GotoAxes) -> op.Equatorial:
         """Return the position (equinox of date) that is at an azimuth and altitude now."""
-        place = self.place()
-        unix = self.site_clock.unix()
+        place, unix = self.place(), self.site_clock.unix()
         return op.Equatorial(*self.sky.equatorial(seen.az, seen.alt, place.latitude, place.longitude, unix))
 
     def axes(self, seen: op.Equatorial, wedge: bool = False) -> op.Horizontal:
@@ -225,6 +221,10 @@ class SunAvoidance:
         here = self._astrometry.horizon(seen)
         there = fold_declination(here.az + shift.first, here.alt + shift.second)
         return self._astrometry.equatorial(op.Horizontal(*there))
+
+    def altitude(self, seen: op.Equatorial, shift: Shift) -> float:
+        """Return the altitude of the tube while the mount believes to point at ``seen``. It needs a site."""
+        return self._astrometry.horizon(self.tube(seen, shift)).alt
 
     def believed(self, tube: op.Equatorial, shift: Shift) -> op.Equatorial:
         """Return where the mount believes to point when the tube is there: the inverse of ``tube``."""

@@ -20,12 +20,12 @@ from gateway.core.errors import Fault, PastMeridian
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import too_near
+from gateway.mount.safety.admission.contradictions import check_synced, too_near
 from gateway.mount.safety.allow import leaving
 from gateway.mount.safety.hour_angle import meridian_known, past_by_axes, past_meridian, told_by_axes
 from gateway.mount.safety.stop_timing import MIN_INTERVAL
 from gateway.mount.safety.watch import LimitWatch
-from gateway.mount.site.astrometry import Sun
+from gateway.mount.site.astrometry import Shift, Sun
 
 #: Degrees of axis motion between two points of a stretch that are checked.
 STEP = 2.0
@@ -38,9 +38,10 @@ TRACKING_AHEAD = 60.0
 class Start(NamedTuple):
     """Where a stretch begins.
 
-    ``tilt`` is by how many degrees the altitude axis differs from the calculated altitude. ``side`` is the side of the
-    pier (E, W) that the tube is on, None if it is unknown or there is no pier. ``axes`` are the axis readings, None if
-    the mount reports none or no hour angle is limited. ``suns`` are those to avoid.
+    ``tilt`` is by how many degrees the altitude axis differs from the calculated altitude; ``shifts`` are what syncs
+    have turned where the axes do not tell. ``side`` is the side of the pier (E, W) that the tube is on, None if it is
+    unknown or there is no pier. ``axes`` are the axis readings, None if the mount reports none or no hour angle is
+    limited. ``suns`` are those to avoid.
     """
 
     seen: op.Equatorial
@@ -49,6 +50,7 @@ class Start(NamedTuple):
     side: str | None = None
     axes: op.Horizontal | None = None
     suns: tuple[Sun, ...] = ()
+    shifts: tuple[Shift, ...] = ()
 
     def past(self, mount: Context, place: op.Equatorial, turned: float) -> float | None:
         """Return how far the tube is past the meridian after the first axis has ``turned`` west; None if unknown."""
@@ -98,13 +100,27 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
 
 
 def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial) -> None:
-    before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
-    if leaving(limits, before, after):
-        limits.check_altitude(after)
+    _check_altitudes(mount, limits, start, seen, soon)
     for sun in start.suns:
         then = mount.suns.distance(soon, sun)
         if then < mount.suns.limit and then < mount.suns.distance(seen, sun):
             raise too_near(mount.sources, sun)
+
+
+def _check_altitudes(
+    mount: Context, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial, only_beyond: bool = False
+) -> None:
+    """Check that the way from ``seen`` to ``soon`` leads beyond no altitude limit, whether the syncs were right or not.
+
+    ``only_beyond``: it counts only if it begins beyond one. Raises BelowHorizon, TooHigh, Contradicted.
+    """
+    before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
+    if leaving(limits, before, after):
+        limits.check_altitude(before if only_beyond else after)
+    for shift in start.shifts:
+        before, after = mount.suns.altitude(seen, shift), mount.suns.altitude(soon, shift)
+        if leaving(limits, before, after):
+            check_synced(limits, before if only_beyond else after, shift)
 
 
 def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
@@ -152,12 +168,10 @@ class HandAdmission:
         start = await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
             return
-        astrometry, seen = mount.astrometry, start.seen
+        seen = start.seen
         soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * TRACKING_AHEAD)  # where tracking will have carried it
-        before, after = astrometry.horizon(seen).alt + start.tilt, astrometry.horizon(soon).alt + start.tilt
         try:
-            if leaving(limits, before, after):
-                limits.check_altitude(before)
+            _check_altitudes(mount, limits, start, seen, soon, only_beyond=True)
             if limits.hour_angle is not None:
                 now = start.past(mount, seen, 0.0)
                 then = start.past(mount, soon, SIDEREAL_RATE * TRACKING_AHEAD)
@@ -195,7 +209,7 @@ class HandAdmission:
         side = await self._ask.tube_side() if watched and mount.driver.german and axes is None else None
         axis = self._watch.altitude_axis
         tilt = await axis.current_tilt(self._ask) if axis.available else 0.0
-        return Start(seen, status, tilt, side, axes, tuple(mount.suns.up()))
+        return Start(seen, status, tilt, side, axes, tuple(mount.suns.up()), axis.shifts)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""

@@ -33,7 +33,7 @@ from gateway.mount.safety.admission.contradictions import (
 )
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
-from gateway.mount.safety.admission.ways import Journey, check_ways, paths_of
+from gateway.mount.safety.admission.ways import Journey, check_ways, leaves_limits, paths_of
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
@@ -192,7 +192,7 @@ class Admission:
         except Fault as fault:
             raise (fault if axis_known else with_contradiction(fault, mount.sources)) from None
         for shift in () if axis_known else mount.frame().shifts:  # if the syncs were wrong, the tube goes elsewhere
-            check_synced(limits, mount.astrometry.horizon(mount.suns.tube(goal, shift)).alt, shift)
+            check_synced(limits, mount.suns.altitude(goal, shift), shift)
         status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
@@ -252,7 +252,10 @@ class Admission:
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
             if not all(clear(start, turned, place, allowed) for start, turned in paths_of(mount, journey(sun.shift))):
                 raise too_near(mount.sources, sun, way=True)
-        self._watch.path_leaves_limits = await check_ways(mount, limits, journey(tube))
+        unsynced = self._watch.altitude_axis.shifts
+        self._watch.path_leaves_limits = await check_ways(mount, limits, journey(tube)) or any(
+            leaves_limits(mount, limits, journey(shift)) for shift in unsynced
+        )
         self._watch.path_clear = known and not self._watch.path_leaves_limits
 
 

@@ -59,16 +59,28 @@ async def check_ways(mount: Context, limits: Limits, journey: Journey) -> bool:
     Raises WayBlocked if every way leaves them, or one does before a stop could end it. A way from beyond a limit is
     clear if it never leads farther out than where it begins.
     """
+    circles, blocked, leaves = _examine(mount, limits, journey)
+    if blocked is not None:
+        raise WayBlocked(await _words(mount, limits, journey, circles, blocked))
+    return leaves
+
+
+def leaves_limits(mount: Context, limits: Limits, journey: Journey) -> bool:
+    """Like ``check_ways`` for where the tube is if the syncs were wrong: such a goto is watched, not refused."""
+    _, blocked, leaves = _examine(mount, limits, journey)
+    return leaves or blocked is not None
+
+
+def _examine(mount: Context, limits: Limits, journey: Journey) -> tuple[list[Circle], Circle | None, bool]:
+    """Return the forbidden regions, the one for which the goto is refused, and whether a possible way leads there."""
     circles = forbidden_circles(mount.astrometry, limits, journey.equatorial, True in journey.others)
     stretch = mount.timing.reaction * mount.fastest
     ways = [(start, turn, shape) for start, turn in paths_of(mount, journey) for shape in SHAPES]
     crossed = [_first_crossed(circles, *way) for way in ways]
     at_once = [_first_crossed(circles, start, _first(turn, stretch), shape) for start, turn, shape in ways]
     blocked = next(filter(None, at_once), crossed[0] if all(crossed) else None)
-    if blocked is not None:
-        raise WayBlocked(await _words(mount, limits, journey, circles, blocked))
     outside = any(separation(*start, *one.middle) < one.radius for start, _, _ in ways for one in circles)
-    return outside or any(crossed)
+    return circles, blocked, outside or any(crossed)
 
 
 def _first_crossed(circles: list[Circle], start: Pair, turn: Pair, shape: Shape) -> Circle | None:
