@@ -151,9 +151,10 @@ class StateStore:
                 f"{self._marker_base.mount}: the mount is held: no program moves it until mount-gateway stop --release"
             )
         if self._uses_marker:
-            if self.previous_run.left is not None:
+            if (left := self.previous_run.left) is not None:
                 self._warn(
-                    f"{self._marker_base.mount}: the last run ended while the mount was moving: "
+                    f"{self._marker_base.mount}: "
+                    + ("the last run ended while the mount was moving: " if left.mount else f"{self._unreadable()}: ")
                     + ("the mount is" if controller.reconciler.wanted.owed else "what still moves so is")
                     + " stopped first"
                 )
@@ -166,6 +167,9 @@ class StateStore:
                 there=self.previous_run.left is not None,
             )
             controller.order_runner.announce = self._marker.before_motion
+
+    def _unreadable(self) -> str:
+        return f"the motion marker {self._marker_path} cannot be read, as if the last run had ended during a motion"
 
     def _content(self) -> MarkerContent:
         base, motion = self._marker_base, self._motion()

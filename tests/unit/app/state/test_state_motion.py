@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +64,24 @@ def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, m
             await asyncio.sleep(60)
             assert not bridge.controller.reconciler.busy
             assert _mark(tmp_path) is None
+
+    run(program())
+
+
+@pytest.mark.parametrize("kind", [os.mkfifo, os.mkdir, Path.touch])
+def test_a_mark_that_cannot_be_read_is_named(tmp_path: Path, kind: Callable[[Path], None]) -> None:
+    """The mount is stopped; a pipe is replaced by the next mark, and a folder is told once more."""
+
+    async def program() -> None:
+        kind(mark := tmp_path / "nexstar@bridge.moving")
+        async with Bridge(state=tmp_path) as bridge:
+            told = bridge.warned[0]
+            assert told.startswith(f"nexstar@bridge: the motion marker {mark} cannot be read, as if")
+            assert told.endswith("stopped first")
+            assert NEXSTAR_STOP & set(bridge.sent())
+            bridge.client().tell(b":RC#:Mn#")
+            await asyncio.sleep(1)
+            assert mark.is_file() or "Is a directory" in bridge.warned[-1]
 
     run(program())
 
