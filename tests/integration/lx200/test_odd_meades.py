@@ -14,6 +14,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
+from gateway.protocols.lx200.driver.pointing import STANDS
 from tests.support.in_process_gateway import Bridge
 
 NAK = b"\x15"
@@ -117,6 +118,33 @@ def test_it_has_the_abilities_that_its_answers_show(
         status = await bridge.controller.read(op.GetStatus())
         assert (status.tracking, status.aligned, status.equatorial) == expected
         assert bridge.driver.model == model
+        await bridge.controller.close()
+
+    run(program())
+
+
+@pytest.mark.parametrize("pushed", [True, False])
+@pytest.mark.parametrize("model", ["autostar", "lx200"])
+def test_bars_that_are_always_there_do_not_make_it_slew_for_ever(model: str, pushed: bool) -> None:
+    """A device on a telescope that is pushed by hand answers so; its position shows that it stands."""
+
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0})
+        oddly(bridge, b":D#", b"\x7f#")
+        if pushed:
+            oddly(bridge, b":MS#", b"0")
+        await found(bridge)
+        client = bridge.client()
+        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+        for _ in range(6):
+            await asyncio.sleep(2.0)
+            assert len(await client.ask(b":D#")) > 1, "a goto may take its time to begin"
+        while not pushed and bridge.sim.mechanics.slewing(bridge.sim.now):
+            assert len(await client.ask(b":D#")) > 1
+            await asyncio.sleep(1.0)
+        await asyncio.sleep(2.0 * STANDS)
+        assert await client.ask(b":D#") == b"#"
+        assert not bridge.controller.moving
         await bridge.controller.close()
 
     run(program())

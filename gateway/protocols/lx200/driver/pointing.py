@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, wrap180
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separation, wrap180
 from gateway.core import operations as op
+from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Garbled, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
@@ -20,6 +21,9 @@ from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200D
 #: A goto counts as under way for at least START_GRACE seconds, and until :D# has replied QUIET times with no bars.
 START_GRACE = 0.8
 QUIET = 2
+#: A goto is over, whatever :D# shows, if positions have stayed within so many degrees for so many seconds: a telescope
+#: that is pushed by hand may always show bars. An untracked sky turns by less in this time.
+STANDS_WITHIN, STANDS = 0.1, 15.0
 #: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 #: After so many missing replies in a row, azimuth and altitude are not asked for any more.
@@ -35,7 +39,12 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
     first, second, _ = yield from _pair(mount, "GR", "GD", PAIR_TRIES)
     if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)
-    return op.Equatorial(*fold_declination(first["ra"], second["dec"]))
+    place = op.Equatorial(*fold_declination(first["ra"], second["dec"]))
+    if (state := mount.goto) is not None:
+        state.read = mount.now()
+        if state.place is None or separation(place.ra, place.dec, state.place.ra, state.place.dec) > STANDS_WITHIN:
+            state.place, state.moved = place, state.read
+    return place
 
 
 def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
@@ -88,7 +97,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     state = mount.goto
     if state is None:
         return unordered and moves
-    if moves:
+    if moves and not _stands(mount, state):
         state.quiet = 0
         return True
     state.quiet += mount.now() >= state.since
@@ -97,6 +106,11 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     mount.goto = None
     mount.parked = state.then == "park"
     return False
+
+
+def _stands(mount: Lx200Driver, state: GotoState) -> bool:
+    """Whether the position shows that the telescope has not moved for a while since it was sent to a goal."""
+    return state.then is None and state.read - state.moved > STANDS and mount.rules > FIRST_RULES
 
 
 def still_seeking(mount: Lx200Driver) -> Steps:

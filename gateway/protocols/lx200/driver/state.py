@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Abilities as Can
-from gateway.core.operations import Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate
+from gateway.core.operations import Equatorial, Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
@@ -31,9 +31,15 @@ _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS",
 
 
 class GotoState(GotoUnderWay):
-    """A goto under way; ``quiet`` counts how often :D# has replied with no bars."""
+    """A goto under way; ``quiet`` counts how often :D# has replied with no bars.
+
+    ``read`` is when a position was read last, ``place`` where it was when it last ``moved``.
+    """
 
     quiet: int = 0
+    read: float = 0.0
+    moved: float = 0.0
+    place: Equatorial | None = None
 
 
 class Lx200Driver(Driver):
@@ -53,7 +59,7 @@ class Lx200Driver(Driver):
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(handlers)
-        self.now = now
+        self.now, self.rules = now, settings.rules
         self.named_model = self.model = settings.model
         self.product, self.firmware = "", ""
         self.low = False  # whether it replies in low precision
