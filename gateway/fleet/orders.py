@@ -17,6 +17,7 @@ from gateway.console import actions
 from gateway.console.places import find
 from gateway.core.errors import UserError
 from gateway.core.waiting import BackgroundTasks
+from gateway.fleet.client import LARGEST
 
 WHO = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
@@ -55,7 +56,8 @@ class Orders:
         elif text == "stop":
             self._stop()
         elif len(text) > LONGEST:
-            self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters")
+            once = WHO if len(payload) > LARGEST else None
+            self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters", once)
         elif to == ALL:
             self._refuse(text, "the only order for all mounts together is stop")
         elif word not in (*PLAIN, GOTO) or (bool(rest) is not (word == GOTO)):
@@ -75,8 +77,8 @@ class Orders:
             self._later.cancel()
         self._tasks.cancel()
 
-    def _refuse(self, text: str, why: str) -> None:
-        self._gateway.wire_log.refused(WHO, f"{text}: {why}")
+    def _refuse(self, text: str, why: str, once_of: str | None = None) -> None:
+        self._gateway.wire_log.refused(WHO, f"{text}: {why}", once_of)
 
     def _stop(self) -> None:
         """Stop at once, or, after a recent stop, once more when ``BETWEEN`` seconds have passed since that."""
