@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
@@ -10,7 +11,7 @@ import msgspec
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.programs import as_fields, first_bytes, hold, open_needs, programs, stops_arrows, with_needs
 from gateway.app.config.tables import ConsoleConfig
-from gateway.app.watchdog.client import WatchedMount
+from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, LazyAcceptor
 from gateway.clients.access import Access, Networks, networks
@@ -19,6 +20,7 @@ from gateway.core.about import RULES
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
+from gateway.mount.shutdown import stop_commands
 from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.reply_rules import PlainReplies, Replies
 from gateway.protocols.base.session import Shared
@@ -29,7 +31,7 @@ from gateway.transport.handler import Accept
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import SharedWebPort, WebDevice
-from gateway.transport.wires import SerialTransport, Transport
+from gateway.transport.wires import SerialTransport, Transport, on_the_wire
 
 if TYPE_CHECKING:
     from gateway.clients.any_protocol.acceptor import AnyAcceptor
@@ -224,17 +226,22 @@ def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> 
         yield ClientProfile(first, row.name, needs, equinox, hold(surface, protocol, program), row.stops_arrows)
 
 
-def connect_watchdog(controller: MountController, watched: WatchedMount) -> None:
-    """Tell the watchdog before each motion, and renew the stop commands that it holds whenever they may change."""
-    before = controller.order_runner.announce
+def watched(
+    watchdog: Watchdog,
+    title: str,
+    lock: Path | None,
+    controller: Callable[[], MountController],
+    stopped: Callable[[], None],
+) -> WatchedMount:
+    """Return the mount as the watchdog process is to know it. The ``controller`` exists before anything moves."""
 
-    async def before_motion() -> None:
-        watched.begin()
-        await before()
+    def commands() -> list[bytes]:
+        line = controller().line
+        return [on_the_wire(line.wire.name, one) for one in stop_commands(controller().driver, line.reply_rules)]
 
-    controller.order_runner.announce = before_motion
-    watched.clear = lambda: controller.watch.on_clear_path
-    controller.changed.connect(lambda _: watched.renew())
+    return watchdog.mount(
+        title, lock, commands, lambda: controller().reconciler.busy, stopped, lambda: controller().watch.on_clear_path
+    )
 
 
 def presents_mount(mount: Endpoint, surface: Endpoint) -> bool:

@@ -13,12 +13,12 @@ from gateway.app.bindings import (
     AcceptorFactory,
     check_pair,
     configure_binding,
-    connect_watchdog,
     exposure_warning,
     make_driver,
     make_transport,
     open_surface,
     policy,
+    watched,
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
@@ -40,7 +40,6 @@ from gateway.core.wire_log import WireLog
 from gateway.mount.context import Context
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
-from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
@@ -50,7 +49,6 @@ from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
 from gateway.transport.listening import SERVED
 from gateway.transport.web_port import WebDevice
-from gateway.transport.wires import on_the_wire
 
 if TYPE_CHECKING:
     from gateway.app.control.requests import RequestHandler
@@ -130,18 +128,9 @@ class Gateway:
 
     def _connect_watchdog(self) -> None:
         """Let the watchdog process stop the mount if this process cannot. A simulated mount ends with this process."""
-        if self.watchdog is None or self.mount.where == "sim":
-            return
-
-        def commands() -> list[bytes]:
-            wire = self.controller.line.wire.name
-            return [
-                on_the_wire(wire, command)
-                for command in stop_commands(self.controller.driver, self.controller.line.reply_rules)
-            ]
-
-        lock = self.store.lock_path if self.store is not None else None
-        self.watched = self.watchdog.mount(self.title, lock, commands, lambda: self.busy, self._was_stopped)
+        if self.watchdog is not None and self.mount.where != "sim":
+            lock = self.store.lock_path if self.store is not None else None
+            self.watched = watched(self.watchdog, self.title, lock, lambda: self.controller, self._was_stopped)
 
     def _was_stopped(self) -> None:
         """Continue after the watchdog process has stopped the mount because this process did not run for a while."""
@@ -166,14 +155,14 @@ class Gateway:
         site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config, self.rules), self.wire_log, line, self.sky, site_clock)
-        self._controller = MountController(context, follow_ups)
+        announcers = [one.before_motion for one in (self.watched, self.store) if one is not None]
+        self._controller = MountController(context, follow_ups, self.entrance.announcers(announcers))
         if self.store is None:
             restore(self.controller, self.previous_run)
         else:
             self.store.attach(self.controller)
         if self.watched is not None:
-            connect_watchdog(self.controller, self.watched)
-        self.controller.order_runner.announce = self.entrance.wrap_wait(self.controller.order_runner.announce)
+            self.controller.changed.connect(self.watched.renew)
         factory = AcceptorFactory(
             self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
         )

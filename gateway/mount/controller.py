@@ -8,6 +8,7 @@ are not. While any client polls, the cache is refreshed, so a hundred polling cl
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from typing import TypeVar, cast
 
 from msgspec.structs import replace
@@ -19,7 +20,7 @@ from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.ends import EndWatch
-from gateway.mount.motion.order_runner import Consequences, OrderRunner
+from gateway.mount.motion.order_runner import Announce, Consequences, OrderRunner
 from gateway.mount.motion.outcomes import ended_short
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.orders import Orders
@@ -47,10 +48,10 @@ class MountController:
     """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns why an
     operation cannot succeed. ``peek`` answers a read at once if that needs no exchange, ``read`` waits if it does, and
     ``read_now`` asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
-    again, and ``touch`` notes that they were.
+    again, and ``touch`` notes that they were. ``announcers``: see ``OrderRunner``.
     """
 
-    def __init__(self, context: Context, follow_ups: FollowUps) -> None:
+    def __init__(self, context: Context, follow_ups: FollowUps, announcers: Sequence[Announce] = ()) -> None:
         self.context, self.driver, line, site_clock = context, context.driver, context.link, context.site_clock
         self.line, self.site_clock, self.wire_log = line, site_clock, context.log
         self.now, self.spawn, self.loop = context.now, context.tasks.spawn, asyncio.get_running_loop()
@@ -85,7 +86,7 @@ class MountController:
         reader.axes.connect(watch.check_altitude_axis)
         reader.unseen.connect(watch.position_missing)
         reader.status.connect(self._on_status)
-        self.order_runner = OrderRunner(context, follow_ups, runner, self.admission)
+        self.order_runner = OrderRunner(context, follow_ups, runner, self.admission, announcers)
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
         #: Emitted when the state that is saved to disk may have changed.
         self.changed = reconciler.lasting

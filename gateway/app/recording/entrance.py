@@ -7,9 +7,10 @@ kind of input from a port, a thread, a file or a process must enter here, too.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Protocol, TypeVar
 
+from gateway.mount.motion.order_runner import Announce
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Accept, Write
 from gateway.transport.wires import Transport
@@ -38,9 +39,9 @@ class Entrance:
         """Return the transport to the mount for the line to use."""
         return wire
 
-    def wrap_wait(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
-        """Wrap a function that waits for something outside, such as the disk, for the gateway to call."""
-        return work
+    def announcers(self, announcers: Sequence[Announce]) -> Sequence[Announce]:
+        """Return what the gateway awaits before a motion: functions that wait for something outside, as the disk."""
+        return announcers
 
     async def begin(self, begin: Callable[[], None]) -> None:
         begin()

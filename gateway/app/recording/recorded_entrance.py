@@ -7,7 +7,7 @@ so a replay repeats it.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from itertools import chain, count
 from typing import TypeVar
 
@@ -17,6 +17,7 @@ from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop
 from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
+from gateway.mount.motion.order_runner import Announce
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Accept, HandOver, HangUp, Write
 from gateway.transport.wires import OnData, OnLost, Transport
@@ -52,8 +53,14 @@ class RecordedEntrance(Entrance):
     def wire(self, wire: Transport) -> Transport:
         return _RecordedTransport(wire, self)
 
-    def wrap_wait(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
-        return lambda: self.wait_outside(work())
+    def announcers(self, announcers: Sequence[Announce]) -> Sequence[Announce]:
+        """In a recording they are one wait."""
+
+        async def all_of_them() -> None:
+            for announce in announcers:
+                await announce()
+
+        return [lambda: self.wait_outside(all_of_them())]
 
     async def begin(self, begin: Callable[[], None]) -> None:
         begun = self._loop.create_future()

@@ -166,7 +166,11 @@ class StateStore:
                 self.in_thread,
                 there=self.previous_run.left is not None,
             )
-            controller.order_runner.announce = self._marker.before_motion
+
+    async def before_motion(self) -> None:
+        """Write the marker of the motion that is about to begin, if this mount has one."""
+        if self._marker is not None:
+            await self._marker.before_motion()
 
     def _unreadable(self) -> str:
         return f"the motion marker {self._marker_path} cannot be read, as if the last run had ended during a motion"

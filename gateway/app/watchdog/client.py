@@ -85,13 +85,15 @@ class Watchdog:
         stop_commands: Callable[[], Sequence[bytes]],
         busy: Callable[[], bool],
         stopped: Callable[[], None],
+        clear: Callable[[], bool] = lambda: False,
     ) -> WatchedMount:
         """Add a mount to be watched; call this on the event loop on which all mounts run. See ``WatchedMount``."""
         if self._loop is None:
             self._loop = asyncio.get_running_loop()
             self._began = self._loop.time()
             self._listen()
-        self._mounts.append(WatchedMount(self, len(self._mounts), title, lock, stop_commands, busy, stopped))
+        number = len(self._mounts)
+        self._mounts.append(WatchedMount(self, number, title, lock, stop_commands, busy, stopped, clear))
         return self._mounts[-1]
 
     def send(self, text: str, descriptors: Sequence[int] = ()) -> None:
@@ -186,10 +188,10 @@ class WatchedMount:
         stop_commands: Callable[[], Sequence[bytes]],
         busy: Callable[[], bool],
         stopped: Callable[[], None],
+        clear: Callable[[], bool],
     ) -> None:
         self._watchdog, self._number, self._title, self._lock = watchdog, number, title, lock
-        self._stop_commands, self._busy, self._stopped = stop_commands, busy, stopped
-        self.clear: Callable[[], bool] = lambda: False
+        self._stop_commands, self._busy, self._stopped, self._clear = stop_commands, busy, stopped, clear
         self._descriptor: int | None = None
         self._sent: tuple[str, tuple[bytes, ...]] = AT_REST
         self.moving = False
@@ -221,7 +223,11 @@ class WatchedMount:
         self._report()
         self._watchdog.beat()
 
-    def renew(self) -> None:
+    async def before_motion(self) -> None:
+        """Tell the process, without waiting: see ``OrderRunner``."""
+        self.begin()
+
+    def renew(self, _: None = None) -> None:
         """Check whether the mount still moves, and send its stop commands again if they have changed."""
         if self.moving:
             self.moving = self._busy()
@@ -229,7 +235,7 @@ class WatchedMount:
 
     def _report(self) -> None:
         commands = tuple(self._stop_commands()) if self.moving else ()
-        kind = ("clear" if self.clear() else "moving") if commands else "rest"
+        kind = ("clear" if self._clear() else "moving") if commands else "rest"
         if (kind, commands) != self._sent:
             self._sent = kind, commands
             words = "".join(f" {command.hex()}" for command in commands)

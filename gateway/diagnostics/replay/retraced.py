@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 from gateway.app.recording.entrance import Entrance
 from gateway.app.recording.format import RECORDER, Event, Recording
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, show
+from gateway.mount.motion.order_runner import Announce
 from gateway.transport.wires import OnData, OnLost
 
 #: How many differing requests are reported.
@@ -113,8 +114,8 @@ class RetracedEntrance(Entrance):
         self._gates: dict[int, asyncio.Future[None]] = {}
         self._number, self._released = 0, False
 
-    def wrap_wait(self, work: Any) -> Any:
-        return self.wait_outside
+    def announcers(self, announcers: Sequence[Announce]) -> Sequence[Announce]:
+        return [self.wait_outside]
 
     async def wait_outside(self) -> None:
         """Wait for something outside. Raises OSError if it failed when it was recorded."""

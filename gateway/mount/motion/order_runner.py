@@ -7,7 +7,7 @@ watched from then on.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from math import inf
 from typing import Any
@@ -27,26 +27,31 @@ from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.watch import LimitWatch
 from gateway.protocols.base.driver import FollowUps
 
+#: Is awaited before a motion begins.
+Announce = Callable[[], Awaitable[None]]
 #: By which part a guide pulse must have been too long to be worth a line in the log.
 TOLD_FROM = 0.1
-
-
-async def _no_announcement() -> None:
-    """The default of ``announce``: do nothing."""
 
 
 class OrderRunner:
     """``admitted`` is the number of the last order that was admitted, ``sent`` the loop time of the last command of
     the last one that was carried out.
 
-    ``announce`` is awaited before anything is sent that sets the mount moving, so that the marker on disk and the
-    watchdog know of the motion should this process be killed. The application sets it.
+    ``announcers`` are awaited in their order before anything is sent that sets the mount moving, so that the watchdog
+    and the marker on disk know of the motion should this process be killed.
     """
 
-    def __init__(self, context: Context, follow_ups: FollowUps, runner: DriverRunner, admission: Admission) -> None:
+    def __init__(
+        self,
+        context: Context,
+        follow_ups: FollowUps,
+        runner: DriverRunner,
+        admission: Admission,
+        announcers: Sequence[Announce],
+    ) -> None:
         self._context, self._driver, self._movement = context, context.driver, context.movement
         self._follow_ups, self._runner, self._admission = follow_ups, runner, admission
-        self.announce: Callable[[], Awaitable[None]] = _no_announcement
+        self._announcers = announcers
         self.admitted, self.sent = 0, 0.0
 
     async def carry_out(self, order: Order, stop: Callable[[], Awaitable[None]]) -> tuple[op.Operation, Any]:
@@ -65,7 +70,8 @@ class OrderRunner:
         operation = await self._in_time(order)
         self.admitted = order.number
         if isinstance(operation, MOVING):
-            await self.announce()
+            for announce in self._announcers:
+                await announce()
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
         priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.keeps_repeating else STOP

@@ -57,6 +57,8 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
     @example([(False, 2, 1, 0, 0.0), (True, 2, 1, 0, 0.0), (False, 2, 1, 0, 0.0)])
     @example([(False, 0, 1, 0, 0.0), (True, 0, 1, 1, 0.0), (False, 0, 30, 0, 0.0)])
     @example([(True, 0, 1, 1, 0.11), (True, 0, 1, 0, 0.0), (True, 0, 1, 0, 0.0), (False, 0, 1, 1, 0.0)])
+    @example([(False, 0, 1, 0, 0.0)] * 7 + [(True, 0, 1, 0, 0.0), (True, 2, 1, 2, 0.0), (False, 0, 1, 0, 0.0),
+                                            (False, 2, 1, 2, 0.0), (True, 0, 1, 0, 0.0)])  # fmt: skip
     @example([(False, 0, 30, 0, 0.35)] * 4 + [(True, 0, 1, 1, 0.11), (False, 0, 1, 0, 0.0)])
     def judged(sequence: list[tuple[bool, int, int, int, float]]) -> None:
         run(program(sequence))
@@ -88,9 +90,10 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
             for client in clients:  # somebody is there all the time
                 client.tell(b":GR#" if presented == "lx200" else b"e")
             turns = bridge.controller.wanted.axes
-            assert {axis for axis in turning if turning[axis]} <= turns <= {axis for axis in held if held[axis]}, (
-                sequence
-            )
+            # On a slow line an arrow may come too late, and that is told.
+            late = any("this motion was not started" in entry.note for entry in bridge.entries)
+            begun = {axis for axis in turning if turning[axis] and not late}
+            assert begun <= turns <= {axis for axis in held if held[axis]}, sequence
             before = _axes(bridge)
             await asyncio.sleep(1.0)
             turned = [abs(wrap180(now - then)) for now, then in zip(_axes(bridge), before, strict=True)]

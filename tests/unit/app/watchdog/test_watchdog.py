@@ -430,13 +430,13 @@ def test_a_path_beyond_a_limit_is_not_clear() -> None:
 
 
 def test_the_process_is_told_of_a_clear_path() -> None:
-    told: list[str] = []
-    watchdog = SimpleNamespace(send=lambda text, descriptors=(): told.append(text), beat=lambda: None)
-    watched = WatchedMount(watchdog, 0, "pier", None, lambda: [b"M"], lambda: True, lambda: None)  # type: ignore[arg-type]
+    told, clear = list[str](), [False]
+    watchdog: Any = SimpleNamespace(send=lambda text, descriptors=(): told.append(text), beat=lambda: None)
+    watched = WatchedMount(watchdog, 0, "pier", None, lambda: [b"M"], lambda: True, lambda: None, lambda: clear[0])
     watched.begin()
-    watched.clear = lambda: True
+    clear[0] = True
     watched.renew()
     watched.renew()
-    watched.clear = lambda: False
+    clear[0] = False
     watched.renew()
     assert told == ["moving 0 4d", "clear 0 4d", "moving 0 4d"]
