@@ -7,11 +7,13 @@ outdated: the mount is asked again.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from msgspec import Struct
 
 from gateway.core import operations as op
+from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
@@ -69,6 +71,8 @@ class ClientReadings:
         #: Positions that the mount does not report, and the reads from which they are calculated.
         self._sources: dict[Kind, Kind] = {}
         self._since = self._moment = -1e9
+        #: Whether the mount moves although the gateway has not moved it.
+        self.moved_by_others: Callable[[], bool] = lambda: False
         self._may_move = False
         #: Clients get the last known position, because the mount has not replied in time.
         self.gives_last_position = False
@@ -139,7 +143,7 @@ class ClientReadings:
         _, last = self._reported[kind]
         if last.asked < self._since:
             return NOT_CACHED
-        return type(last.value)(*place(self._course(kind), self._instant())) if self._movement.anything else last.value
+        return type(last.value)(*place(self._course(kind), self._instant())) if self._moves else last.value
 
     def last(self, kind: Kind) -> Any:
         """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
@@ -159,7 +163,7 @@ class ClientReadings:
             self._context.note(
                 f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
             )
-        return type(last.value)(*place(self._course(kind), self._now())) if self._movement.anything else last.value
+        return type(last.value)(*place(self._course(kind), self._now())) if self._moves else last.value
 
     def answered(self, kind: Kind) -> None:
         self.gives_last_position = self.gives_last_position and kind not in POSITIONS
@@ -169,7 +173,7 @@ class ClientReadings:
         positions = [kind for kind in kinds if kind in POSITIONS]
         sources = [source for kind in positions if (source := self.source(kind)) is not None]
         until = self._cache.until([*kinds, *sources])
-        return min(until, self._moment + MOMENT) if positions and self._movement.anything else until
+        return min(until, self._moment + MOMENT) if positions and self._moves else until
 
     def _instant(self) -> float:
         """Return the moment to which positions are extrapolated; a new one makes earlier answers outdated."""
@@ -178,6 +182,11 @@ class ClientReadings:
             self._moment = now
             self.changed.emit(None)
         return self._moment
+
+    @property
+    def _moves(self) -> bool:
+        others = self._context.policy.rules > FIRST_RULES and self.moved_by_others()
+        return self._movement.anything or others
 
     # --- extrapolation ----------------------------------------------------------------------------------------------
 

@@ -36,6 +36,8 @@ AXES_AGAIN = 10.0
 IDLE = 3600.0
 #: Seconds between two exchanges of the same kind at least: others need the line, too.
 SHORTEST_PAUSE = 0.05
+#: Seconds between the position that shows that somebody else moves the mount and the next, which shows how fast.
+FOUND_MOVING = 0.2
 #: The part of an exchange that passes, on average, until the line is free for the next.
 WAIT_FOR_LINE = 0.5
 #: Seconds by which timers may fire too early: event loops count in milliseconds.
@@ -150,6 +152,8 @@ class Poller:
             return IDLE
         ahead = (self._reader.exchanges(kind) + WAIT_FOR_LINE) * self._link.typical_rtt
         every = POLL_PERIOD[kind]
+        if kind is op.Position and self._watch.found_moving:
+            every = FOUND_MOVING
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
             every = self._watch.axes_interval or every
         return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)

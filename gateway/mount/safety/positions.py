@@ -92,21 +92,21 @@ class StallWatch:
 class OthersWatch:
     """Notices motion that no client ordered: at the mount's own keys, or by the mount itself.
 
-    ``since`` is the time of the first position that showed it; until the time ``until`` the mount is watched closely.
+    ``since`` is the time of the first position that showed it, and ``begins`` whether that is the last position; until
+    the time ``until`` the mount is watched closely.
     """
 
     def __init__(self) -> None:
         self.since = self.until = NEVER
-        self._moves = False
+        self.begins = self._moves = False
 
-    def see(self, now: float, moves: bool) -> bool:
-        """Take whether the last two positions show such a motion, and return whether it has just begun."""
-        begins, self._moves = moves and not self._moves, moves
-        if begins or not moves:
+    def see(self, now: float, moves: bool) -> None:
+        """Take whether the last two positions show such a motion."""
+        self.begins, self._moves = moves and not self._moves, moves
+        if self.begins or not moves:
             self.since = now
         if moves:
             self.until = now + WATCH_CLOSELY
-        return begins
 
 
 class SkyChange:

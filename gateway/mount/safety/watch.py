@@ -74,6 +74,11 @@ class LimitWatch:
         return self._mount.now() < self._others.until
 
     @property
+    def found_moving(self) -> bool:
+        """Whether the last position was the first that showed that."""
+        return self._others.begins
+
+    @property
     def axes_interval(self) -> float | None:
         """How often to read the axes for the limits, seconds; None if that is not needed."""
         moves = self._mount.movement.anything or self.moved_by_others
@@ -214,9 +219,9 @@ class LimitWatch:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
         self.position_checked.emit(status)
-        begins = self._others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
+        self._others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
         mount.driver.moved_by_others = self.moved_by_others and mount.driver.exchanges > 1
-        if begins and mount.driver.moved_by_others:
+        if self._others.begins and mount.driver.moved_by_others:
             mount.cache.changed.emit(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.seen.across > REALIGNED * mount.fastest:
             mount.synced.forget()
