@@ -77,7 +77,7 @@ class MountController:
         # Limits and motion.
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
         watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sky_pending)
-        sync.moved_by_others = client_readings.moved_by_others = lambda: watch.moved_by_others
+        sync.moved_by_others = lambda: watch.moved_by_others
         self.admission = Admission(context, reader, watch)
         reader.goto_over.connect(watch.goto_ended)
         reader.position.connect(watch.check_position)

@@ -146,7 +146,7 @@ async def judged(face: str, mount: str, seconds: float, latency: float) -> str:
     moved, speed, rest, told = await tap(face, mount, seconds, latency)
     keypad = await at_keypad(mount, seconds, speed)
     most = keypad + speed * (0.1 + 2.0 * latency)
-    told = [text for text in told if "arcseconds per second" not in text]  # the nearest rate of a Meade
+    told = [text for text in told if "this Meade" not in text]  # the nearest rate, and what is set again
     if keypad / 2.0 <= abs(moved) <= most and rest <= 2.0 and not told:
         return ""
     return f"{moved:.4f} degrees, {keypad:.4f} at the keypad, at most {most:.4f}; at rest after {rest:.2f} s; {told}"

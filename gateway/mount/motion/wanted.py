@@ -259,6 +259,8 @@ class Movement:
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
         self._wanted, self._cache, self._own = wanted, cache, False
+        #: Until when it counts as moved at its own keys, or by itself; the limits' watch finds that.
+        self.by_others_until = -1e9
 
     @property
     def slewing(self) -> bool:

@@ -7,7 +7,6 @@ outdated: the mount is asked again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from msgspec import Struct
@@ -71,8 +70,6 @@ class ClientReadings:
         #: Positions that the mount does not report, and the reads from which they are calculated.
         self._sources: dict[Kind, Kind] = {}
         self._since = self._moment = -1e9
-        #: Whether the mount moves although the gateway has not moved it.
-        self.moved_by_others: Callable[[], bool] = lambda: False
         self._may_move = False
         #: Clients get the last known position, because the mount has not replied in time.
         self.gives_last_position = False
@@ -185,7 +182,7 @@ class ClientReadings:
 
     @property
     def _moves(self) -> bool:
-        others = self._context.policy.rules > FIRST_RULES and self.moved_by_others()
+        others = self._context.policy.rules > FIRST_RULES and self._now() < self._movement.by_others_until
         return self._movement.anything or others
 
     # --- extrapolation ----------------------------------------------------------------------------------------------

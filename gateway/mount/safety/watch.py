@@ -220,6 +220,7 @@ class LimitWatch:
         mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
         self.position_checked.emit(status)
         self._others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
+        mount.movement.by_others_until = self._others.until
         mount.driver.moved_by_others = self.moved_by_others and mount.driver.exchanges > 1
         if self._others.begins and mount.driver.moved_by_others:
             mount.cache.changed.emit(op.Slewing)  # no new answer, but the mount must be asked whether it slews

@@ -155,6 +155,58 @@ def test_a_drive_rate_that_was_asked_for_comes_back() -> None:
     run(program())
 
 
+@pytest.mark.parametrize(
+    ("hand_control", "hertz", "arcseconds"), [(b":TL#", 57.9, 14.685), (b":TM#:ST059.4#", 59.4, 14.85)]
+)
+def test_a_drive_rate_of_the_hand_control_comes_back(hand_control: bytes, hertz: float, arcseconds: float) -> None:
+    """It is displayed, so it can be read before a motion replaces it; also if a program has set another one before."""
+
+    async def program() -> None:
+        async with meade("autostar") as bridge:
+            client = bridge.client()
+            for asked in (variable(16, 15.041), bytes((80, 3, 16, 6, 255, 255, 0, 0))):  # FF FF is sidereal
+                assert await client.ask(asked) == b"#"
+                await asyncio.sleep(2.0)
+                assert await client.ask(key(16, 0)) == b"#"
+                await asyncio.sleep(70.0)
+                bridge.sim.feed(hand_control)
+                for _ in range(2):
+                    assert await client.ask(variable(16, 7.5)) == b"#"
+                    await asyncio.sleep(3.0)
+                    assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
+                    assert await client.ask(key(16, 0)) == b"#"
+                    await asyncio.sleep(3.0)
+                    assert bridge.sim.kept["hertz"] == hertz
+                    assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
+
+    run(program())
+
+
+def test_what_cannot_be_read_at_the_hand_control_is_said_once() -> None:
+    async def program() -> None:
+        async with meade("lx200gps") as bridge:
+            for _ in range(2):
+                await turns(bridge, 17, variable(17, 10800.0))
+            [said] = [one.text for one in bridge.wire_log.recent if "hand control" in one.text]
+            assert "8 degrees a second" in said and "does not report" in said
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["lx200gps", "autostar"])
+def test_a_key_that_is_off_is_told_once(model: str) -> None:
+    """4 and 5 are one speed here."""
+
+    async def program() -> None:
+        async with meade(model) as bridge:
+            for number in (4, 5, 4, 9, 9):
+                await turns(bridge, 17, key(17, number))
+            said = [one.text for one in bridge.wire_log.recent if "no nearer speed" in one.text]
+            assert len(said) == len(set(said)) >= 1 and "120.33" in said[0]
+
+    run(program())
+
+
 def test_a_rate_that_is_off_is_in_the_log_once() -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:

@@ -6,8 +6,12 @@ Tracking is only turned off on telescopes that report their status (:GW#): on ot
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
+
 from gateway.core import operations as op
-from gateway.core.errors import Refused, Unsupported
+from gateway.core.about import FIRST_RULES
+from gateway.core.errors import Fault, Refused, Unsupported
 from gateway.protocols.base.driver import Steps, Wait
 from gateway.protocols.lx200.driver.ends import FOCUSER, count_motion, end
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
@@ -18,6 +22,10 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
 #: A displayed frequency below the first is the lunar rate, from the second on it is the sidereal one, hertz.
 _LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
+#: The frequency of the lunar rate, and twice the last digit of what is displayed.
+_LUNAR, _DIGIT = 57.9, 0.2
+#: Seconds until a drive rate is read again before a motion replaces it.
+_DRIVE_AGE = 60.0
 _KEEPS_TRACKING = "The mount keeps tracking: switching it off would destroy its alignment."
 #: How often the status is read after tracking was turned on or off, until it shows that, and the seconds between.
 _LOOKS, _LOOK_AGAIN = 3, 0.5
@@ -65,6 +73,11 @@ def rise(mount: Lx200Driver, _: op.Wake) -> Steps:
 
 def track_rate(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
     """:TQ :TS :TL, or any other rate in hertz; 60.1 to 60.2 is sidereal. Raises Refused outside the model's range."""
+    mount.drive_shown, mount.drive_read = None, -math.inf
+    yield from _drive(mount, operation)
+
+
+def _drive(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
     mount.drive_changed = False
     hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
     if operation.name is not None or _SIDEREAL[0] <= hertz <= _SIDEREAL[1]:
@@ -84,10 +97,34 @@ def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
     yield from ask(mount, "ST", hertz=hertz)
 
 
+def look_at_drive_rate(mount: Lx200Driver) -> Steps:
+    """:GT - read the drive rate that a motion is about to replace, once a minute at most."""
+    if mount.rules == FIRST_RULES or mount.drive_changed or mount.now() - mount.drive_read < _DRIVE_AGE:
+        return
+    mount.drive_read = mount.now()
+    with suppress(Fault):
+        mount.drive_shown = (yield from ask(mount, "GT"))["hertz"]
+
+
 def restore_drive_rate(mount: Lx200Driver) -> Steps:
-    """Restore the drive rate that was requested last, if a motion in right ascension has changed it."""
-    if mount.drive_changed:
-        yield from track_rate(mount, mount.rate or op.TrackRate(name="sidereal"))
+    """Restore the drive rate, if a motion in right ascension has changed it: the one that was requested last, or that
+    the telescope showed instead before the motion, because it was set at the hand control.
+    """
+    if not mount.drive_changed:
+        return
+    asked, shown = mount.rate or op.TrackRate(name="sidereal"), mount.drive_shown
+    if shown is not None and not _shows(shown, asked):
+        name = next((name for name in _DRIVES if _shows(shown, op.TrackRate(name=name))), None)
+        asked = op.TrackRate(name=name, factor=None if name else shown / SIDEREAL_HERTZ)
+    yield from _drive(mount, asked)
+
+
+def _shows(hertz: float, rate: op.TrackRate) -> bool:
+    """Whether a telescope that shows this frequency has this drive rate: some show sidereal and solar alike."""
+    if rate.name is None:
+        return abs(hertz - (rate.factor or 1.0) * SIDEREAL_HERTZ) < _DIGIT
+    low, high = (_LUNAR - _DIGIT, _LUNAR + _DIGIT) if rate.name == "lunar" else (_LOOKS_SIDEREAL, _SIDEREAL[1])
+    return low <= hertz <= high
 
 
 def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:

@@ -16,7 +16,7 @@ import contextlib
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core.errors import Busy
 from gateway.core.operations import Operation
-from gateway.protocols.base.driver import Schedule, Steps
+from gateway.protocols.base.driver import Remark, Schedule, Steps
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 #: Seconds until an end command is repeated.
@@ -87,6 +87,10 @@ def restore_rates(mount: Lx200Driver, _: PutBack) -> Steps:
         mount.free_axes.discard(axis)
     yield from set_fastest(mount, None)
     yield from use_guide_rate(mount, mount.guide_rate)
+    yield Remark(
+        f"speeds of the hand control that a motion has changed are set again, to {mount.facts['max_rate']} degrees a "
+        f"second, and {mount.guide_rate:.0%} of sidereal for guiding: this Meade does not report what they were before"
+    )
 
 
 def set_fastest(mount: Lx200Driver, degrees: float | None) -> Steps:

@@ -13,7 +13,7 @@ import math
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.protocols.base.driver import SLEWING, Remark, Steps
-from gateway.protocols.lx200.driver.drive import drive_at, restore_drive_rate
+from gateway.protocols.lx200.driver.drive import drive_at, look_at_drive_rate, restore_drive_rate
 from gateway.protocols.lx200.driver.ends import (
     MOUNT,
     count_motion,
@@ -68,6 +68,7 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
     speed = instead_of_tracking(mount.abilities, west, _drive(mount))
     yield from _report(west, speed.degrees)
     if speed.hertz is not None:
+        yield from look_at_drive_rate(mount)
         mount.drive_changed = True
         yield from drive_at(mount, speed.hertz)
     else:

@@ -101,6 +101,10 @@ class Lx200Driver(Driver):
         self.guide_rate_sent = 1.0
         #: Whether a motion in right ascension has changed the drive rate.
         self.drive_changed = False
+        self.rules = settings.rules
+        #: The drive rate shown before that, hertz, and when it was read: it may have been set at the hand control.
+        self.drive_shown: float | None = None
+        self.drive_read = -math.inf
         self.power_on()
 
     def power_on(self) -> None:
