@@ -105,7 +105,7 @@ class SimulatedLx200(Telescope):
             name = frame.names[0]
             return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
         found = self.protocol.find(frame)
-        if found is None or not self.supports(found[0].name):
+        if found is None or not self.supports(found[0].name) or found[0].name not in HANDLERS:
             return b""
         command, template = found
         if self.busy and command.name not in WHILE_BUSY:
