@@ -132,7 +132,8 @@ _TEXT_OTHERS = {
     "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.limit_to_set, _FREE),
     "DD to set": Codec(lambda value: b"%02d" % round(value), sx.limit_to_set, _FREE),
     "N": _number("N", 0, 1, False, 2, 8),
-    "TT.T": _number("TT.T", 1, 2, False, 0, 99.9),
+    # an LX200GPS says +60.1
+    "TT.T": _number("TT.T", 1, 2, False, 0, 99.9)._replace(decode=_within(sx.number, 0, 99.9)),
     "TTT.T": _number("TTT.T", 1, 3, False, 0, 999.9),
     "DDD.DDD": _number("DDD.DDD", 3, 3, False, 0, 999.999),
     "DD.D": _number("DD.D", 1, 2, False, 0, 99.9),

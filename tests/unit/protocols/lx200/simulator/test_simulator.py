@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from gateway import FrameError, decode_reply
 from gateway.astro.spherical import separation, sidereal_time, wrap360
 from gateway.protocols.lx200.simulator.server import HANDLERS
 from gateway.protocols.wireformat.command_set import load
@@ -42,6 +43,14 @@ def test_a_command_without_a_handler_is_unknown_to_it(monkeypatch: pytest.Monkey
     assert sim.feed(b":D#:GR#") == sim.feed(b":GR#") != b""
 
 
+def understood(name: str, reply: bytes) -> bool:
+    """Whether the gateway would take this reply of a mount, and not drop it as garbled."""
+    try:
+        return bool(decode_reply("lx200", name, reply))
+    except FrameError:
+        return False
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_every_form_of_the_manual_is_answered_as_real_ones_do(model: str) -> None:
     wrong = []
@@ -60,6 +69,8 @@ def test_every_form_of_the_manual_is_answered_as_real_ones_do(model: str) -> Non
             expected = GENUINE.get(name, shapes)
         if not fits(reply, expected):
             wrong.append((name, example, reply, expected))
+        if reply and not understood(name, reply):
+            wrong.append((name, example, reply, "what the gateway understands"))
     assert wrong == []
 
 
