@@ -168,7 +168,7 @@ const does = {
     page.socket.fire("open");
   },
   message: (page, text) => page.socket?.readyState === 1 && page.socket.fire("message", { data: text }),
-  closed: (page) => page.socket?.fire("close"),
+  closed: (page, code) => page.socket?.fire("close", { code }),
   press: (page, go, pointerId) => page.pad.querySelector(`[data-go="${go}"]`).fire("pointerdown", { button: 0, pointerId }),
   release: (page, pointerId) => page.window.fire("pointerup", { pointerId }),
   rate: (page, key) => page.window.fire("keydown", { key: String(key) }),

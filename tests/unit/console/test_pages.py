@@ -6,6 +6,7 @@ import socket
 
 from gateway.console import pages
 from gateway.system.own_names import known_host
+from tests.support.console.browser import node
 from tests.support.each import each
 
 NAME = socket.gethostname().lower().partition(".")[0]
@@ -68,3 +69,20 @@ def test_a_token_is_compared_whole() -> None:
     assert not pages.same_token("ab", "abc")
     assert not pages.same_token(None, "abc")
     assert not pages.same_token("ä", "abc")
+
+
+def test_a_page_that_is_closed_because_too_many_are_open_tries_again_after_a_minute() -> None:
+    """Else it would take the place of the next page, and that one its own."""
+    with node() as browser:
+
+        def speaks_after(code: int, seconds: float) -> bool:
+            """Whether a page sends beats that long after its connection was closed with this code."""
+            browser.ask(code, 0.0, "load")
+            browser.ask(code, 100.0, "opened")
+            browser.ask(code, 1000.0, "closed", code)
+            browser.ask(code, 1000.0 + seconds * 1000.0, "opened")
+            return any(browser.ask(code, 2000.0 + seconds * 1000.0, "wait")["sent"])
+
+        assert speaks_after(1006, 5.0)
+        assert not speaks_after(1013, 55.0)
+        assert speaks_after(1013, 65.0)

@@ -19,15 +19,18 @@ POST = b"POST / HTTP/1.1\r\nHost: here\r\nContent-Length: 99\r\n\r\n"
 
 
 class Line(asyncio.Transport):
-    """A connection to the server from this host, with nothing behind it but a test."""
+    """A connection to the server from this host, with nothing behind it but a test, which has ``sent`` this already."""
 
-    def __init__(self, server: HttpServer, host: str = "127.0.0.1") -> None:
+    def __init__(self, server: HttpServer, host: str = "127.0.0.1", sent: bytes = b"") -> None:
         super().__init__({"peername": (host, 1), "sockname": ("127.0.0.1", 80)})
         self.heard, self.closed_after = b"", -1.0
-        self._protocol = server()
         self._loop = asyncio.get_running_loop()
         self._began = self._loop.time()
-        self._protocol.connection_made(self)
+        server.serve(self, sent)
+
+    def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
+        assert isinstance(protocol, asyncio.Protocol)
+        self._protocol = protocol
 
     def get_protocol(self) -> asyncio.BaseProtocol:
         return self._protocol
@@ -81,9 +84,7 @@ def serve(test: Callable[[HttpServer], Awaitable[None]]) -> None:
 @each("sent", [b"", b"G", HALF, GET[:-1], POST, POST + b"1", GET + HALF[:0]])
 def test_a_request_that_is_not_whole_ends_its_connection(sent: bytes) -> None:
     async def test(server: HttpServer) -> None:
-        line = Line(server)
-        if sent:
-            line.says(sent)
+        line = Line(server, sent=sent)
         await asyncio.sleep(WHOLE - 1.0)
         assert not line.is_closing()
         await asyncio.sleep(60.0)
