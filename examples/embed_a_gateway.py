@@ -39,3 +39,5 @@ if __name__ == "__main__":
         asyncio.run(main())
     except UserError as error:  # a mistake in the settings, or a port that cannot be opened
         sys.exit(str(error))
+    except KeyboardInterrupt:
+        sys.exit("the gateway has ended, and its mount was stopped")

@@ -49,7 +49,9 @@ async def alone() -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 5:
-        asyncio.run(point((sys.argv[1], int(sys.argv[2])), *sys.argv[3:]))
-    else:
-        asyncio.run(alone())
+    try:
+        asyncio.run(point((sys.argv[1], int(sys.argv[2])), *sys.argv[3:]) if len(sys.argv) == 5 else alone())
+    except KeyboardInterrupt:
+        sys.exit("ended; a goto goes on: mount-gateway stop, or STOP in a program, ends it")
+    except OSError as error:
+        sys.exit(f"no answer from {' '.join(sys.argv[1:3])}: {error}")

@@ -46,4 +46,9 @@ async def main() -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main())
+    try:
+        asyncio.run(main())
+    except KeyboardInterrupt:
+        sys.exit("ended")
+    except OSError as error:
+        sys.exit(f"no answer from {' '.join(sys.argv[1:3])}: {error}")

@@ -84,12 +84,14 @@ class State(Struct, frozen=True):
     lately: tuple[str, ...] = ()
     served: tuple[Served, ...] = ()
     folder: str = ""
+    #: What people call a mount that names itself otherwise.
+    title: str = ""
 
     @property
     def found(self) -> str:
         """What the mount identified itself as; empty before that."""
         version = f", version {self.version}" if self.version and self.version != "?" else ""
-        return f"{self.product}, {self.model}{version}" if self.product else ""
+        return f"{self.title or self.product}, {self.model}{version}" if self.product else ""
 
 
 class Rate:

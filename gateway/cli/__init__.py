@@ -11,7 +11,7 @@ import sys
 
 from gateway.cli import suggestions
 from gateway.cli.command_line import COMMANDS, commands_of, parser
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, told
 from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
@@ -61,7 +61,7 @@ def _parsed(words: list[str]) -> argparse.Namespace:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     words = suggestions.page(words)
     if words[0] not in (*COMMANDS, *ABOUT):
-        raise suggestions.command(words[0], list(COMMANDS))
+        raise suggestions.command(words[0], commands_of(parser()))
     arguments, left = parser(words[:1]).parse_known_args(words)
     if left:
         every = commands_of(parser())
@@ -73,7 +73,8 @@ def _stdout_failed(failed: Exception, code: int) -> int:
     """Return the exit code if stdout could not be written."""
     if isinstance(failed, BrokenPipeError):
         return code
-    streams.warn(f"cannot write to stdout: {streams.reason(failed)}", streams.ERROR)
+    why = told(failed) if isinstance(failed, OSError) else str(failed)
+    streams.warn(f"cannot write to stdout: {why}", streams.ERROR)
     return 2
 
 

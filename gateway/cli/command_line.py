@@ -8,6 +8,7 @@ epilog with the list of models is made only when the user asks for help.
 from __future__ import annotations
 
 import argparse
+import re
 import textwrap
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -21,48 +22,90 @@ from gateway.core.errors import UserError
 EXIT_CODES = """\
 Exit codes:
   0  done
-  1  the answer is no: no mount was found (detect); something is to be mended (doctor); a mount could not be stopped
-     (stop); no gateway runs, or it refused (status, watch, goto, sync, move, park, unpark); the bytes differ from the
-     recording (replay), or from the tables (tables --check)
-  2  it could not be tried: a mistake in the command or in gateway.toml, a port in use, no mount that answers; one line
-     on stderr says what is wrong and where
+  1  the answer is no: no mount was found (detect); something is to be mended (doctor); a mount could not be stopped \
+(stop); no gateway runs, or it refused (status, watch, goto, sync, move, park, unpark); the bytes differ from the \
+recording (replay), or from the tables (tables --check); the command is not valid (explain)
+  2  it could not be tried: a mistake in the command or in gateway.toml, a port in use, no mount that answers; one \
+line on stderr says what is wrong and where
 """
 
 WHERE = """\
-An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE. Without a model a mount is asked what it is, and programs are
-presented one that fits.
-  PROTOCOL  lx200 (Meade) or nexstar (Celestron); of a surface stellarium (Stellarium's own) and alpaca (ASCOM), too,
-            and any (tcp:// only): every one of them and web browsers, told by what they say first
+PROTOCOL@WHERE, in full PROTOCOL[:MODEL[/VERSION]]@WHERE, names a mount, or a surface: that is where programs connect.
+Without a model a mount is asked what it is, and programs are presented one that fits.
+  PROTOCOL  of a mount: lx200 (Meade) or nexstar (Celestron)
+            of a surface stellarium (Stellarium's own) and alpaca (ASCOM), too, and any (tcp:// only): every one of \
+them and web browsers, told by what they say first
   VERSION   of the hand control, like 4.21
   WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, or sim (a simulated one)
-            of a surface, where programs connect: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0
+            of a surface: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0
 """
 #: The object of argparse to which a command adds its parser.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
+#: A line of an epilog that begins with a blank: a word and, after a gap, what it means; or a command and a remark.
+_ROW = re.compile(r"( +\S.*?)( {2,})(\S.*)")
+
+
+def _row(line: str, width: int) -> list[str]:
+    """Wrap a line that begins with a blank: its second column stays one, a command can be copied."""
+    if len(line) <= width:
+        return [line]
+    indent, row = " " * (len(line) - len(line.lstrip())), _ROW.fullmatch(line)
+    first, gap, rest = row.groups() if row else (line, "", "")
+    if first.startswith("  mount-gateway "):
+        below = indent + "    "
+        joined = re.sub(r"( --[a-z-]+) (?=[^-])", "\\1\0", first)  # a flag stays with its value
+        command = [part.replace("\0", " ") for part in _wrapped(joined, width - 2, "", below + "    ")]
+        lines = [f"{part} \\" for part in command[:-1]] + command[-1:]
+        return lines + (_wrapped(rest, width, below, below) if rest else [])
+    return _wrapped(
+        rest or line.strip(), width, first + gap if rest else indent, " " * len(first + gap) if rest else indent
+    )
+
+
+def _wrapped(text: str, width: int, first: str, others: str) -> list[str]:
+    return textwrap.wrap(
+        text, width, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
+    )
+
+
 class Layout(argparse.HelpFormatter):
-    """Lays out descriptions and epilogs: lines that begin with a blank stay as they are, the others are wrapped."""
+    """Lays out descriptions and epilogs: a line that begins with a blank is a row of its own."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         filled: list[str] = []
         for kept, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
             lines = list(group)
-            filled += lines if kept else textwrap.wrap(" ".join(lines), width)
+            filled += (
+                [part for line in lines for part in _row(line, width)]
+                if kept
+                else textwrap.wrap(" ".join(lines), width)
+            )
         return "\n".join(indent + line for line in filled)
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that reports a mistake in one line. ``late`` makes the epilog when the user asks for help."""
+    """A parser that reports a mistake in one line. ``late`` makes the epilog when the user asks for help; ``elsewhere``
+    are the flags that the help of another command lists.
+    """
 
     def __init__(self, *, late: Callable[[], str] | None = None, **others: Any) -> None:
         super().__init__(**{"formatter_class": Layout, **others})
         self._late = late
+        self.elsewhere: Sequence[argparse.Action] = ()
 
     def format_help(self) -> str:
         """Return the help with its epilog."""
         self.epilog = self._text_below()
-        return super().format_help()
+        helps = [action.help for action in self.elsewhere]
+        for action in self.elsewhere:
+            action.help = argparse.SUPPRESS
+        try:
+            return super().format_help()
+        finally:
+            for action, words in zip(self.elsewhere, helps, strict=True):
+                action.help = words
 
     def error(self, message: str) -> NoReturn:
         raise UserError(plainly(message, self.prog, example(self._text_below(), self.prog)))
@@ -82,8 +125,7 @@ def endpoints() -> str:
 
     lines = [WHERE + "models:"]
     for protocol in PROTOCOLS:
-        names = textwrap.wrap(" ".join(load(protocol).models), 100, break_on_hyphens=False)
-        lines += [f"  {protocol if number == 0 else '':<9} {text}" for number, text in enumerate(names)]
+        lines += [f"  {protocol:<9} {' '.join(load(protocol).models)}"] * bool(load(protocol).models)
     return "\n".join(lines)
 
 
@@ -117,12 +159,14 @@ FIRST = """\
 Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
 
 First steps:
-  mount-gateway demo      without a mount: simulates one, and prints where your program can connect
-  mount-gateway detect    with a mount: finds its port, and prints the command that starts the gateway
+  mount-gateway demo
+      without a mount: simulates one, and prints where your program can connect
+  mount-gateway detect
+      with a mount: finds its port, and prints the command that starts the gateway
   mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
-                          starts it: your program connects to port 4030 as if to a Meade
+      starts it: your program connects to port 4030 as if to a Meade
   mount-gateway goto Polaris
-                          while it runs, from another terminal: moves the mount without any program
+      while it runs, from another terminal: moves the mount without any program
 
 mount-gateway COMMAND --help tells more, with examples.
 """

@@ -15,15 +15,19 @@ from gateway.core.errors import UserError
 SHELLS = ("bash", "zsh", "fish")
 
 HOW = """\
-To look at it:
-  mount-gateway completion bash
+Examples:
+  mount-gateway completion bash | less      to look at it
 
-Once, for your own user:
-  bash  mkdir -p ~/.local/share/bash-completion/completions
-        mount-gateway completion bash > ~/.local/share/bash-completion/completions/mount-gateway
-  zsh   mkdir -p ~/.zfunc; mount-gateway completion zsh > ~/.zfunc/_mount-gateway
-        and in ~/.zshrc, before compinit: fpath=(~/.zfunc $fpath)
-  fish  mount-gateway completion fish > ~/.config/fish/completions/mount-gateway.fish
+To use it, once, as yourself, with bash:
+  mkdir -p ~/.local/share/bash-completion/completions
+  mount-gateway completion bash > ~/.local/share/bash-completion/completions/mount-gateway
+
+with zsh, and in ~/.zshrc, before compinit, fpath=(~/.zfunc $fpath):
+  mkdir -p ~/.zfunc
+  mount-gateway completion zsh > ~/.zfunc/_mount-gateway
+
+with fish:
+  mount-gateway completion fish > ~/.config/fish/completions/mount-gateway.fish
 """
 
 
@@ -31,7 +35,7 @@ def add_completion(commands: Commands) -> None:
     completion = commands.add_parser(
         "completion",
         help="a script that completes commands and flags in your shell",
-        description="Prints a completion script.",
+        description="Prints a script with which your shell completes commands and flags when you press TAB.",
         epilog=HOW,
     )
     completion.add_argument("shell", choices=SHELLS, help="the shell that it is for")

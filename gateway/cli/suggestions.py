@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from gateway.core.errors import UserError, similar
 
@@ -13,8 +13,10 @@ _PLAINLY = (
     (r"argument ([-\w/]+): invalid float value: ('.*')", r"{0} {1}: write a number"),
     (r"argument ([-\w/]+): invalid int value: ('.*')", r"{0} {1}: write a whole number"),
     (r"argument (\S+): invalid choice: (?:'(?=\d+' ))?('.*'|\d+)'? \(choose from (.*)\)", r"{0} {1}: write one of {2}"),
-    (r"argument (--[-\w]+): expected one argument", r"{0}: what it is set to is missing behind it"),
-    (r"argument (--[-\w]+): not allowed with argument (--[-\w]+)", r"{0} and {1} cannot be had together"),
+    (r"argument (--[-\w]+): expected one argument", r"{0}: write its value after it"),
+    (r"argument (--[-\w]+): not allowed with argument (--[-\w]+)", r"write {1} or {0}, not both"),
+    (r"argument ([-\w/]+): ignored explicit argument ('.*')", r"{0} takes no value: leave {1} out"),
+    (r"ambiguous option: (\S+) could match (.*)", r"{0} may mean {1}: write one of them in full"),
     (r"the following arguments are required: (.*)", r"missing: {0}"),
 )
 
@@ -59,18 +61,20 @@ def page(words: Sequence[str]) -> list[str]:
     return list(words) if flag is None else [*words[1:2], flag] if flag == "--help" else [flag]
 
 
-def command(word: str, commands: Sequence[str]) -> UserError:
-    """Return the error for a first word that is no command."""
+def command(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserError:
+    """Return the error for a first word that is no command; ``commands`` are their parsers by name."""
     if word.startswith("-"):
-        return UserError(
-            f"{word} belongs behind a command, for example: mount-gateway run {word} …; "
-            "mount-gateway --help lists the commands"
-        )
+        flag = word.partition("=")[0]
+        if (bare := flag.lstrip("-")) in commands:
+            return UserError(f"there is no flag {flag}; did you mean mount-gateway {bare}?")
+        has = next((name for name in ("run", *commands) if flag in _flags(commands[name])), "")
+        right = f"write a command before it: mount-gateway {has} {word}" if has else "a command comes first"
+        return UserError(f"{flag}: {right}; mount-gateway --help lists the commands")
     if word.endswith(".toml"):
         return UserError(f"{word!r} is no command; did you mean mount-gateway run {word}?")
     if "@" in word:
         return UserError(f"{word!r} is no command; did you mean mount-gateway run --mount {word}?")
-    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *similar(word.lower(), commands)]
+    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *similar(word.lower(), list(commands))]
     right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
     return UserError(f"there is no command {word!r}; {right}")
 
@@ -88,8 +92,9 @@ def plainly(message: str, prog: str, example: str) -> str:
 
 
 def example(text: str, prog: str) -> str:
-    """Return the first example in the epilog ``text`` of a command; empty if it has none."""
-    return next((line.strip() for line in text.splitlines() if line.startswith(f"  {prog} ")), "")
+    """Return the first example in the epilog ``text`` of a command, without its remark; empty if it has none."""
+    lines = (line.strip().partition("  ")[0] for line in text.splitlines() if line.startswith(f"  {prog} "))
+    return next(lines, "")
 
 
 def extra(words: Sequence[str], asked: argparse.ArgumentParser, others: Iterable[argparse.ArgumentParser]) -> UserError:

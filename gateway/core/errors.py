@@ -11,6 +11,14 @@ import errno
 from collections.abc import Iterable
 from pathlib import Path
 
+_NOT_YOURS = "choose a folder that you may write to, or run this as the user whom it belongs to"
+_NO_ROOM = "make room on that disk (df -h shows which is full), or choose a folder on another one"
+#: Error of the system -> what to do about it.
+_STEPS = {
+    errno.EACCES: _NOT_YOURS, errno.EPERM: _NOT_YOURS, errno.ENOSPC: _NO_ROOM, errno.EDQUOT: _NO_ROOM,
+    errno.EROFS: "choose a folder on a disk that can be written to",
+}  # fmt: skip
+
 
 class GatewayError(Exception):
     """Base of every error that the gateway raises on purpose."""
@@ -29,8 +37,14 @@ class SunIsNoGoal(UserError):
     exit_code = 1
 
 
-def about_file(path: Path | str, error: OSError) -> str:
-    """Return why a file cannot be read or written, and what to do about it."""
+def told(error: OSError) -> str:
+    """Return what the system says of an error, and what to do about it if that is known."""
+    words = error.strerror or str(error)
+    return f"{words}; {step}" if (step := _STEPS.get(error.errno or 0)) else words
+
+
+def about_file(path: Path | str, error: OSError, *, reading: bool = False) -> str:
+    """Return why a file cannot be written, or be read, and what to do about it."""
     folder = Path(path).parent
     if error.errno == errno.ENOENT and not folder.is_dir():
         return f"there is no folder {folder}; make it first, or name another one"
@@ -40,7 +54,9 @@ def about_file(path: Path | str, error: OSError) -> str:
         return "this is a folder: write the name of a file in it"
     if error.errno in (errno.EEXIST, errno.ENOTDIR):
         return "there is a file of that name, where a folder is needed"
-    return error.strerror or str(error)
+    if reading and error.errno == errno.EACCES:
+        return f"{error.strerror}; ls -l {path} shows whose it is: run this as that user, or let yours read it"
+    return told(error)
 
 
 def similar(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:

@@ -75,7 +75,7 @@ def _password(file: str | None) -> str | None:
     try:
         return Path(file).expanduser().read_text("utf-8").strip("\r\n")
     except OSError as error:
-        raise UserError(f"{file}: {about_file(file, error)}") from None
+        raise UserError(f"{file}: {about_file(file, error, reading=True)}") from None
     except UnicodeDecodeError:
         raise UserError(f"{file}: this is no UTF-8 text") from None
 

@@ -76,7 +76,7 @@ def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
 def _endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all_endpoints(config):
         try:
-            where = parse_endpoint(at).where
+            where = parse_endpoint(at, str(place[0])).where
             if place[0] == "mount" and at.startswith(f"{ANY}@"):
                 listed = " or ".join(f"{name}@" for name in mounts())
                 yield Mistake(place, f"{at}: {ANY} is for surfaces; write {listed} before a mount")

@@ -18,7 +18,7 @@ from gateway.app.config.mount_names import resolve_name, suggest_name
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
-from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
 
 _ADDRESS = re.compile(r"(?:(tcp|socket|rfc2217):/?)?([\w.-]+|\[[\w:]+\]):(\d{1,5})")
 #: The default ports of brokers, by scheme.
@@ -43,12 +43,14 @@ def shown(protocol: str, model: str | None = None, version: str | None = None) -
     return protocol if protocol == ANY else PROTOCOLS[protocol].shown(model, version)
 
 
-def parse_endpoint(text: str) -> Endpoint:
-    """Parse an endpoint. Raises UserError for an unknown protocol, model or version."""
+def parse_endpoint(text: str, of: str = "") -> Endpoint:
+    """Parse an endpoint, ``of`` a ``mount`` or a ``surface`` if that is known. Raises UserError for an unknown
+    protocol, model or version.
+    """
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'))}")
-    return _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where)
+    return _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, of)
 
 
 def _of_any(what: str, where: str) -> Endpoint:
@@ -75,15 +77,17 @@ def _example(text: str) -> str:
     return f"{mounts()[-1]}@/dev/ttyUSB0"
 
 
-def parse_device(what: str, where: str = "") -> Endpoint:
+def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
     """Parse ``PROTOCOL[:MODEL[/VERSION]]``, or an owner's name for a mount in place of protocol or model.
 
+    ``of`` is ``mount`` or ``surface``: what it is to be, for the message.
     A StarSense hand control may be written as a version or as a model. Raises UserError.
     """
     name, slash, version = what.partition("/")
     device = resolve_name(name)
     if device is None:
-        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {suggest_name(name)}")
+        among = {"mount": mounts(), "surface": [*surfaces(), ANY]}.get(of, list(PROTOCOLS))
+        raise UserError(f"{name!r} is no protocol ({', '.join(among)}) and no model; {suggest_name(name, among)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
     if model in spec.version_words:

@@ -32,11 +32,15 @@ def resolve_name(text: str) -> str | None:
     return _look_up(own, rest) or f"{protocol}:{rest}"
 
 
-def suggest_name(word: str) -> str:
-    """Return a hint for an unknown word: the name that is most like it, else the protocol of each maker."""
-    known = [*PROTOCOLS, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
+def suggest_name(word: str, among: Sequence[str] = tuple(PROTOCOLS)) -> str:
+    """Return a hint for an unknown word: the name that is most like it, else the protocol of each maker.
+
+    ``among`` are the protocols that may be meant.
+    """
+    known = [*among, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
     plain = _normalised(word)
-    for choices in (known, sorted(_all_names())):
+    names = [name for name, found in sorted(_all_names().items()) if found.partition(":")[0] in among]
+    for choices in (known, names):
         if close := similar(plain if choices is not known else word, choices, least=0.7):
             return f"did you mean {close[0]!r}?"
     which = ", ".join(

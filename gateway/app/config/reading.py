@@ -46,7 +46,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
         with open(plain_file(path), encoding="utf-8-sig") as file:
             text = file.read()
     except OSError as error:
-        words = about_file(path, error)
+        words = about_file(path, error, reading=True)
         makes = f"; mount-gateway detect --write {path} makes one" if words.endswith("no such file") else ""
         raise UserError(f"{path}: {words}{makes}") from None
     except UnicodeDecodeError as error:
@@ -60,7 +60,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
         raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
     except (RecursionError, ValueError) as error:
         raise UserError(f"{path}:{_failing_line(text)}: {_BEYOND[type(error)]}") from None
-    source = Source(str(path), text)
+    source = Source(str(path), text, is_file=True)
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
     if isinstance(tables.get("surface"), dict):
@@ -133,6 +133,11 @@ def _msgspec_error(tables: dict[str, object], source: Source, place: Place, fiel
         hint = suggest(field, known) if home is None else f"it belongs under {title(home)}"
         return _located(source, Mistake((*place, field), f"there is no such key; {hint}"))
     key = find_key(table, field)
+    if (key is None or (table == "mount" and not source.text)) and source.is_file:
+        return UserError(
+            f'{source.name}: which mount? Write [mount] into it, and below it at = "nexstar@/dev/ttyUSB0", or add '
+            "--mount nexstar@/dev/ttyUSB0 to the command (mount-gateway detect finds the port)"
+        )
     if key is None or (table == "mount" and not source.text):
         return UserError(
             f"{source.name}: which mount? Write --mount nexstar@/dev/ttyUSB0 (mount-gateway detect finds "
@@ -148,7 +153,10 @@ def _wrong_value(tables: dict[str, object], source: Source, table: str, place: P
     if key is None:
         return _located(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
     value = _value(tables, whole)
-    return _located(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped_hint(key.name, value)}"))
+    example = f", for example {key.name} = {key.example}" if key.right.startswith("[") else ""
+    return _located(
+        source, Mistake(whole, f"{_show(value)}: write {key.right}{example}{_swapped_hint(key.name, value)}")
+    )
 
 
 def _key_place(place: Place) -> Place:

@@ -20,6 +20,7 @@ class Source(msgspec.Struct):
     name: str
     text: str = ""
     flags: dict[Place, str] = {}
+    is_file: bool = False
 
     def where(self, place: Place) -> str:
         """Return ``--lowest``, ``gateway.toml:12``, or only the name. A single mount has number 0 in a place."""

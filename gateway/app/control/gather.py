@@ -45,6 +45,7 @@ def collect_state(controller: MountController, name: str, mount: str, programs: 
     """Return everything; ``programs`` are the hosts of connected programs, ``name`` is the mount's (or empty)."""
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     who = (identity.product, identity.model, identity.version) if identity else ("", "", "")
+    title = controller.driver.protocol.title(*who[:2])
     return State(
         status_line(controller, name, mount, len(programs)),
         mount,
@@ -57,6 +58,7 @@ def collect_state(controller: MountController, name: str, mount: str, programs: 
         controller.line.typical_rtt,
         controller.line.answers,
         tuple(_recent_events(controller)),
+        title=title,
     )
 
 

@@ -13,7 +13,7 @@ from gateway.app.control.server import Order
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, told
 from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
@@ -76,7 +76,7 @@ async def _on_disk(store: StateStore, *, held: bool) -> str:
             await store.in_thread(on_disk.hold_folder if held else on_disk.release_folder, store.directory)
     except OSError as error:  # TimeoutError, for a disk that hangs, is an OSError too
         where = store.directory / on_disk.HOLD
-        why = error.strerror or "the disk does not answer"
+        why = told(error) if error.strerror else "the disk does not answer"
         if held:
             return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"
         return f", but a restart of the gateway holds it again: {where} cannot be removed ({why})"

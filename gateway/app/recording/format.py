@@ -166,7 +166,7 @@ def _format(path: Path) -> int | None:
         with open_plain(path) as file:
             line = file.readline(len(MARK) + 8).decode("latin-1")
     except OSError as error:
-        words = about_file(path, error)
+        words = about_file(path, error, reading=True)
         makes = f"; mount-gateway run --record {path} makes one" if words.endswith("no such file") else ""
         raise UserError(f"{path}: {words}{makes}") from None
     number = line.removeprefix(MARK).rstrip("\n")

@@ -20,7 +20,7 @@ from typing import Any
 
 from gateway.app.recording.format import FORMAT, MARK, RECORDER, STOPPED, WITHOUT_TURNS, escape, is_recording, part_path
 from gateway.app.recording.turns import TurnLoop
-from gateway.core.errors import UserError, about_file
+from gateway.core.errors import UserError, about_file, told
 from gateway.core.wire_log import MOUNT, Entry
 from gateway.protocols.base.driver import Driver
 from gateway.system.files import plain_file
@@ -129,7 +129,7 @@ class Recorder:
             if self._size >= self._longest:
                 self._next_file()
         except OSError as error:  # a full disk must not end the night
-            self._end_early(error.strerror or str(error))
+            self._end_early(told(error))
 
     # --- the end of a file ------------------------------------------------------------------------------------------
 

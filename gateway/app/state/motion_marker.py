@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from gateway.app.state.file import MarkerContent
+from gateway.core.errors import told
 from gateway.system.files import replace_file
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
@@ -75,7 +76,7 @@ class MotionMarker:
                 except OSError as error:
                     self._warn(
                         f"cannot write the motion marker {self.path} "
-                        f"({error.strerror or error}): after a crash the mount would not be stopped automatically"
+                        f"({told(error)}): after a crash the mount would not be stopped automatically"
                     )
                 self._written = content
         finally:

@@ -15,7 +15,7 @@ from msgspec import Struct
 from gateway.app.state import file
 from gateway.app.state.file import MarkerContent, SavedState
 from gateway.app.state.motion_marker import InThread, MotionMarker
-from gateway.core.errors import about_file
+from gateway.core.errors import about_file, told
 from gateway.core.operations import Values
 from gateway.mount.controller import MountController
 from gateway.mount.motion.left_moving import RECENT, LeftMotion
@@ -122,7 +122,7 @@ class StateStore:
         except OSError as error:
             if self.held:
                 self._warn_once(
-                    f"cannot read the state file {self.path} ({error.strerror or error}): the "
+                    f"cannot read the state file {self.path} ({about_file(self.path, error, reading=True)}): the "
                     "gateway starts without what earlier runs kept"
                 )
         except ValueError as error:
@@ -212,7 +212,7 @@ class StateStore:
         except OSError as error:
             self._written = b""
             self._warn_once(
-                f"cannot write the state file {self.path} ({error.strerror or error}): what is "
+                f"cannot write the state file {self.path} ({told(error)}): what is "
                 "set now is lost when the gateway ends"
             )
         return True

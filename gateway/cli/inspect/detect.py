@@ -27,8 +27,8 @@ def add_detect(commands: Commands) -> None:
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",
         description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "
-                    "questions (Kx, then ACK), first at 9600 baud; nothing moves. Exit code 0: a mount was found, "
-                    "1: none.",
+                    "questions (Kx, then ACK), and one named as lx200@ a third (:GR#), first at 9600 baud; nothing "
+                    "moves. Exit code 0: a mount was found, 1: none.",
         epilog="Examples:\n  mount-gateway detect\n  mount-gateway detect /dev/ttyUSB0 --write gateway.toml\n"
                "  mount-gateway detect --network --write gateway.toml      for programs on a phone, too\n"
                "  mount-gateway detect socket://192.168.1.50:4030",
@@ -118,8 +118,7 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         for leftover in [draft, path][: 1 + reserved]:
             with contextlib.suppress(OSError):
                 leftover.unlink()
-        where = "; choose a folder that you may write to" if isinstance(error, PermissionError) else ""
-        raise UserError(f"{path}: {about_file(path, error)}{where}") from None
+        raise UserError(f"{path}: {about_file(path, error)}") from None
 
 
 def _there_already(path: Path) -> UserError:

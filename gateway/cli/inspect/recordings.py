@@ -21,11 +21,11 @@ def add_decode(commands: Commands) -> None:
     decode = commands.add_parser(
         "decode",
         help="a recording or a capture of a serial line, in words",
-        description="Understands recordings of run --record, pyserial's spy://, socat -x, "
-        "and the bare bytes that a client sent.",
+        description="Prints a recording, command by command. Understands recordings of run --record, pyserial's "
+        "spy://, socat -x, and the bare bytes that a client sent.",
         epilog="Example:\n  mount-gateway decode night.rec | less",
     )
-    decode.add_argument("file", type=Path, metavar="FILE")
+    decode.add_argument("file", type=Path, metavar="FILE", help="the recording, or the capture")
     decode.add_argument("--protocol", choices=tuple(PROTOCOLS), help="of a capture; without it, it is guessed")
     decode.set_defaults(run=_decode)
 
@@ -75,12 +75,12 @@ def add_replay(commands: Commands) -> None:
     replay = commands.add_parser(
         "replay",
         help="play a recording of run --record again and compare",
-        description="The recorded times are the clock, the recorded mount is the mount: every "
+        description="Plays a recording again. The recorded times are the clock, the recorded mount is the mount: every "
         "client must receive the bytes that it received then. Exit code 1 when not.",
-        epilog="Example:\n  mount-gateway run --config gateway.toml --record night.rec\n"
+        epilog="Examples:\n  mount-gateway run --config gateway.toml --record night.rec\n"
         "  mount-gateway replay night.rec",
     )
-    replay.add_argument("file", type=Path, metavar="FILE")
+    replay.add_argument("file", type=Path, metavar="FILE", help="a recording of run --record")
     replay.add_argument("--sim", action="store_true", help="ask a simulated mount instead, and show the conversation")
     replay.set_defaults(run=_replay)
 

@@ -11,8 +11,8 @@ from gateway.core.errors import UserError
 def add_tables(commands: Commands) -> None:
     tables = commands.add_parser(
         "tables", help="what becomes of every command, per model",
-        description="Prints as Markdown what becomes of every command of both protocols (mappings/README.md holds the "
-                    "same), or of those on one mount.",
+        description="Prints as Markdown what becomes of every command of every protocol (mappings/README.md holds "
+                    "the same), or of those that programs can send to one mount.",
         epilog="Examples:\n  mount-gateway tables --model 6se | less\n  mount-gateway tables --model nexstar:cge/3.02",
     )  # fmt: skip
     group = tables.add_mutually_exclusive_group()

@@ -45,10 +45,10 @@ PLACES = """\
 A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and maps do), or the name of an object.
   05:34:32 +22:00:52     hours and degrees; 5h34m32s 22d00m52s, and fewer parts (05:34 22), are understood as well
   83.633 22.014          degrees both
-  Moon  Mercury  Venus  Mars  Jupiter  Saturn  Uranus  Neptune
-  Polaris  Vega  Sirius and about seventy other bright stars, by name
-  M42  NGC7000  IC434  C14  UGC12914  HIP32349  "Ring Nebula"
-                         from the object library, which is installed apart: docs/programs.md
+  Moon Mercury Venus Mars Jupiter Saturn Uranus Neptune
+  Polaris Vega Sirius    and about seventy other bright stars, by name
+  M42 NGC7000 IC434 C14 UGC12914 HIP32349 "Ring Nebula"
+      from the object library, which is installed apart: docs/programs.md
 """
 
 

@@ -29,7 +29,7 @@ Examples:
 
 def add_status(commands: Commands) -> None:
     command = commands.add_parser(
-        "status", help="how the mount is: what is wanted, allowed and seen by the gateway that runs",
+        "status", help="where the mount points, what it does, for whom, and within which limits",
         description="Tells of every gateway that runs here where its mount points, what it does and for whom, which "
                     "programs are connected and where others can connect, how its line is, what limits hold, which "
                     "folder its state is in, and what was refused or ended in the last minute. Exit code 1: no gateway "
@@ -125,9 +125,9 @@ def lines(state: State) -> Iterator[str]:
     doing = "" if look.state in ("opening", "down") else activity(look)  # not known now
     rows = {
         "mount": [state.found or "has not said yet which one it is"],
-        "seen": [f"{seen}; {doing}" if doing else seen],
-        "wanted": state.wanted or ["no motion"],
-        "allowed": ["; ".join(state.allowed)],
+        "now": [f"{seen}; {doing}" if doing else seen],
+        "orders": state.wanted or ["none: no motion"],
+        "limits": ["; ".join(state.allowed)],
         "site": [state.site or "not known: altitudes cannot be computed"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],

@@ -14,14 +14,14 @@ from typing import TextIO
 
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.gateway_client import add_which
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, told
 from gateway.system import streams
 
 EXAMPLES = """\
 Examples:
   mount-gateway stop
-  mount-gateway stop --hold       stop, and let no program move a mount until
-  mount-gateway stop --release
+  mount-gateway stop --hold       stop, and let no program move a mount
+  mount-gateway stop --release    let programs move the mounts again
   mount-gateway stop --state /var/lib/mount-gateway    of the gateway that systemd runs
 """
 
@@ -107,7 +107,7 @@ def _on_disk(folder: Path, word: str) -> tuple[str, str]:
             if word == "hold"
             else ("a gateway that is started later is held again")
         )
-        return "", f"{folder / HOLD}: {error.strerror}: {after}"
+        return "", f"{folder / HOLD}: {told(error)}: {after}"
 
 
 def _say(lines: list[str], stream: TextIO, level: int) -> None:

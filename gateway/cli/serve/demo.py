@@ -24,13 +24,23 @@ APART = ANY_PORT - DEMO_PORT
 OTHERS = 50
 #: The keys of the configuration that are flags of the demo, too.
 SHOWN = ("log", "night")
+EXAMPLES = """\
+Examples:
+  mount-gateway demo                    a Celestron, for programs that drive a Meade
+  mount-gateway demo --reverse          a Meade, for programs that drive a Celestron
+  mount-gateway demo --speed 1 --log    as slow as a real one; every word is shown
+
+Talk to it by hand, from another terminal:
+  nc 127.0.0.1 4030
+  :GR#    where is it? it answers with the right ascension
+"""
 
 
 def add_demo(commands: Commands) -> None:
     demo = commands.add_parser(
         "demo", help="a simulated mount to play with, on TCP 4040 (any program), 4030 and a virtual serial port",
         description="Plays a mount and a gateway before it, so that a program can be tried out without either.",
-        epilog="Talk to it by hand:\n  nc 127.0.0.1 4030\n  :GR#    where is it? it answers with the right ascension",
+        epilog=EXAMPLES,
     )  # fmt: skip
     demo.add_argument(
         "--port",

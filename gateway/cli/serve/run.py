@@ -48,14 +48,17 @@ def _run(arguments: argparse.Namespace) -> int:
 def add_config(commands: Commands) -> None:
     config = commands.add_parser(
         "config", help="the configuration in effect, or an example of gateway.toml",
-        description="Prints what run would go by, and where each value comes from.",
+        description="Prints what run would go by, and where each value comes from. It takes every flag of run, too: "
+                    "mount-gateway run --help lists them.",
         epilog="Examples:\n  mount-gateway config --example > gateway.toml\n"
-               "  mount-gateway config --config gateway.toml",
+               "  mount-gateway config gateway.toml\n  mount-gateway config gateway.toml --lowest 15",
     )  # fmt: skip
     group = config.add_mutually_exclusive_group()
     group.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
     group.add_argument("--table", action="store_true", help="every key as a Markdown table")
+    own = len(config._actions)
     add_settings(config)
+    config.elsewhere = config._actions[own:]
     config.set_defaults(run=_config)
 
 

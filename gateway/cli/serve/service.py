@@ -80,14 +80,14 @@ WantedBy=multi-user.target
 """
 
 HOW = """\
-Example:
+Examples:
   mount-gateway detect --network --write gateway.toml
   mount-gateway service --config gateway.toml | sudo tee /etc/systemd/system/mount-gateway.service
   sudo systemctl enable --now mount-gateway
   systemctl status mount-gateway        how the mount is
   journalctl -u mount-gateway -f        what is going on
   mount-gateway service --config /etc/mount-gateway-east.toml --unit east
-                                        a second one, mount-gateway-east, for another mount
+      a second one, mount-gateway-east, for another mount
 """
 
 

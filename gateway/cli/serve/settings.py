@@ -39,7 +39,7 @@ GROUPS = {
     "simulated mounts": ("latency", "speed"),
 }
 MOUNT = "about the mount"
-SURFACE = "about the surface, where there is one (where there are several: in the file)"
+SURFACE = "about the surface, where programs connect (if there are several: in the file)"
 #: Keys that only apply to some surfaces: what their addresses begin with, and these surfaces in words.
 _NETWORK = (r".*@(tcp|rfc2217)://", "on a network (tcp:// or rfc2217://)")
 ONLY_FOR = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
@@ -69,15 +69,15 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     ends = parser.add_argument_group("what is connected: these, or the same in a file")
     ends.add_argument(
         "--mount",
-        metavar="ENDPOINT",
-        help="for example nexstar@/dev/ttyUSB0, or nexstar@sim",
+        metavar="PROTOCOL@WHERE",
+        help="for example nexstar@/dev/ttyUSB0, or nexstar@sim (see below)",
         action=Once,
         because="several mounts are written in gateway.toml, each under a [[mount]] of its "
         "own (mount-gateway config --example shows how)",
     )
     ends.add_argument(
         "--surface",
-        metavar="ENDPOINT",
+        metavar="PROTOCOL@WHERE",
         action="append",
         default=[],
         help="where programs connect: lx200@tcp://127.0.0.1:4030, lx200@pty:/tmp/lx200; may be repeated",

@@ -14,7 +14,7 @@ from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import naming_flag
 from gateway.cli.serve.signals import unless, until_signal
-from gateway.core.errors import UserError, about_file
+from gateway.core.errors import UserError, about_file, told
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 
@@ -105,7 +105,7 @@ def models() -> str:
 def _sim(arguments: argparse.Namespace) -> int:
     from gateway.app.simulated import make_simulator, parse_time, running_clock
 
-    endpoint = parse_device(arguments.device)
+    endpoint = parse_device(arguments.device, of="mount")
     if not (0 <= arguments.latency < inf and 0 < arguments.speed < inf):
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
     places = arguments.at or ["tcp://127.0.0.1:0"]
@@ -172,7 +172,7 @@ async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -
         await unless(done, sample(simulator, lambda seen: file.write(seen.line())))
         file.close()
     except OSError as error:
-        raise UserError(f"cannot write {file.name}: {error.strerror}; the simulated mount has ended") from None
+        raise UserError(f"cannot write {file.name}: {told(error)}; the simulated mount has ended") from None
     finally:
         with contextlib.suppress(OSError):
             file.close()

@@ -84,8 +84,9 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
     version = "tells no version" if mount.version == UNTOLD else f"version {mount.version}"
     model = f"model {mount.model}" if mount.tells_model else "a model it cannot tell"
     mute = [name for name, words in mount.answers.items() if not words]
+    title = PROTOCOLS[mount.protocol].commands.title(mount.product, mount.model)
     return [
-        f"{mount.product}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
+        f"{title}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
         f"it answered: {'; '.join(f'{name} ({words})' for name, words in mount.answers.items() if words)}",
         *([f"it does not tell: {', '.join(mute)}"] if mute else []),
         f"equinox: {EQUINOX[mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",

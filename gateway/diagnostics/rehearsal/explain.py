@@ -48,7 +48,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
 
     Raises UserError if one of them does not exist, or if the protocol does not have the command.
     """
-    face, at = parse_device(surface), parse_device(mount)
+    face, at = parse_device(surface), parse_device(mount, of="mount")
     if at.protocol not in mounts():
         raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     at = whole(at)

@@ -170,6 +170,11 @@ class CommandSet:
     def models(self) -> dict[str, Model]:
         return self._read("models.toml", Model)
 
+    def title(self, product: str, model: str) -> str:
+        """Return the name by which people know a mount of this model; ``product`` if it calls itself otherwise."""
+        row = self.models.get(model, {})
+        return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
+
     def traits(self, model: str, wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
         """Return the words that rows may require of a model: its name and mount type, what it ``has``, its true keys.
 

@@ -78,7 +78,7 @@ def test_it_never_is_longer_than_the_room() -> None:
 
 @pytest.mark.parametrize(("age", "told"), [(3.0, '52", 3 s ago; tracking'), (41.2, '52" 41 s ago; tracking')])
 def test_status_tells_the_age_of_a_position_once(age: float, told: str) -> None:
-    [line] = [line for line in lines(State(seen(age=age), "nexstar@sim")) if line.startswith("  seen ")]
+    [line] = [line for line in lines(State(seen(age=age), "nexstar@sim")) if line.startswith("  now ")]
     assert line.endswith(f"+22°00'{told}")
 
 

@@ -39,6 +39,17 @@ def test_a_mistake_comes_alone(arguments: list[str], says: str, capsys: pytest.C
     assert len(shown.err.splitlines()) == 1
 
 
+def test_who_gave_a_configuration_is_told_what_to_write_into_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text("")
+    assert main(["config", str(path)]) == 2
+    shown = capsys.readouterr().err
+    assert f'{path}: which mount? Write [mount] into it, and below it at = "nexstar@/dev/ttyUSB0", or add' in shown
+    assert "--config FILE" not in shown
+
+
 def test_the_help_of_sim_lists_every_model(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(["sim", "--help"])

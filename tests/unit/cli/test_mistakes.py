@@ -29,6 +29,22 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
     [
         (["run", "lost.toml"], "lost.toml: there is no such file; mount-gateway detect --write lost.toml makes one"),
         (["run", "none/lost.toml"], "none/lost.toml: there is no folder none; make it first, or name another one"),
+        (
+            ["run", "--mount", "foo@sim", "--surface", "lx200@tcp://127.0.0.1:0"],
+            "--mount 'foo' is no protocol (lx200, nexstar) and no model; write nexstar for a Celestron",
+        ),
+        (
+            ["run", "--mount", "nexstar@sim", "--surface", "foo@tcp://127.0.0.1:0"],
+            "--surface 'foo' is no protocol (lx200, nexstar, stellarium, alpaca, any) and no model; write nexstar for",
+        ),
+        (
+            ["run", "--mount", "alpac@sim"],
+            "--mount 'alpac' is no protocol (lx200, nexstar) and no model; write nexstar for",
+        ),
+        (["--json"], "--json: write a command before it: mount-gateway detect --json; mount-gateway --help lists"),
+        (["--run"], "there is no flag --run; did you mean mount-gateway run?"),
+        (["--foo"], "--foo: a command comes first; mount-gateway --help lists the commands"),
+        (["run", "--no-night=1"], "--night/--no-night takes no value: leave '1' out"),
         (["run", "."], ".: this is a folder: write the name of a file in it"),
         (["decode", "lost.rec"], "lost.rec: there is no such file; mount-gateway run --record lost.rec makes one"),
         (["replay", "lost.rec"], "lost.rec: there is no such file; mount-gateway run --record lost.rec makes one"),

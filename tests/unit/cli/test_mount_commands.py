@@ -79,7 +79,7 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == "6-8se (nexstar@sim)"
     assert "  mount     Celestron NexStar, 6-8se, version 4.21" in out
-    assert "  wanted    no motion" in out
+    assert "  orders    none: no motion" in out
     assert f"  served    lx200:autostar {where}; this computer only" in out
     assert f"  state     {tmp_path}" in out
     [state] = json.loads(say("status", "--json", *which)[1])

@@ -51,6 +51,11 @@ def flags(*words: str) -> Config:
         (f"{MOUNT}guide-rate = 50\n{SURFACE}", 3, "guide-rate: 50"),
         (f"{MOUNT}park = [10]\n{SURFACE}", 3, "park: [10]: write [a number from -360 to 360, a number"),
         (f"{MOUNT}park = [\n  10.0,\n  200.0,\n]\n{SURFACE}", 3, "park: [10.0, 200.0]"),
+        (
+            f"{MOUNT}site = '48.1,11.6'\n{SURFACE}",
+            3,
+            "site: '48.1,11.6': write [a number from -90 to 90, a number from -180 to 360], for example site = [48.1,",
+        ),
         (f"{MOUNT}site = [151.2, -33.9]\n{SURFACE}", 3, "the latitude comes first: -33.9,151.2?"),
         (f"{MOUNT}mode = 'altaz'\n{SURFACE}", 3, "mode: 'altaz': write one of alt-az, eq-north, eq-south"),
         (f"{MOUNT}[surface]\nat = 'lx200@tcp://:0'\n", 3, "write [[surface]]"),

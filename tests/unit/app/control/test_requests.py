@@ -250,11 +250,11 @@ def test_everything_is_told_by_name() -> None:
             state = await owner.see()
             assert state.look.age < 1.0
             told = "\n".join(lines(state))
-            assert "  seen      " in told
-            assert " 0 s ago; tracking\n  wanted    no motion\n" in told
+            assert "  now       " in told
+            assert " 0 s ago; tracking\n  orders    none: no motion\n" in told
             down = msgspec.structs.replace(state.look, state="down", reason="no such port")
             told = "\n".join(lines(msgspec.structs.replace(state, look=down)))
-            assert " 0 s ago\n  wanted" in told  # nobody knows whether it still tracks
+            assert " 0 s ago\n  orders" in told  # nobody knows whether it still tracks
             assert "  line      down: no such port; an answer takes" in told
             assert (state.look.name, state.mount) == ("pier", "nexstar@sim")
             assert state.found == "Celestron NexStar, 6-8se, version 4.21"

@@ -33,6 +33,14 @@ def at_the_start(**settings: Any) -> tuple[list[str], list[str]]:
     return result
 
 
+@pytest.mark.parametrize(
+    ("model", "told"), [("lx200gps", "Meade LX200GPS, lx200gps, version 4.2l"), ("lx200", "Meade LX200 Classic, lx200")]
+)
+def test_a_meade_is_told_by_the_name_that_people_know(model: str, told: str) -> None:
+    """It calls itself LX2001, or nothing."""
+    assert at_the_start(mount=model, driven="lx200", presented="nexstar", surface="cge")[0][0] == f"found {told}"
+
+
 def test_the_mount_its_site_and_its_clock_are_told() -> None:
     assert at_the_start() == ([
         "found Celestron NexStar, 6-8se, version 4.21",

@@ -1,0 +1,35 @@
+"""What the system says of a file is followed by what to do about it."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from gateway.core.errors import about_file, told
+
+
+@pytest.mark.parametrize(
+    ("number", "step"),
+    [
+        (errno.EACCES, "Permission denied; choose a folder that you may write to, or run this as the user"),
+        (errno.ENOSPC, "No space left on device; make room on that disk (df -h shows which is full), or choose a"),
+        (errno.EROFS, "Read-only file system; choose a folder on a disk that can be written to"),
+        (errno.EIO, "Input/output error"),
+    ],
+)
+def test_an_error_of_the_system_has_its_next_step(number: int, step: str) -> None:
+    error = OSError(number, os.strerror(number))
+    assert told(error).startswith(step)
+    assert about_file("night.rec", error) == told(error)
+
+
+def test_what_may_not_be_read_is_not_called_a_matter_of_folders(tmp_path: Path) -> None:
+    error = PermissionError(errno.EACCES, "Permission denied")
+    words = about_file(tmp_path / "gateway.toml", error, reading=True)
+    assert words == (
+        f"Permission denied; ls -l {tmp_path}/gateway.toml shows whose it is: run this as that user, or let yours "
+        "read it"
+    )
