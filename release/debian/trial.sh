@@ -54,6 +54,6 @@ apt-get remove -y -qq mount-gateway >/dev/null
 [ -e /var/lib/mount-gateway/pier/state ] && [ -e /etc/mount-gateway/pier.toml ]
 after "removed, state and configuration are kept"
 apt-get purge -y -qq mount-gateway >/dev/null
-left=$(find /etc /opt /usr /var/lib -not -path '*/dpkg/*' -not -path '*/apt/*' -name '*mount-gateway*')
+left=$(find / -xdev -name '*mount-gateway*' -not -path '/src/*' -not -path '/tmp/*' -not -path '/var/cache/apt/*')
 [ -z "$left" ] && ! getent passwd mount-gateway || { echo "left behind: $left"; exit 1; }
 after "purged: nothing is left"
