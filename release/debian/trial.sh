@@ -54,6 +54,8 @@ apt-get remove -y -qq mount-gateway >/dev/null
 [ -e /var/lib/mount-gateway/pier/state ] && [ -e /etc/mount-gateway/pier.toml ]
 after "removed, state and configuration are kept"
 apt-get purge -y -qq mount-gateway >/dev/null
-left=$(find / -xdev -name '*mount-gateway*' -not -path '/src/*' -not -path '/tmp/*' -not -path '/var/cache/apt/*')
+# The user's own state, in /root, is nobody's to delete.
+left=$(find / \( -path /proc -o -path /dev -o -path /src -o -path /shared -o -path /root -o -path /tmp -o -path /var/cache/apt \) \
+    -prune -o -name '*mount-gateway*' -print)
 [ -z "$left" ] && ! getent passwd mount-gateway || { echo "left behind: $left"; exit 1; }
 after "purged: nothing is left"
