@@ -8,6 +8,7 @@ paths. mount-gateway may also be a single file that contains Python and all pack
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 
@@ -53,4 +54,16 @@ def how_to_add(extra: str) -> str:
     """Return how to install one of the extras of ``pyproject.toml``: what to type, and where."""
     if is_single_file():
         return f"install mount-gateway with pip instead of this one file: pip install '.[{extra}]' in its folder"
-    return f"type {pip_command()} install '.[{extra}]' in the folder that mount-gateway was installed from"
+    what = " ".join(_packages(extra)) or f"'.[{extra}]' in the folder of mount-gateway"
+    return f"type {pip_command()} install {what}"
+
+
+def _packages(extra: str) -> list[str]:
+    """Return the packages of an extra as a shell takes them: they can be had without the folder of mount-gateway."""
+    from importlib import metadata
+
+    try:
+        needed = metadata.requires("mount-gateway") or []
+    except metadata.PackageNotFoundError:
+        return []
+    return [f"'{line.partition(';')[0].strip()}'" for line in needed if re.search(rf"extra == ['\"]{extra}['\"]", line)]

@@ -18,7 +18,7 @@ from gateway.app import stop_command
 from gateway.cli import main
 from gateway.cli.command_line import COMMANDS, parser
 from tests.support.each import each
-from tests.support.pages import ROOT, blocks, commands, installed, spans
+from tests.support.pages import PAGES, ROOT, blocks, commands, installed, spans
 from tests.support.process import GATEWAY, Running, ask
 
 SERVING = ("run", "demo", "sim")
@@ -131,3 +131,19 @@ def test_commands_in_the_text_can_be_typed(page: str, span: str) -> None:
         parser(words[0]).parse_args(words)
     else:
         assert words in (["COMMAND", "--help"], ["--help"], ["--version"])
+
+
+@each("page", PAGES)
+def test_mounts_and_surfaces_of_tables_can_be_typed(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for flags in re.findall(r"`(--mount \S+ --surface [^`…]+)`", page.read_text("utf-8")):
+        assert main(["config", *flags.replace("PORT", "/dev/ttyUSB0").split()]) == 0, capsys.readouterr().err
+
+
+def test_the_first_table_has_the_phone_beside_a_cable_and_com_ports_in_both_directions() -> None:
+    first = (ROOT / "README.md").read_text("utf-8").partition("## Is it for me?")[2].partition("\n\n**")[0]
+    for words, flags in (
+        ("SkySafari on a phone", "--mount nexstar@PORT --surface lx200@tcp://0.0.0.0:4030"),
+        ("a Celestron, and a Windows program", "--mount nexstar@COM3 --surface lx200@COM5"),
+        ("a Meade, and a Windows program", "--mount lx200@COM3 --surface nexstar@COM5"),
+    ):
+        assert any(words in row and flags in row for row in first.splitlines())

@@ -51,12 +51,13 @@ def python(facts: Facts) -> Iterator[Said]:
 
 def packages(facts: Facts) -> Iterator[Said]:
     """Check that every required package is installed in a suitable version."""
-    again = f"{facts.pip} install --upgrade '.' in the folder that mount-gateway was installed from"
     wrong = [package for package in facts.packages if not package.fits]
     for package in wrong:
         here = f"version {package.version} is installed" if package.version else "is not installed"
-        yield BAD, f"{package.name} {here}, and {package.needed or 'any version'} is needed", again
+        mend = f"{facts.pip} install --upgrade '{package.name}{package.needed}'"
+        yield BAD, f"{package.name} {here}, and {package.needed or 'any version'} is needed", mend
     if not facts.packages:
+        again = f"{facts.pip} install '.' in the folder of mount-gateway"
         yield NOTE, "mount-gateway runs from its source without being installed: versions cannot be compared", again
     elif not wrong:
         yield GOOD, ", ".join(f"{package.name} {package.version}" for package in facts.packages), ""
@@ -69,7 +70,7 @@ def extras(facts: Facts) -> Iterator[Said]:
         yield (
             NOTE,
             f"{' and '.join(names)} not installed: {without}",
-            f"{facts.pip} install '.[{extra}]' in the folder that mount-gateway was installed from",
+            f"{facts.pip} install --upgrade {' '.join(names)}",
         )
     if facts.packages and not facts.missing_extras:
         yield GOOD, "all extras are installed", ""

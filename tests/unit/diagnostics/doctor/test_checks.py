@@ -64,8 +64,8 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
             "/here/pip install",
         ),
         ("packages", {"packages": []}, NOTE, "without being installed", "/here/pip install"),
-        ("extras", {"missing_extras": {"library": ["pyongc"]}}, NOTE, "pyongc not installed: M, NGC", "'.[library]'"),
-        ("extras", {"missing_extras": {"other": ["a", "b"]}}, NOTE, "a and b not installed", "'.[other]'"),
+        ("extras", {"missing_extras": {"library": ["pyongc"]}}, NOTE, "pyongc not installed", "--upgrade pyongc"),
+        ("extras", {"missing_extras": {"other": ["a", "b"]}}, NOTE, "a and b not installed", "install --upgrade a b"),
         ("ports", {"ports": []}, NOTE, "no serial port", "plug the USB adapter in"),
         (
             "ports",
