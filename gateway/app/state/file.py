@@ -46,6 +46,8 @@ class SavedState(Struct, omit_defaults=True):
     zone: tuple[Annotated[float, Meta(ge=-14, le=14)], Annotated[int, Meta(ge=0, le=1)]] | None = None
     pec: bool | None = None
     motors: dict[str, Byte] = {}
+    #: Whether the owner has been told that guide pulses of Alpaca programs mean directions on the sky.
+    told_by_sky: bool = False
     mount: Values = {}
     #: How far all syncs since the mount's alignment have moved the sky in total.
     synced: SyncSum = SyncSum()
@@ -153,6 +155,7 @@ def to_shared(kept: SavedState) -> MountSettings:
         zone=kept.zone,
         pec=kept.pec,
         motors={name: value for name, value in kept.motors.items() if name.startswith(MOTORS)},
+        told_by_sky=kept.told_by_sky,
     )
 
 
@@ -178,6 +181,7 @@ def from_shared(
         zone=shared.zone,
         pec=shared.pec,
         motors=dict(shared.motors),
+        told_by_sky=shared.told_by_sky,
         mount=mount,
         synced=synced,
         site_of_program=site,

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from contextlib import suppress
 
+from msgspec.structs import replace
+
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoAnswer, NoTarget, Unsupported
@@ -18,7 +20,7 @@ from gateway.protocols.wireformat.command import Command
 
 #: The directions in the order of ASCOM's numbers.
 DIRECTIONS = (op.Direction.NORTH, op.Direction.SOUTH, op.Direction.EAST, op.Direction.WEST)
-#: What the owner of a German mount is told at its first guide pulse.
+#: What the owner of a German mount is told at its first guide pulse, once for all runs.
 BY_SKY = (
     "guide pulses of Alpaca programs mean directions on the sky, on both sides of the pier: a guiding program that was "
     'calibrated with an earlier version must be calibrated anew, with "reverse Dec after meridian flip" off; '
@@ -141,8 +143,9 @@ def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Han
     by_sky = session.settings.guides_by_sky
     if not ms:
         return
-    if by_sky and (yield op.GetAbilities()).german:
+    if by_sky and not session.shared.told_by_sky and (yield op.GetAbilities()).german:
         yield Note(BY_SKY)
+        session.set_for_all(replace(session.shared, told_by_sky=True))
     yield op.Pulse(direction, ms, by_sky)
 
 
