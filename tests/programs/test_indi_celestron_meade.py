@@ -177,7 +177,7 @@ def test_night(workshop: Workshop, model: Model, site: Site, transport: str) -> 
 
 @pytest.mark.parametrize(("presented", "north"), [("cpc", -1.0), ("cge", 1.0)])
 def test_the_recipe_for_the_north_button(workshop: Workshop, presented: str, north: float) -> None:
-    """Reversed on a fork, and as it is written where a German mount is presented by name."""
+    """Reversed on a fork, unless its *Reverse* is set, and as it is written where a German mount is presented."""
     requires("indiserver", DRIVER)
     meade, truth = start_meade(workshop, "lx200", NORTH, speed=3.0)
     surface = start_celestron_gateway(workshop, meade, "tcp", "" if presented == "cpc" else presented)
@@ -187,6 +187,8 @@ def test_the_recipe_for_the_north_button(workshop: Workshop, presented: str, nor
     telescope.choose_rate("7x")
     assert scenario.moves(telescope, truth, "NORTH", lambda: truth.position().dec) * north > 0
     assert scenario.moves(telescope, truth, "SOUTH", lambda: truth.position().dec) * north < 0
+    telescope.client.switch("TELESCOPE_REVERSE_MOTION", "REVERSE_NS")
+    assert scenario.moves(telescope, truth, "NORTH", lambda: truth.position().dec) * north < 0
 
 
 def test_it_takes_what_is_presented_for_a_starsense(workshop: Workshop) -> None:
