@@ -52,6 +52,33 @@ def test_the_fastest_rate_is_the_one_that_was_set(mount: tuple[str, str, float],
     assert speed == pytest.approx(min(fastest, mount[2]), rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("mount", "commands", "words"),
+    [
+        (MOUNTS[0], b":Sw8#:Ms#", "a motion at 8 degrees a second is done at 5:"),
+        (MOUNTS[0], b":RE08.0#:Ms#", "a motion at 8 degrees a second is done at 5:"),
+        (MOUNTS[5], b":Sw4#:RE04.0#:Ms#", "a motion at 4 degrees a second is done at 3:"),
+        (MOUNTS[0], b":Sw4#:Ms#", ""),
+        (MOUNTS[0], b":RS#:Ms#", ""),
+        (MOUNTS[0], b":RE01.5#:Ms#", ""),
+    ],
+    ids=ascii,
+)
+def test_a_rate_that_it_has_not_is_told_once(mount: tuple[str, str, float], commands: bytes, words: str) -> None:
+    async def program() -> None:
+        async with Bridge(*mount[:2], surface="lx200gps", config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            for _ in range(2):
+                client = bridge.client()
+                client.tell(commands)
+                await asyncio.sleep(2)
+                client.tell(b":Q#")
+                await asyncio.sleep(2)
+            told = [one.text for one in bridge.wire_log.recent if "a motion at" in one.text]
+            assert [text[: len(words)] for text in told] == ([words] if words else [])
+
+    run(program())
+
+
 def test_it_goes_out_as_a_variable_rate_and_the_motors_most_as_their_own_key() -> None:
     """A quarter of an arcsecond a second: 2 degrees are 28800 = 70 80 hex, behind 16 (axis 2 is 17), 6 or 7."""
     (sent, *_) = turns(MOUNTS[0], b":Sw2#:Ms#")[1]

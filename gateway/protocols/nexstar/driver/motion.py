@@ -10,7 +10,7 @@ from __future__ import annotations
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Unsupported
-from gateway.protocols.base.driver import Schedule, Send, Steps
+from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.pointing import Arrived, need_alignment, pier_side, stop_current_motion
@@ -69,6 +69,9 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
         yield from stop_current_motion(mount)
+    asked, done = (rate.degrees or 0.0) if rate.key is None else 0.0, mount.speed(rate)
+    if abs(done - asked) > guide_speed.REMARK_FROM * asked > 0.0:
+        yield Remark(f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed")
     if mount.moves_by_gotos:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
