@@ -16,11 +16,12 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Fault, PastMeridian
+from gateway.core.errors import Fault, Invalid, PastMeridian
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import check_synced, too_near
+from gateway.mount.safety.admission.slew_paths import LONGEST
 from gateway.mount.safety.allow import leaving
 from gateway.mount.safety.hour_angle import meridian_known, past_by_axes, past_meridian, told_by_axes
 from gateway.mount.safety.stop_timing import MIN_INTERVAL
@@ -85,7 +86,12 @@ def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[i
 
 
 def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
-    """Check a stretch of so many degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
+    """Check a stretch of so many degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian.
+
+    A stretch that is no number, or longer than any mount turns, is refused: to check it could take for ever.
+    """
+    if not all(abs(degrees) <= LONGEST for degrees in turns.values()):
+        raise Invalid("It would turn an axis by more than three whole turns.")
     steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STEP))
     here, turned = start.seen, 0.0
     for step in range(1, steps + 1):
