@@ -27,8 +27,9 @@ LINES = {
     6: "Fast motion by hand stops if the program that started it is silent for 30 s. Gotos continue.",
     7: "If the gateway is killed or hangs while the mount moves, a second process stops the mount (on Linux and "
     "macOS, not on Windows).",
-    8: "Syncs that turn the sky or an axis by more than 15° are refused, except the first one of a Meade, and by night "
-    "those of up to 1° on the sky. A Celestron that is not aligned accepts no goto.",
+    8: "Syncs that turn the sky or an axis by more than 15°, alone or together, are refused, except the first one of a "
+    "Meade, those that take earlier ones back, and by night those of up to 1° on the sky. A Celestron that is not "
+    "aligned accepts no goto.",
     9: "Everyone who can reach the port can move the mount. Only this computer can, until you write another address.",
     10: "None of this replaces you: stay near the mount while it moves.",
 }  # fmt: skip

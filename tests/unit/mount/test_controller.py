@@ -216,6 +216,7 @@ def test_an_owner_may_have_axis_gotos_without_an_alignment() -> None:
     run(program())
 
 
+@pytest.mark.safety_line(8)
 def test_a_meade_is_aligned_by_its_first_sync_at_any_distance() -> None:
     async def program() -> None:
         async with Bridge("autostar", driven="lx200", aligned=False) as bridge:
