@@ -180,6 +180,18 @@ MUTATIONS = [
         "tests/unit/mount/safety/test_sync_sum.py",
     ),
     Mutation(
+        "an arrow and tracking are not judged by where the tube is if the syncs were wrong",
+        r"return \(\) if unknown else mount\.frame\(\)\.shifts",
+        "return ()",
+        "tests/integration/safety/test_after_syncs.py",
+    ),
+    Mutation(
+        "a guide pulse of any length is checked step by step",
+        r"if not all\(abs\(degrees\) <= LONGEST for degrees in turns\.values\(\)\):",
+        "if False:",
+        "tests/unit/mount/safety/test_ends_on_any_input.py",
+    ),
+    Mutation(
         "a client widens the highest altitude",
         r"else min\(self\.highest, highest\)",
         "else highest",

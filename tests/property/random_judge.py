@@ -98,22 +98,26 @@ class Judge:
 
     # --- the sky as the mount believes it --------------------------------------------------------------------------
 
+    @property
+    def sky(self) -> Any:
+        return self.sim.mechanics.sky
+
     def unix(self) -> float:
-        return float(self.bridge.clock() + self.sim.mechanics.sky.ahead)
+        return float(self.bridge.clock() + self.sky.ahead)
 
     def altitude(self, ra: float, dec: float) -> float:
-        sky = self.sim.mechanics.sky
+        sky = self.sky
         return turned(sky.latitude, sidereal(self.unix(), sky.longitude) - ra, dec)[1]
 
     def at(self, az: float, alt: float) -> tuple[float, float]:
         """Right ascension and declination of a place over the horizon."""
-        sky = self.sim.mechanics.sky
+        sky = self.sky
         hour_angle, dec = turned(sky.latitude, az, alt)
         return (sidereal(self.unix(), sky.longitude) - hour_angle) % 360.0, dec
 
     def of_axes(self, first: float, second: float) -> tuple[float, float]:
         """Where axis readings point: azimuth and altitude, or from the meridian (a wedge in the north: from north)."""
-        build, sky = self.sim.mechanics.build.name, self.sim.mechanics.sky
+        build, sky = self.sim.mechanics.build.name, self.sky
         if build == "ALTAZ":
             return self.at(first, second)
         pole = 1.0 if sky.latitude >= 0.0 else -1.0
@@ -258,3 +262,29 @@ class Judge:
             self.complain(f"{data!r} destroys the alignment of a classic")
         elif data in (b":hP#", b":hS#", b":hF#"):
             self.lenient = "park or home"  # its own places; and one that seeks its home tells nothing on the way
+
+
+class TrueJudge(Judge):
+    """Judges by the true site and time and by where the tube is, whatever the sources say that contradict each other.
+
+    Orders are judged by what comes of them, and as far as an alignment and the run-on of motors may be off.
+    """
+
+    @property
+    def sky(self) -> Any:
+        return self.sim.mechanics.true_sky
+
+    def believed(self) -> tuple[float, float]:
+        return folded(*self.sim.truth())
+
+    def by_axis(self) -> bool:
+        return False
+
+    def tolerance(self) -> float:
+        return 1.0 + max(super().tolerance(), 0.5 * float(self.sim.mechanics.fastest))
+
+    def _target(self, words: str, ra: float, dec: float) -> None:
+        pass
+
+    def _sync(self, words: str, ra: float, dec: float) -> None:
+        pass

@@ -6,19 +6,25 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import re
 import time
 from random import Random
 from typing import Any
 
 from msgspec import Struct
 
+from gateway.astro.axes import Sky
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NotAligned
 from gateway.core.wire_log import show
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
 from tests.property import random_commands
-from tests.property.random_judge import MOTION, Judge
+from tests.property.random_judge import MOTION, Judge, TrueJudge
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.manual_files import fits
+from tests.support.owner import Owner
 
 #: Mounts that are driven: protocol, model, version, all that there are; and what is presented over them.
 STARSENSE = ("cgx", "evolution", "6-8se")
@@ -36,6 +42,9 @@ PATIENCE, SPOILT, WALL = 20.0, 5.0, 60.0
 STEP = 0.1
 #: Degrees from the Sun that the gateway keeps by default.
 CIRCLE = 20.0
+#: Wrong clocks, in seconds, and wrong longitudes, in degrees beyond the true one.
+AHEAD = (-7 * 3600.0, -2.5 * 3600.0, 1800.0, 3 * 3600.0, 12 * 3600.0, -2000 * 86400.0, 40.5 * 86400.0)
+ASTRAY = (-140.0, -20.0, 3.0, 60.0, 180.0)
 
 
 class Play(Struct):
@@ -57,9 +66,14 @@ def cast(seed: int) -> tuple[tuple[str, str, str | None], str]:
     return mount, mount[0] if shared else ("lx200" if mount[0] == "nexstar" else "nexstar")
 
 
-def play(seed: int, steps: int, mount: tuple[str, str, str | None], presented: str) -> Play:
-    """Play ``steps`` steps. ``mount`` is protocol, model, version; ``presented`` the protocol its clients speak."""
-    return run(_play(seed, steps, mount, presented))  # type: ignore[no-any-return]
+def play(
+    seed: int, steps: int, mount: tuple[str, str, str | None], presented: str, contradicting: bool = False
+) -> Play:
+    """Play ``steps`` steps. ``mount`` is protocol, model, version; ``presented`` the protocol its clients speak.
+
+    ``contradicting``: sources of site and time are wrong, and what happens is judged by the true ones.
+    """
+    return run(_play(seed, steps, mount, presented, contradicting))  # type: ignore[no-any-return]
 
 
 class Scene(Struct):
@@ -106,17 +120,53 @@ def scene(random: Random, mount: tuple[str, str, str | None], presented: str, al
     return Scene(name, bridge, lowest, highest, latency, face)
 
 
-async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], presented: str) -> Play:
+def wrong_sources(random: Random, here: Scene, mount: tuple[str, str, str | None]) -> set[str]:
+    """Make sources of a scene wrong -> which. One of each kind that counts stays right, or nobody could know.
+
+    A hand control that tells neither site nor clock has only the configuration and the computer, so they stay right.
+    One that does not tell its site (Sky-Watcher) keeps the right one; one with a StarSense would lose its alignment.
+    """
+    driven, model, version = mount
+    starsense = str(version).startswith("starsense")
+    tells = driven == "lx200" or version is None or starsense or 2.3 <= float(version) < 100.0
+    if driven == "lx200":  # what a program sets there is the mount's
+        wrong = random.choice(({"program"}, {"configuration"}, {"computer"}, {"configuration", "computer"}))
+    elif tells and not starsense and model != "skywatcher" and random.random() < 0.3:
+        wrong = {"mount", "program"}
+    else:
+        wrong = {one for one in ("configuration", "computer") if tells and random.random() < 0.5} | {"program"}
+    latitude, longitude = here.bridge["site"]
+    if "configuration" in wrong:
+        elsewhere = (-latitude, longitude), (latitude, longitude + random.choice(ASTRAY))
+        north, east = random.choice(elsewhere)
+        here.bridge["config"]["site"] = north, (east + 180.0) % 360.0 - 180.0
+    if "computer" in wrong:
+        here.bridge["host_ahead"] = random.choice(AHEAD)
+    return wrong
+
+
+async def _play(
+    seed: int, steps: int, mount: tuple[str, str, str | None], presented: str, contradicting: bool = False
+) -> Play:
     random = Random(seed)
-    wild, aligned = random.random() < 0.2, random.random() < 0.9
+    wild, aligned = random.random() < 0.2 and not contradicting, random.random() < 0.9 or contradicting
     here = scene(random, mount, presented, aligned, random.choice((75.0, 80.0, 90.0)))
     name = f"{here.name}{', wild' if wild else ''}{'' if aligned else ', not aligned'}"
     driven = mount[0]
-    async with Bridge(**here.bridge) as bridge:
+    wrong = wrong_sources(random, here, mount) if contradicting else set()
+    name += f", wrong: {', '.join(sorted(wrong))}" if wrong else ""
+    made = Bridge(**here.bridge)
+    if "mount" in wrong:
+        latitude, longitude = here.bridge["site"]
+        east = (longitude + random.choice((0.0, *ASTRAY)) + 180.0) % 360.0 - 180.0
+        made.sim.relocate(Sky(latitude, east, random.choice(AHEAD)))  # type: ignore[attr-defined]
+    async with made as bridge:
         synced = driven == "lx200" or bridge.driver.supports("s")  # else what is synced is what the gateway believes
         unsettles = random_commands.SITE_AND_CLOCK if synced else random_commands.SITE_CLOCK_AND_SYNC
-        judge = Judge(bridge, driven, here.lowest, here.highest, CIRCLE, unsettles, here.latency)
-        player = _Player(bridge, random, driven, presented, here.face, wild, judge, synced)
+        judged = TrueJudge if contradicting else Judge
+        unsettles = re.compile(rb"(?!)") if contradicting else unsettles
+        judge = judged(bridge, driven, here.lowest, here.highest, CIRCLE, unsettles, here.latency)
+        player = _Player(bridge, random, driven, presented, here.face, wild, judge, synced, wrong)
         asyncio.get_running_loop().set_exception_handler(
             lambda _, context: player.judge.complain(f"nobody caught {context}")
         )
@@ -128,6 +178,8 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
                 player.judge.complain(f"{done} steps took more than {WALL:.0f} s")
                 break
         await player.end()
+        if wrong:
+            await player.nights_lost()
         return Play(
             f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst, player.said
         )
@@ -146,7 +198,9 @@ class _Player:
         wild: bool,
         judge: Judge,
         synced: bool,
+        wrong: set[str],
     ) -> None:
+        self.wrong, self.owner = wrong, Owner(bridge, driven) if wrong else None
         self.bridge, self.random, self.judge = bridge, random, judge
         self.driven, self.presented, self.face, self.wild, self.synced = driven, presented, face, wild, synced
         self.visitors = [bridge.client("127.0.0.1"), bridge.client("127.0.0.2")]
@@ -156,6 +210,9 @@ class _Player:
 
     async def turn(self) -> int:
         """One idea of one program -> the number of steps it took."""
+        if self.wrong and self.random.random() < 0.1:
+            await self.random.choice((self.mislead, self.at_the_keys))()
+            return 1
         number = self.random.randrange(2)
         if self.random.random() < 0.02:
             self.visitors[number].close()
@@ -167,6 +224,60 @@ class _Player:
             await self.step(number, step)
         await self.rest(self.random.choice((0.0, 0.0, 0.1, 0.3, 1.0, 3.0, 10.0)))
         return len(ideas)
+
+    async def mislead(self) -> None:
+        """A program sets a wrong site or clock, or at last the right one."""
+        if "program" not in self.wrong:
+            return
+        (latitude, longitude), right = self.judge.sky[:2], self.random.random() < 0.2
+        east = longitude + (0.0 if right else self.random.choice(ASTRAY))
+        wrong: list[op.SetSite | op.SetClock] = [
+            op.SetSite(latitude, (east + 180.0) % 360.0 - 180.0),
+            op.SetClock(self.bridge.clock() + (0.0 if right else self.random.choice(AHEAD)), 0.0),
+        ]
+        told = self.random.choice(wrong)
+        self.said.append(f"{self.bridge.clock() - self.judge.began:8.1f} s  {told!r}")
+        with contextlib.suppress(Fault):
+            await self.bridge.controller.perform(told)
+        await self.rest(3.0)
+
+    async def at_the_keys(self) -> None:
+        """The owner sends the mount to an allowed place; where its way stays clear nothing may end that."""
+        judge, controller = self.judge, self.bridge.controller
+        await self.rest(5.0)
+        if self.owner is None or self.owner.moving or controller.synced.value.size > 0.5 or self._may_be_silent():
+            return
+        judge.lenient = "the owner's"
+        az, alt = self.random.uniform(0.0, 360.0), self.random.uniform(judge.lowest + 15.0, 60.0)
+        place = controller.astrometry.equatorial(op.Horizontal(az, alt))
+        self.said.append(f"{self.bridge.clock() - judge.began:8.1f} s  the owner goes to {az:.1f}, {alt:.1f}")
+        self.owner.goto(place.ra, place.dec)
+        clear = "mount" not in self.wrong and self.driven == "nexstar"
+        for _ in range(180):
+            await self.rest(0.5)
+            here = judge.believed()
+            inside = judge.lowest + 3.0 < judge.altitude(*here) < judge.highest - 3.0
+            clear = clear and inside and judge.from_sun(*here) > CIRCLE + 5.0
+            if not self.owner.moving:
+                break
+        if clear and self.owner.ended():
+            judge.complain(f"the owner's goto to {az:.0f}, {alt:.0f} was ended by {self.owner.ended()}")
+
+    async def nights_lost(self) -> None:
+        """Somewhere in the sky a goto is accepted, or a refusal says what is wrong and how to correct it."""
+        controller, refused = self.bridge.controller, []
+        for az, alt in ((az, alt) for az in range(15, 360, 30) for alt in (25.0, 45.0, 60.0)):
+            goal = controller.astrometry.equatorial(op.Horizontal(float(az), alt))
+            try:
+                await controller.admission.admit(op.Goto(goal.ra, goal.dec))
+            except NotAligned:
+                return
+            except Fault as fault:
+                refused.append(str(fault))
+            else:
+                return
+        if not any("Correct the one that is wrong" in words for words in refused):
+            self.judge.complain(f"a night lost: {sorted(set(refused))[:3]}")
 
     async def rest(self, seconds: float) -> float:
         """Let time pass, and the judge look -> the last speed."""

@@ -38,6 +38,13 @@ def test_whatever_is_said_nothing_breaks_and_no_limit_is_crossed(seed: int) -> N
     assert done.looks > 50
 
 
+@pytest.mark.sampled(every=9)
+@pytest.mark.parametrize("seed", seeds())
+def test_sources_that_contradict_each_other_bring_no_tube_beyond_a_limit(seed: int) -> None:
+    done = play(seed, 2 * STEPS, *cast(seed), contradicting=True)
+    assert not done.complaints, (done.name, done.complaints, done.said)
+
+
 @pytest.mark.sampled(every=4)
 @pytest.mark.parametrize("seed", range(FIRST, FIRST + 10))
 def test_no_arrow_crosses_a_limit_that_is_near(seed: int) -> None:

@@ -2,7 +2,8 @@
 
 Every play has a seed, which determines everything: mount, version, presented model, site, time, and every byte sent.
 A play with complaints is printed with its seed; the same seed repeats it, and ``--said`` prints what was sent.
-With ``--by-hand`` the plays are manual motions near a limit.
+With ``--by-hand`` the plays are manual motions near a limit; with ``--contradicting`` sources of site and time are
+wrong, and the tube is judged by the true ones.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ def main() -> int:
     parser.add_argument("--plays", type=int, default=10**9, help="stop after this many")
     parser.add_argument("--steps", type=int, default=80, help="in each play")
     parser.add_argument("--by-hand", action="store_true", help="arrows and motors near a limit, and nothing else")
+    parser.add_argument("--contradicting", action="store_true", help="sources of site and time contradict each other")
     parser.add_argument("--said", action="store_true", help="print what was sent")
     arguments = parser.parse_args()
     logging.disable()
@@ -33,7 +35,11 @@ def main() -> int:
     for seed in range(arguments.seed, arguments.seed + arguments.plays):
         if time.monotonic() > ends:
             break
-        done = random_by_hand.play(seed) if arguments.by_hand else play(seed, arguments.steps, *cast(seed))
+        done = (
+            random_by_hand.play(seed)
+            if arguments.by_hand
+            else play(seed, arguments.steps, *cast(seed), arguments.contradicting)
+        )
         total.update(plays=1, steps=done.steps, looks=done.looks, commanded=done.commanded, bad=bool(done.complaints))
         for limit, degrees in done.worst.items():
             worst[limit] = max(worst[limit], degrees)  # type: ignore[assignment]
