@@ -39,6 +39,8 @@ NUMBERS = {
     "unix": "time", "offset": "UTC offset", "rate": "rate", "factor": "factor", "ms": "duration",
 }  # fmt: skip
 POLAR = ("dec", "latitude")
+#: Fields that have a few values only: the axis of a motor, and the sense in which it turns.
+CHOICES: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
 
 
 def _is_number(value: object, most: float) -> bool:
@@ -69,6 +71,10 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
             if not (value is None and optional) and not _is_number(value, most):
                 span = "" if most == inf else " from -90 to 90"
                 raise Invalid(f"The {NUMBERS[name]} must be a number{span}, not {repr(value)[:40]}.")
+        for name, values in _choices(type(self)):
+            if getattr(self, name) not in values:
+                among = " or ".join(map(str, values))
+                raise Invalid(f"The {name} must be {among}, not {repr(getattr(self, name))[:40]}.")
 
     @classmethod
     def title(cls) -> str:
@@ -76,15 +82,29 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
         return cls.called or re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).capitalize()
 
 
+def _defaults(kind: type[Operation]) -> dict[str, object]:
+    return dict(zip(reversed(kind.__struct_fields__), reversed(kind.__struct_defaults__), strict=False))
+
+
 @cache
 def _numbers(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
     """Return the numbers among the fields of an operation: name, largest value, and whether None may stand for it."""
-    fields, defaults = kind.__struct_fields__, kind.__struct_defaults__
-    without = dict(zip(reversed(fields), reversed(defaults), strict=False))
+    without = _defaults(kind)
     return tuple(
         (name, 90.0 if name in kind.polar else inf, without.get(name, 0.0) is None)
-        for name in fields
+        for name in kind.__struct_fields__
         if name in NUMBERS
+    )
+
+
+@cache
+def _choices(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...]:
+    """Return the fields of an operation that have a few values only, and these; a default is one of them."""
+    without = _defaults(kind)
+    return tuple(
+        (name, (*CHOICES[name], without[name]) if name in without else CHOICES[name])
+        for name in kind.__struct_fields__
+        if name in CHOICES
     )
 
 
@@ -134,12 +154,19 @@ class Tracking(Enum):
 class Rate(Struct, frozen=True):
     """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
 
-    ``max`` together with ``degrees`` is the fastest rate, limited to so many degrees/s.
+    ``max`` together with ``degrees`` is the fastest rate, limited to so many degrees/s. Raises Invalid for another name
+    or key.
     """
 
     name: str | None = None
     key: int | None = None
     degrees: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.name not in (None, "guide", "center", "find", "max"):
+            raise Invalid(f"The rate must be guide, center, find or max, not {repr(self.name)[:40]}.")
+        if self.key is not None and self.key not in range(1, 10):
+            raise Invalid(f"The key of a rate must be 1 to 9, not {repr(self.key)[:40]}.")
 
 
 class Equatorial(Struct, frozen=True):

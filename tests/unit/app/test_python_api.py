@@ -260,7 +260,7 @@ def test_what_is_no_place_is_refused_at_once_and_the_gateway_goes_on(ra: Any, de
     [
         ("goto", "'goto' is no operation"),
         (op.Position, "is no operation"),
-        (op.MoveAxis("east", 1, op.Rate("find")), "MoveAxis: axis: Expected `int`, got `str`."),  # type: ignore[arg-type]
+        (op.MoveAxis(1.0, 1, op.Rate("find")), "MoveAxis: axis: Expected `int`, got `float`."),  # type: ignore[arg-type]
         (op.SetTracking("no"), "SetTracking: on: Expected `bool`, got `str`."),  # type: ignore[arg-type]
         (op.Pulse("up", 100), "Pulse: direction: Invalid enum value 'up'."),  # type: ignore[arg-type]
         (op.SetClock(1e30, 0.0), "The clock of this mount takes the years"),

