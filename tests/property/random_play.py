@@ -21,7 +21,7 @@ from gateway.core.wire_log import show
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
 from tests.property import random_commands
-from tests.property.random_judge import MOTION, Judge, TrueJudge
+from tests.property.random_judge import MOTION, Judge, TrueJudge, sidereal, sun, turned
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.manual_files import fits
 from tests.support.owner import Owner
@@ -178,7 +178,7 @@ async def _play(
                 player.judge.complain(f"{done} steps took more than {WALL:.0f} s")
                 break
         await player.end()
-        if wrong:
+        if wrong and here.bridge["start"] == NIGHT:
             await player.nights_lost()
         return Play(
             f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst, player.said
@@ -240,6 +240,14 @@ class _Player:
         with contextlib.suppress(Fault):
             await self.bridge.controller.perform(told)
         await self.rest(3.0)
+        ra, dec = sun(self.judge.unix())
+        sky = self.judge.sky
+        over = op.Horizontal(*turned(sky.latitude, sidereal(self.judge.unix(), sky.longitude) - ra, dec))
+        goal = self.random.choice((op.Equatorial(ra, dec), self.bridge.controller.astrometry.equatorial(over)))
+        with contextlib.suppress(Fault):  # towards the Sun, on the sky of the mount or over its horizon
+            east = goal.ra + self.random.uniform(-15.0, 15.0)
+            await self.bridge.controller.perform(op.Goto(east % 360.0, goal.dec))
+        await self.rest(self.random.choice((3.0, 30.0)))
 
     async def at_the_keys(self) -> None:
         """The owner sends the mount to an allowed place; where its way stays clear nothing may end that."""
