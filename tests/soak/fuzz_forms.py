@@ -22,8 +22,9 @@ _ACKNOWLEDGED = b"RrBbSsTWHI"
 #: What a StarSense of version 1.20 sends after the tracking mode: its version.
 _LONG_MODE = b"\x01\x14#"
 #: Shapes that the manual's file leaves out, which has one reply for one state: a refused sync, the target in low
-#: precision. And one that the manual does not mention: the refusal of an unknown baud rate.
-_LX200_ALSO = {"SB": "0", "CM": "#", "Gr": "[0-2][0-9]:[0-5][0-9](:[0-5][0-9]|\\.[0-9])#"}
+#: precision. And two that the manual does not mention: the refusals of an unknown baud rate and of an impossible
+#: tracking rate, which is that of ``:ST#``.
+_LX200_ALSO = {"SB": "0", "T": "0", "CM": "#", "Gr": "[0-2][0-9]:[0-5][0-9](:[0-5][0-9]|\\.[0-9])#"}
 
 
 def _shapes() -> dict[str, list[str]]:
