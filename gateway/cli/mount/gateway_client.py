@@ -33,9 +33,7 @@ NOBODY = (
 def add_which(command: argparse.ArgumentParser, which: str = "which one, where several run") -> None:
     """Add the flags that choose a gateway."""
     command.add_argument(
-        "--mount",
-        metavar="NAME",
-        help=f"{which}: its name, or what --mount of run says (nexstar@/dev/ttyUSB0), or the part of that behind @",
+        "--mount", metavar="NAME", help=f"{which}: its name, or what --mount of run says, or the part of that behind @"
     )
     command.add_argument(
         "--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its state"

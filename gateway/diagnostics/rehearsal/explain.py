@@ -83,6 +83,8 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
         lines.append(f"outcome: {_means('refused', play.reply)}")
     else:
         lines += _said(row, driven, at, traits(face, command, facts), play.reply)
+    if valid and _was_refused(play, face.protocol) and "refused (" not in "".join(lines):
+        lines.append("  but not with these values, or not as things stand in this example: there it is refused")
     said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
     return Explained("\n".join([*lines, *shown(play, face.protocol, at.protocol)]), valid)
@@ -143,6 +145,14 @@ def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | No
 
     result: tuple[Play, Model] = run(play())
     return result
+
+
+def _was_refused(play: Play, face: str) -> bool:
+    """Whether the program was told so, or at least the log."""
+    program = Side(face)
+    program.command(play.frame)
+    told = bool(play.reply) and program.reply(play.reply).fails
+    return told or any("refused: " in note.words for note in play.of("note"))
 
 
 def _name(at: Endpoint) -> str:

@@ -30,7 +30,10 @@ def number(value: float) -> bytes:
 def parse_number(raw: bytes) -> float:
     """Parse a finite decimal number without digit separators."""
     text = raw.decode("ascii")
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if "_" in text or not math.isfinite(value):
         raise ValueError(f"{text!r} is not a number")
     return value

@@ -220,7 +220,10 @@ def parse_date(raw: bytes) -> datetime.date:
         year += 2000 if year <= 50 else 1900
     if not 1951 <= year <= 2050:
         raise ValueError(f"'{show(raw)}' is outside the years 1951 to 2050 that MM/DD/YY can express")
-    return datetime.date(year, month, day)
+    try:
+        return datetime.date(year, month, day)
+    except ValueError:
+        raise ValueError(f"'{show(raw)}' is no day of the calendar") from None
 
 
 def dms_bytes(degrees: float) -> bytes:
@@ -234,5 +237,5 @@ def parse_dms_bytes(raw: bytes, limit: int) -> float:
     d, m, s, negative = raw
     value = d + m / 60.0 + s / 3600.0
     if m > 59 or s > 59 or negative > 1 or value > limit:
-        raise ValueError(f"{tuple(raw)} is not a latitude or longitude")
+        raise ValueError(f"{d} {m} {s} {negative} is not a latitude or longitude (degrees, minutes, seconds, 0 or 1)")
     return -value if negative else value

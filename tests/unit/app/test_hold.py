@@ -165,7 +165,8 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
             answer = await _order(bridge, "hold")
             assert answer == (
                 "failed it is stopped and held, but a restart of the gateway forgets that: "
-                f"{tmp_path}/hold cannot be written (No space left on device)"
+                f"{tmp_path}/hold cannot be written (No space left on device; make room on that disk (df -h shows "
+                "which is full), or choose a folder on another one)"
             )
             bridge.client().tell(b":RS#:Mn#")
             assert await _rests(bridge)

@@ -111,6 +111,13 @@ def test_the_outcome_is_the_one_on_the_wire() -> None:
     assert "refused (this command has no reply: only the log tells it)" in explain("lx200", "cge/1.2", ":T-#").text
 
 
+def test_a_command_that_is_carried_out_but_not_with_these_values() -> None:
+    no = "  but not with these values, or not as things stand in this example: there it is refused\n"
+    assert no in explain("nexstar", "lx200", "H\\x18\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text  # 24 o'clock
+    assert no not in explain("nexstar", "lx200", "H\\x17\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text
+    assert no not in explain("lx200", "6se", ":MS#").text
+
+
 @each(
     ("command", "why", "reply"),
     [
