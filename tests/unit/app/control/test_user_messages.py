@@ -41,6 +41,12 @@ def test_a_meade_is_told_by_the_name_that_people_know(model: str, told: str) -> 
     assert at_the_start(mount=model, driven="lx200", presented="nexstar", surface="cge")[0][0] == f"found {told}"
 
 
+def test_where_no_site_is_known_the_flag_that_sets_it_is_named() -> None:
+    told, warned = at_the_start(mount="6-8se", version="2.2")
+    assert told[1].startswith("site not known (--site LAT,LON sets it); clock ")
+    assert any("a program that asks for it or for the sidereal time gets no answer" in words for words in warned)
+
+
 def test_the_mount_its_site_and_its_clock_are_told() -> None:
     assert at_the_start() == ([
         "found Celestron NexStar, 6-8se, version 4.21",
