@@ -37,7 +37,6 @@ SAID_TO_PEOPLE = {
     "cli/serve/service.py",
     "cli/serve/settings.py",
     "cli/serve/sim.py",
-    "cli/mount/gateway_client.py",
     "diagnostics/command_tables.py",
     "transport/__init__.py",
 }
