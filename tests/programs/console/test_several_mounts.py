@@ -63,7 +63,7 @@ def test_one_is_shown_and_moved_and_both_are_stopped(two: Two, browser: Browser,
     page = Visit(browser, two.url, size, {"light-mode": "day", "rate": "7"}, "west: Celestron")
     north = page.text("#readings")
     page.page.get_by_role("radio", name="east").click()
-    page.until("the other one is shown", lambda: page.text("#name").startswith("east: LX"))
+    page.until("the other one is shown", lambda: page.text("#name").startswith("east: Meade LX"))
     page.until("with its own readings", lambda: page.text("#readings") != north)
     assert f"{-SOUTH.latitude:.1f} S" in page.text("#readings")
 
