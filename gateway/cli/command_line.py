@@ -37,7 +37,8 @@ Without a model a mount is asked what it is, and programs are presented one that
 them and web browsers, told by what they say first
   VERSION   of the hand control, like 4.21
   WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, or sim (a simulated one)
-            of a surface: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0
+            of a surface: tcp://HOST:PORT, rfc2217://HOST:PORT (for drivers that make a COM port of it), pty:PATH (a \
+virtual serial port), /dev/ttyS0, COM5
 """
 #: The object of argparse to which a command adds its parser.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"

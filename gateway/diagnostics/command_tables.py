@@ -36,6 +36,13 @@ from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, Implementation, S
 _LEGEND = "| outcome | meaning |\n|---|---|\n" + "\n".join(
     f"| {name} | {words} |" for name, words in STANDS_FOR.items()
 )
+#: What stands in braces in a command.
+_FIELDS = """\
+`{ra:rev32}` is a field: its name, and how it is written. In NexStar commands `rev16` and `rev32` are a fraction of a
+turn in 4 or 8 hexadecimal digits (`4000` is 90°, or 6 hours), `srev16` and `srev32` the same from -180° to 180°,
+`rev24` the same in 3 bytes; `u8`, `s8`, `u16` and `u24` are whole numbers of 1, 2 or 3 bytes, those with `s` signed. In
+LX200 commands `n`, `dd`, `HH:MM:SS` and the like show the digits.
+"""
 _HEAD = (
     """# The outcome of every command
 
@@ -49,6 +56,9 @@ The tables contain the commands of the manuals and further commands that program
 something, the gateway does it itself if it can: the outcome is then *kept*, or *translated* if other commands of the
 mount achieve the same.
 
+"""
+    + _FIELDS
+    + """
 **Replies are sent in the order of their commands.** If the mount does not answer a command within 3.5 s, the client
 gets no reply to it, and later commands are answered in their turn. There are exceptions. A NexStar program always
 receives `#` in reply to a stop (the gateway repeats the stop until the mount has acknowledged it), and the no-response
@@ -87,7 +97,7 @@ def one(device: str) -> str:
         if what in load(mount).models and device.partition(":")[0] in (device, mount)
     ]
     if tables:
-        return "\n\n".join([*tables, _LEGEND])
+        return "\n\n".join([*tables, _LEGEND, _FIELDS])
     names = [name for protocol in mounts() for name in load(protocol).models]
     raise UserError(f"no model is called {device!r}; write MODEL or MODEL/VERSION, one of {', '.join(names)}")
 

@@ -53,7 +53,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         tuple[_Latitude, _Longitude] | None,
         key(
             "latitude and longitude of the mount (degrees, north and east positive), for hand controls that do not "
-            "report it",
+            "report it. Leave it out if the mount reports its own: where the two differ, a goto that either forbids is "
+            "refused",
             "LAT,LON",
             [48.1, 11.6],
         ),

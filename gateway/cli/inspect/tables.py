@@ -13,7 +13,8 @@ def add_tables(commands: Commands) -> None:
         "tables", help="what becomes of every command, per model",
         description="Prints as Markdown what becomes of every command of every protocol (mappings/README.md holds "
                     "the same), or of those that programs can send to one mount.",
-        epilog="Examples:\n  mount-gateway tables --model 6se | less\n  mount-gateway tables --model nexstar:cge/3.02",
+        epilog="Examples:\n  mount-gateway tables --model 6se | less\n  mount-gateway tables --model lx200gps\n"
+               "  mount-gateway tables --model nexstar:cge/3.02",
     )  # fmt: skip
     group = tables.add_mutually_exclusive_group()
     group.add_argument("--write", action="store_true", help="write mappings/README.md")
@@ -61,7 +62,7 @@ def add_explain(commands: Commands) -> None:
         "explain",
         help="what happens to one command, in words and bytes",
         epilog="Examples:\n  mount-gateway explain lx200 nexstar :MS#\n"
-        "  mount-gateway explain lx200gps 6se :gT#\n"
+        "  mount-gateway explain lx200gps 6se :gT#\n  mount-gateway explain nexstar lx200gps e\n"
         "  mount-gateway explain lx200:lx200gps nexstar:cge/3.02 :gT#\n\n"
         "The command is carried out by the whole gateway on a simulated mount that is\n"
         "aligned and tracks. The exit code is 1 if the command has a value that is\n"

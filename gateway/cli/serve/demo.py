@@ -33,6 +33,9 @@ Examples:
 Talk to it by hand, from another terminal:
   nc 127.0.0.1 4030
   :GR#    where is it? it answers with the right ascension
+and with --reverse, where a command is sent without the end of a line:
+  printf e | nc -q1 127.0.0.1 4030            where is it?
+  printf V | nc -q1 127.0.0.1 4030 | od -c    V, J, w and h answer in bytes
 """
 
 
