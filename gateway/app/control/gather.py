@@ -65,7 +65,7 @@ def collect_state(controller: MountController, name: str, mount: str, programs: 
 def site(controller: MountController) -> str:
     """Return the site in use, its source and what contradicts it; empty if no site is known."""
     sites = controller.sources.sites()
-    doubts = "".join(f"; {found.words}" for found in contradictions(sites, controller.sources.times()[:1]))
+    doubts = "".join(f"; {found.other}" for found in contradictions(sites, controller.sources.times()[:1]))
     return f"{site_text(sites[0].place)}, told by {sites[0].who.rstrip(',')}{doubts}" if sites else ""
 
 

@@ -44,7 +44,8 @@ CLOCK_SET = {**SITE_SET, COMPUTER: "the clock of this computer"}
 class Contradiction(NamedTuple):
     """Another site and time that may be the true ones.
 
-    ``words`` say which sources differ, ``apart`` by how much, and ``remedies`` how to correct each.
+    ``words`` say which sources differ, ``apart`` by how much, and ``remedies`` how to correct each. ``other`` is what
+    the other one says of the site, for where the best one stands already.
     """
 
     place: Place | None
@@ -53,6 +54,7 @@ class Contradiction(NamedTuple):
     sources: tuple[str, str]
     apart: str
     remedies: dict[str, str]
+    other: str = ""
 
 
 def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial, doubted: bool) -> None:
@@ -139,7 +141,7 @@ def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradicti
                 hint, far = likely_mistake(place, other.place), f"{apart * KM:.0f} km"
                 told = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
                 words = f"{sites[0].who} stands at {site_text(place)}, {told}"
-                yield Contradiction(other.place, unix, words, (sites[0].source, other.source), far, SITE_SET)
+                yield Contradiction(other.place, unix, words, (sites[0].source, other.source), far, SITE_SET, told)
     for time in times[1:]:
         if abs(time.unix - unix) > CLOCK_MATTERS and not time.doubtful:
             place_of_best, span = sites[0].place if sites else None, _span(time.unix - unix)

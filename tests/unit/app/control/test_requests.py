@@ -8,14 +8,15 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.control import request_types
+from gateway.app.control import gather, request_types
 from gateway.app.control.requests import RequestHandler
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
 from gateway.clients.any_protocol.web import Web
-from gateway.core.operations import Direction
+from gateway.core.operations import Direction, Place
 from gateway.diagnostics.virtual_time import run
+from gateway.mount.site.site_clock import CONFIGURED, MOUNT, Site, Time
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
@@ -262,6 +263,18 @@ def test_everything_is_told_by_name() -> None:
             assert state.clock == "2026-01-15 22:00:01 UTC, told by the mount"
 
     run(program())
+
+
+def test_a_site_that_another_contradicts_is_told_once() -> None:
+    for by, told in (("", "the mount"), ("10.0.0.2", "the mount, as 10.0.0.2 set it")):
+        sites = [Site(Place(45.0, 10.0), MOUNT, by), Site(Place(48.1, 11.6), CONFIGURED)]
+        controller: Any = SimpleNamespace(
+            sources=SimpleNamespace(sites=lambda sites=sites: sites, times=lambda: [Time(0.0, MOUNT)])
+        )
+        assert (
+            gather.site(controller)
+            == f"45.0 N 10.0 E, told by {told}; the configuration says 48.1 N 11.6 E, 366 km away"
+        )
 
 
 def test_a_meade_takes_the_same_wishes() -> None:
