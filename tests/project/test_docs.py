@@ -145,5 +145,6 @@ def test_the_first_table_has_the_phone_beside_a_cable_and_com_ports_in_both_dire
         ("SkySafari on a phone", "--mount nexstar@PORT --surface lx200@tcp://0.0.0.0:4030"),
         ("a Celestron, and a Windows program", "--mount nexstar@COM3 --surface lx200@COM5"),
         ("a Meade, and a Windows program", "--mount lx200@COM3 --surface nexstar@COM5"),
+        ("a Meade at a Linux computer", "--mount lx200@/dev/ttyUSB0 --surface nexstar@rfc2217://0.0.0.0:4032"),
     ):
         assert any(words in row and flags in row for row in first.splitlines())
