@@ -12,9 +12,9 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from msgspec import Struct
+from msgspec import Struct, field
 
-from gateway.app.control.exchange import ControlEndpoint
+from gateway.app.control.exchange import ControlEndpoint, is_listening
 from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
 from gateway.app.reach import Scope, ask, explain_unreachable, reachable, search, unreachable_gateways
 from gateway.app.state.file import MarkerContent
@@ -27,10 +27,13 @@ LOOKS, BETWEEN = 5, 0.25
 
 
 class Report(Struct):
-    """The results: (endpoint of the mount, answer) pairs, the endpoint empty if it is not known; and the doubts."""
+    """The results: (mount, answer) pairs, the mount empty if it is not known; and the doubts. A mount is told by its
+    name, else by its endpoint. ``others`` are those that run here, or were left moving, and were not meant.
+    """
 
     outcomes: list[tuple[str, str]]
     doubts: list[str]
+    others: set[str] = field(default_factory=set)
 
 
 async def order_all(scope: Scope, only: str | None, word: str) -> Report:
@@ -45,10 +48,20 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
         new = [
             (path, endpoint)
             for path, endpoint in found.gateways
-            if (_matches(endpoint.mount, only) or only == endpoint.name) and (endpoint.pid, endpoint.port) not in asked
+            if (not endpoint.mount or endpoint.called(only)) and (endpoint.pid, endpoint.port) not in asked
         ]
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
-        markers = {mark.mount: mark for mark in found.markers if _matches(mark.mount, only)}
+        names = {endpoint.mount: endpoint.name or endpoint.mount for _, endpoint in found.gateways}
+        meant = {endpoint.mount for _, endpoint in new}
+        markers = {mark.mount: mark for mark in found.markers if _matches(mark.mount, only) or mark.mount in meant}
+        report.others |= {
+            names.get(mount, mount)
+            for mount in (
+                *(endpoint.mount for _, endpoint in found.gateways if is_listening(endpoint)),
+                *(mark.mount for mark in found.markers),
+            )
+            if mount not in meant and mount not in markers
+        }
         if word == "release" or attempt > 0:
             markers.clear()
         mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
@@ -59,7 +72,9 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
             )
         )
         report.outcomes += [
-            (mount, answer) for mount, answers in zip(mounts, answers_by_mount, strict=True) for answer in answers
+            (names.get(mount, mount), answer)
+            for mount, answers in zip(mounts, answers_by_mount, strict=True)
+            for answer in answers
         ]
         others = unreachable_gateways(scope)
         report.doubts = [*found.doubts, *map(explain_unreachable, others)]

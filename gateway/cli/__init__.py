@@ -6,6 +6,7 @@ Results go to stdout; a user's mistake is reported in one line on stderr, with e
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 
@@ -17,7 +18,9 @@ from gateway.system import garbage, streams
 #: Flags that may be given without a command.
 ABOUT = ("-h", "--help", "--version")
 #: Flags that mean ``all`` without a value -> the values that may also follow as a word of their own.
-ALONE = {"--log": ("all", "changes", "mount", "program", "true"), "--read-only": ("all", "true")}
+_SIDES = ("program", "mount", "changes", "refusals")
+LOG = ("all", "true", "false", *_SIDES, "json", *(f"json-{side}" for side in _SIDES))
+ALONE = {"--log": LOG, "--read-only": ("all", "true")}
 #: Commands that take a position on the sky.
 POINTING = ("goto", "sync")
 #: Maximum length of a message in characters: three lines of a terminal, paths included.
@@ -88,7 +91,8 @@ def _protected(argv: list[str]) -> list[str]:
 
     ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag.
     A negative declination gets a blank before it: ``goto 05:35:17 -05:23:28``. ``--log`` and ``--read-only`` become
-    ``--log=all`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``; any other word is no value.
+    ``--log=all`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``; any other word is the name
+    of a file. Raises UserError if there is no such file behind ``--log``: a word of it was meant.
     """
     words: list[str] = []
     alone = ""
@@ -96,6 +100,8 @@ def _protected(argv: list[str]) -> list[str]:
         if word in ALONE.get(alone, ()):
             words[-1], alone = f"{alone}={word}", ""
             continue
+        if alone == "--log" and re.fullmatch(r"\w[\w-]*", word) and not os.path.exists(word):
+            raise UserError(f"--log has no {word!r}; write one of {', '.join(LOG)}")
         alone = word if word in ALONE else ""
         word = f"{word}=all" if alone else word
         if words and re.fullmatch(r"--[a-z-]+", words[-1]) and re.match(r"-[\d.]", word):

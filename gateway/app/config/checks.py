@@ -33,10 +33,10 @@ class Mistake(NamedTuple):
     words: str
 
 
-def mistakes(config: Config, served: bool = True) -> Iterator[Mistake]:
+def mistakes(config: Config, served: bool = True, in_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
-    If programs are to be ``served``, a surface is needed.
+    If programs are to be ``served``, a surface is needed. ``in_file``: the user has written a file.
     """
     yield from _endpoints(config)
     for number, mount in enumerate(config.mount):
@@ -51,9 +51,10 @@ def mistakes(config: Config, served: bool = True) -> Iterator[Mistake]:
     yield from _mqtt(config)
     yield from _used_twice(config)
     if served and not config.surface:
-        yield Mistake(
-            ("surface",), "at least one surface is needed, where programs connect: --surface lx200@tcp://127.0.0.1:4030"
-        )
+        driven = parse_endpoint(config.mount[0].at).protocol
+        at = f"{next(name for name in mounts() if name != driven)}@tcp://127.0.0.1:4030"
+        how = f'write [[surface]] into the file, and below it at = "{at}"' if in_file else f"--surface {at}"
+        yield Mistake(("surface",), f"at least one surface is needed, where programs connect: {how}")
 
 
 def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:

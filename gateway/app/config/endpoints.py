@@ -124,6 +124,8 @@ def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -
         return f"{known}://{match[2]}:{match[3]}"
     if listening and re.fullmatch(r":?\d{1,5}", where):
         return f"tcp://127.0.0.1:{where.lstrip(':')}"
+    if listening and where in ("pty", "pty:"):
+        return "pty:/tmp/telescope"
     if not listening and where.startswith("pty:"):
         return where.removeprefix("pty:")
     if re.fullmatch(r"[\w.-]+", where) and not os.path.exists(where) and (devices / where).exists():
@@ -133,7 +135,7 @@ def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -
 
 def suggest(word: str, choices: Sequence[str]) -> str:
     """Return a hint for a mistyped word: the choice that is most like it, else all choices."""
-    close = similar(word, choices)
+    close = similar(word, choices) or [one for one in choices if len(one) > 3 and word.startswith(one)]
     return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import contextlib
 import re
 from bisect import bisect_left
 from collections.abc import Iterator
@@ -12,8 +14,8 @@ import msgspec
 import tomli
 
 from gateway.app.config.checks import Mistake, mistakes
-from gateway.app.config.describing import find_key, keys, title
-from gateway.app.config.endpoints import site_mistake, suggest
+from gateway.app.config.describing import Key, find_key, keys, title
+from gateway.app.config.endpoints import parse_site, site_mistake, suggest
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, about_file
@@ -22,6 +24,11 @@ from gateway.system.files import plain_file
 #: Hints for messages of the parser, by how they begin: what the user may have meant.
 _HINTS = {
     "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
+    "Expected newline": "; two numbers stand in [ ], as in [48.1, 11.6]; a single one has a point: 10.5",
+    **dict.fromkeys(
+        ("Unescaped '\\'", "Invalid hex value"),
+        "; \\ is special in \"double quotes\": write / for it, or put the text into 'single quotes'",
+    ),
     "Cannot overwrite": "; it is there already, further up",
     "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
 }
@@ -50,12 +57,17 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
         makes = f"; mount-gateway detect --write {path} makes one" if words.endswith("no such file") else ""
         raise UserError(f"{path}: {words}{makes}") from None
     except UnicodeDecodeError as error:
+        if error.object.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            raise UserError(f"{path}: this is UTF-16, as PowerShell's > writes it; save it as UTF-8") from None
         raise UserError(f"{path}: this is no UTF-8 text ({error.reason} at byte {error.start})") from None
     try:
         tables = tomli.loads(text)
     except tomli.TOMLDecodeError as error:
         hint = next((words for start, words in _HINTS.items() if error.msg.startswith(start)), "")
-        if set(text.split("\n")[error.lineno - 1]) & _CURLY:
+        line = text.split("\n")[error.lineno - 1]
+        if "Expected newline" in error.msg and line[error.colno - 1 : error.colno] != ",":
+            hint = ""
+        if set(line) & _CURLY:
             hint = '; the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"'
         raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
     except (RecursionError, ValueError) as error:
@@ -108,7 +120,7 @@ def make_config(tables: dict[str, object], source: Source, served: bool = True) 
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
         raise _msgspec_error(tables, source, *_read_error(str(error))) from None
-    for mistake in mistakes(config, served):
+    for mistake in mistakes(config, served, source.is_file):
         raise _located(source, mistake)
     return config
 
@@ -153,10 +165,20 @@ def _wrong_value(tables: dict[str, object], source: Source, table: str, place: P
     if key is None:
         return _located(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
     value = _value(tables, whole)
-    example = f", for example {key.name} = {key.example}" if key.right.startswith("[") else ""
+    example = f", for example {key.name} = {_in_its_form(key, value)}" if key.right.startswith("[") else ""
+    if "a word of" in key.right and isinstance(value, str) and (plain := re.sub(r"[^\w.-]+", "_", value, flags=re.A)):
+        example = f', for example "{plain}"'
     return _located(
         source, Mistake(whole, f"{_show(value)}: write {key.right}{example}{_swapped_hint(key.name, value)}")
     )
+
+
+def _in_its_form(key: Key, value: object) -> Any:
+    """Return a site that is written as for the flag as the file has it; else the example of the key."""
+    with contextlib.suppress(UserError):
+        if key.name == "site" and isinstance(value, str):
+            return list(parse_site(value))
+    return key.example
 
 
 def _key_place(place: Place) -> Place:

@@ -72,7 +72,7 @@ def _sample(table: str) -> Iterator[str]:
     for key in keys(table):
         choice = f" ({', '.join(key.choices)})" if key.choices else ""
         yield f"# {key.words}{choice}"
-        off = "" if key.required or key.default is not None else "#"
+        off = "" if key.required or key.example == key.default else "#"
         yield f"{off}{key.name} = {toml(key.example)}"
 
 

@@ -46,6 +46,10 @@ class ControlEndpoint(Struct, frozen=True):
     state: str = ""
     name: str = ""
 
+    def called(self, only: str | None) -> bool:
+        """Whether ``only`` names this mount: by its name, its endpoint or only its port; None names any."""
+        return only is None or only in (self.name, self.mount, self.mount.partition("@")[2])
+
 
 def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
     """Return the endpoint files in a folder, with ``owner`` only those of that user. Raises OSError."""

@@ -32,7 +32,9 @@ def status_line(
     called = mount if identity is None else identity.model or identity.product
     line, driver, run_on = controller.line, controller.driver, controller.context.run_on
     ends = controller.wanted.owed or run_on.value is not None
-    by_hand = bool(controller.wanted.axes) or (controller.watch.moved_by_others and not ends)
+    # A mount that ran on after a stop was seen to move like one at its keys, until it was seen at rest.
+    others = controller.watch.moved_by_others and controller.watch.others.seen_at > run_on.rested
+    by_hand = bool(controller.wanted.axes) or (others and not ends)
     return StatusLine(
         name or called, line.state, line.reason, snapshot.value(op.Position), snapshot.age(op.Position, now),
         controller.slewing, by_hand, snapshot.value(op.GetStatus), programs,

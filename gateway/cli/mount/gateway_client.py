@@ -49,8 +49,7 @@ def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) ->
     return [
         endpoint
         for _, endpoint in search(scope_of(arguments.state)).gateways
-        if is_listening(endpoint)
-        and (only is None or only in (endpoint.name, endpoint.mount, endpoint.mount.partition("@")[2]))
+        if is_listening(endpoint) and endpoint.called(only)
     ]
 
 
@@ -58,16 +57,25 @@ def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
     """Return the chosen gateway; None, with a message, if none runs. Raises UserError if it could be several."""
     endpoints = chosen_gateways(arguments)
     if len(endpoints) > 1:
-        raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {_flags(endpoints)}")
+        raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {_flags(map(_name, endpoints))}")
     if not endpoints:
         report_no_gateway(arguments)
         return None
     return endpoints[0]
 
 
-def _flags(endpoints: Iterable[ControlEndpoint]) -> str:
-    """Return the flags that choose each of these gateways."""
-    return " or ".join(sorted(f"--mount {endpoint.name or endpoint.mount}" for endpoint in endpoints))
+def _name(endpoint: ControlEndpoint) -> str:
+    return endpoint.name or endpoint.mount
+
+
+def _flags(names: Iterable[str]) -> str:
+    """Return the flags that choose each of these mounts."""
+    return " or ".join(sorted(f"--mount {name}" for name in names))
+
+
+def no_such_mount(mount: str, others: Iterable[str]) -> str:
+    """Return the message for a mount that nothing here has, where there are others."""
+    return f"no gateway runs here for {mount}; write {_flags(others)}"
 
 
 def report_no_gateway(arguments: argparse.Namespace) -> None:
@@ -77,7 +85,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
 
     others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
     if others:
-        streams.warn(f"no gateway runs here for {arguments.mount}; write {_flags(others)}", streams.ERROR)
+        streams.warn(no_such_mount(arguments.mount, map(_name, others)), streams.ERROR)
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
     streams.warn(NOBODY.format(which=which), streams.ERROR)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TextIO
 
 from gateway.cli.command_line import Commands
-from gateway.cli.mount.gateway_client import add_which
+from gateway.cli.mount.gateway_client import add_which, no_such_mount
 from gateway.core.errors import UserError, told
 from gateway.system import streams
 
@@ -66,6 +66,8 @@ def _stop(arguments: argparse.Namespace) -> int:
         good += [told] * bool(told)
         bad += [trouble] * bool(trouble)
     bad += report.doubts
+    if arguments.mount and report.others and not report.outcomes:
+        bad.append(no_such_mount(arguments.mount, report.others))
     if not (good or bad):
         only = f" for {arguments.mount}" if arguments.mount else ""
         good.append(NOTHING[word].format(only=only))

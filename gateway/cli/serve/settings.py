@@ -124,7 +124,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """Add the flag of a key. A flag for true, false or one of some words needs no value, or has ``=WORD``."""
     words = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
-        group.add_argument(f"--{key.name}", nargs="?", const=True, metavar=key.shown, help=words)
+        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.shown, help=words)
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
     elif isinstance(key.default, bool) and key.several:
         group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.shown}", help=words)
@@ -132,6 +132,11 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
         group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
     elif key.flag:
         group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
+
+
+def _word(text: str) -> bool | str:
+    """Return the value of a flag for true, false or one of some words, as the file has it."""
+    return {"true": True, "false": False}.get(text, text)
 
 
 @contextlib.contextmanager

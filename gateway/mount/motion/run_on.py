@@ -9,6 +9,7 @@ never whether a stop is sent. Angles are degrees, times seconds of the event loo
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -89,6 +90,8 @@ class RunOnWatch:
         #: Emitted with each command that may set the mount moving, and how often until it was last seen at rest.
         self.sent: Signal[None] = Signal()
         self._rested_at = 0
+        #: When the mount was last seen at rest after the end of a motion.
+        self.rested = -inf
         self.value: RunOn | None = None
         self.changed: Signal[float] = Signal()
 
@@ -130,5 +133,5 @@ class RunOnWatch:
         if self.value is not None:
             self.value = seen(self.value, here, equatorial, digit)
             if self.value is None:
-                self._rested_at = self.sent.count
+                self._rested_at, self.rested = self.sent.count, here.at
                 self.changed.emit(0.0)

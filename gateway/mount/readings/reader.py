@@ -228,12 +228,16 @@ class Reader:
 
     async def _settled(self) -> None:
         """Read the final position before reporting that the goto has ended."""
-        slew = self._wanted.value.motion
+        before = self._wanted.value
+        slew, ends = before.motion, self._wanted.ending
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         self._client_readings.outdate()
         await self.answer(op.Position())
         here = self._cache.value(op.Position)  # None if the mount has not told a new one
+        after = self._wanted.value
+        if ends or self._wanted.ending or (before.stops, before.gotos) != (after.stops, after.gotos):
+            return  # a client has ended or replaced it, and knows
         if (
             here is not None
             and isinstance(slew, Slew)

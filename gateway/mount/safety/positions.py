@@ -92,12 +92,12 @@ class StallWatch:
 class OthersWatch:
     """Notices motion that no client ordered: at the mount's own keys, or by the mount itself.
 
-    ``since`` is the time of the first position that showed it, and ``begins`` whether that is the last position; until
-    the time ``until`` the mount is watched closely.
+    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last one, and ``begins`` whether
+    the first is the last position; until the time ``until`` the mount is watched closely.
     """
 
     def __init__(self) -> None:
-        self.since = self.until = NEVER
+        self.since = self.seen_at = self.until = NEVER
         self.begins = self._moves = False
 
     def see(self, now: float, moves: bool) -> None:
@@ -106,7 +106,7 @@ class OthersWatch:
         if self.begins or not moves:
             self.since = now
         if moves:
-            self.until = now + WATCH_CLOSELY
+            self.seen_at, self.until = now, now + WATCH_CLOSELY
 
 
 class SkyChange:

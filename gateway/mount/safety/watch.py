@@ -54,7 +54,7 @@ class LimitWatch:
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._deadline_passed), StallWatch()
         self.seen = Seen()
         self._limits = mount.policy.limits
-        self._others, self._coasts_until, self._stopped_at = OthersWatch(), NEVER, NEVER
+        self.others, self._coasts_until, self._stopped_at = OthersWatch(), NEVER, NEVER
         #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
         self._at_own_park = self._parked = False
         self._astray = False
@@ -71,12 +71,12 @@ class LimitWatch:
     @property
     def moved_by_others(self) -> bool:
         """Whether the mount moves although no client told it to."""
-        return self._mount.now() < self._others.until
+        return self._mount.now() < self.others.until
 
     @property
     def found_moving(self) -> bool:
         """Whether the last position was the first that showed that."""
-        return self._others.begins
+        return self.others.begins
 
     @property
     def axes_interval(self) -> float | None:
@@ -219,10 +219,10 @@ class LimitWatch:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
         self.position_checked.emit(status)
-        self._others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
-        mount.movement.by_others_until = self._others.until
+        self.others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
+        mount.movement.by_others_until = self.others.until
         mount.driver.moved_by_others = self.moved_by_others and mount.driver.exchanges > 1
-        if self._others.begins and mount.driver.moved_by_others:
+        if self.others.begins and mount.driver.moved_by_others:
             mount.cache.changed.emit(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.seen.across > REALIGNED * mount.fastest:
             mount.synced.forget()
@@ -250,7 +250,7 @@ class LimitWatch:
         past = self._hour_angle.look(self.seen)
         if self.moved_by_others and not moving.ordered:
             limits = limits.for_keys()
-            if mount.driver.exchanges > 1 and now - mount.cache.age(op.Slewing, now) < self._others.since:
+            if mount.driver.exchanges > 1 and now - mount.cache.age(op.Slewing, now) < self.others.since:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
         suns = mount.suns

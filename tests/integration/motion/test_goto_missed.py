@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import struct
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -11,13 +12,14 @@ import pytest
 from gateway.app.api.embedding import RunningGateway
 from gateway.app.control.gather import collect_state
 from gateway.core import operations as op
-from gateway.core.errors import Stopped
+from gateway.core.errors import Fault, Stopped
 from gateway.core.operations import Equatorial
 from gateway.diagnostics.virtual_time import run
 from gateway.fleet.mount_messages import state
 from gateway.mount.readings.reader import missed
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
+from tests.support.sampling import as_a_rule
 
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
 
@@ -41,6 +43,37 @@ def test_a_goto_that_was_cancelled_at_the_keypad_is_told_of(mount: str, driven: 
             assert not bridge.controller.moving
 
     run(program())
+
+
+@pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("lx200gps", "lx200")])
+@pytest.mark.parametrize("ends", ["stop", "gateway"])
+def test_of_a_goto_that_the_gateway_has_ended_itself_nothing_is_told(mount: str, driven: str, ends: str) -> None:
+    """Whenever the stop falls between two answers of a mount that is asked all the time."""
+
+    async def program(late: float) -> None:
+        async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}, latency=0.1) as bridge:
+            client = bridge.client()
+            await client.ask(b":GR#")
+            client.tell(GOTO)
+            await asyncio.sleep(3.0)
+            polls = asyncio.ensure_future(polled(bridge))
+            await asyncio.sleep(1.0 + late)
+            if ends == "stop":
+                await bridge.controller.stop()
+                await asyncio.sleep(3.0)
+            else:
+                await bridge.gateway.close()
+            polls.cancel()
+            assert not [entry.note for entry in bridge.entries if "from its goal" in entry.note]
+
+    async def polled(bridge: Bridge) -> None:
+        while True:
+            with suppress(Fault):
+                await bridge.controller.read_now(op.Slewing())
+            await asyncio.sleep(0.01)
+
+    for step in range(0, 20, as_a_rule(3, whole=1)):
+        run(program(0.02 * step))
 
 
 #: How a goto ends -> the beginning of what is told.

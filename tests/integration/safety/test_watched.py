@@ -8,11 +8,14 @@ from itertools import pairwise
 import pytest
 from msgspec.structs import replace
 
+from gateway.app.control.gather import status_line
+from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.seen import Seen
 from gateway.mount.policy import Limits
 from gateway.mount.readings.poller import OWN_AGE
+from gateway.mount.readings.rest import come_to_rest
 from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.integration.safety.test_by_hand import UP, polled, ready
 from tests.support.in_process_gateway import Bridge
@@ -302,3 +305,23 @@ def test_an_arrow_right_after_a_stop_begins_where_the_mount_came_to_rest(late: f
 
     for lowest in (20.4, 22.0, 22.4, 23.0, 23.6, 25.6):
         run(program(lowest))
+
+
+@pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200gps")])
+def test_a_mount_that_has_come_to_rest_after_a_stop_is_not_moved_by_hand(driven: str, model: str) -> None:
+    """While it ran on, it was seen to move without an order; that is over once it was seen at rest."""
+
+    async def program(wait: float) -> None:
+        async with Bridge(model, driven=driven, config={"sun": 0.0}, latency=0.02) as bridge:
+            controller = bridge.controller
+            await controller.perform(op.Goto(120.0, 30.0))
+            await asyncio.sleep(wait)
+            await controller.stop()
+            await come_to_rest(controller.context, controller.reader)
+            for _ in range(30):
+                assert activity(status_line(controller, "", "", 0)) != "moved by hand", wait
+                await controller.read_now(op.Position())
+                await asyncio.sleep(0.1)
+
+    for step in range(10):
+        run(program(3.0 + 0.13 * step))

@@ -8,9 +8,11 @@ from typing import Any
 
 import pytest
 
+from gateway.app.config.describing import find_key
 from gateway.cli import _protected, main
 from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import settings
+from gateway.core.errors import UserError
 from tests.support.each import each
 from tests.support.process import Running, ask
 
@@ -25,6 +27,10 @@ RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
         (["--no-log"], False),
         (["--log=mount"], "mount"),
         (["--log=refusals"], "refusals"),
+        (["--log", "json-changes"], "json-changes"),
+        (["--log", "true"], True),
+        (["--log=true"], True),
+        (["--log=false"], False),
         (["--log=json"], "json"),
         (["--log=json-changes"], "json-changes"),
         (["--log", "--wait"], "all"),
@@ -89,13 +95,19 @@ def test_for_programs_every_line_on_stderr_is_an_object(log: str, tmp_path: Path
     assert any(one["side"] == "mount" and one["hex"] for one in told) is (log != "json-program")
 
 
-@pytest.mark.parametrize("word", ["all", "changes", "mount", "program", "true"])
+@pytest.mark.parametrize("word", [*find_key("", "log").choices, "true", "false"])  # type: ignore[union-attr]
 def test_what_is_logged_may_be_a_word_of_its_own(word: str) -> None:
     assert _protected(["run", "--log", word, "gateway.toml"]) == ["run", f"--log={word}", "gateway.toml"]
     assert _protected(["run", f"--log={word}", word]) == ["run", f"--log={word}", word]
 
 
-def test_any_other_word_stays_the_file() -> None:
+def test_any_other_word_stays_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for word in ("evening.toml", "./evening"):
+        assert _protected(["run", "--log", word]) == ["run", "--log=all", word]
+    with pytest.raises(UserError, match=r"--log has no 'evening'; write one of all, .*refusals, json"):
+        _protected(["run", "--log", "evening"])
+    Path("evening").touch()
     assert _protected(["run", "--log", "evening"]) == ["run", "--log=all", "evening"]
     assert _protected(["run", "--read-only", "all"]) == ["run", "--read-only=all"]
     assert _protected(["run", "--read-only", "changes"]) == ["run", "--read-only=all", "changes"]

@@ -17,6 +17,7 @@ import pytest
 
 from gateway.app import reach, stop_command
 from gateway.app.control.exchange import ControlEndpoint
+from gateway.app.state.file import MarkerContent
 from gateway.cli import main
 from gateway.system import processes
 from gateway.system import runtime_folders as runtime
@@ -28,6 +29,8 @@ from tests.support.process import PATIENCE, Running, ask
 
 Stop = Callable[..., tuple[int, str]]
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="by /proc")
+#: A process id that no process has.
+GONE = 2**22 + 1
 NOTHING = "nothing to stop: no gateway runs, and none ended in motion"
 
 
@@ -136,6 +139,25 @@ def test_a_hold_is_for_a_whole_folder(stop: Stop, seen: list[Process], tmp_path:
     (tmp_path / "file").write_text("")
     code, words = stop("--hold", "--state", str(tmp_path / "file"))
     assert code == 1 and f"{tmp_path}/file/hold: " in words
+
+
+def test_a_mount_that_a_killed_gateway_left_moving_is_known_by_its_name(
+    stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def directly(mark: MarkerContent, where: Path) -> str:
+        return f"stopped {mark.mount}"
+
+    monkeypatch.setattr(stop_command, "_stop_directly", directly)
+    here = ("--state", str(tmp_path))
+    (tmp_path / "m.moving").write_bytes(msgspec.json.encode(MarkerContent("nexstar@sim", 9600)))
+    code, words = stop(*here, "--mount", "peer")
+    assert (code, words) == (1, "no gateway runs here for peer; write --mount nexstar@sim")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as freed:
+        freed.bind(("127.0.0.1", 0))
+        port = freed.getsockname()[1]
+    gone = ControlEndpoint("nexstar@sim", GONE, port, "s", str(tmp_path), "pier")
+    (tmp_path / "m.control").write_bytes(msgspec.json.encode(gone))
+    assert stop(*here, "--mount", "pier") == (0, "pier: stopped nexstar@sim")
 
 
 # --- what could not be known ------------------------------------------------------------------------------------

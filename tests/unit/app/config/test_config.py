@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gateway.app.config import Config, make_config, read_tables
 from gateway.app.config.describing import keys
-from gateway.app.config.source import line_of
+from gateway.app.config.source import Source, line_of
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.errors import UserError
 from tests.support.each import each
@@ -94,6 +94,23 @@ def flags(*words: str) -> Config:
         (f"[mount]\nat = nexstar@sim\n{SURFACE}", 2, 'text is written in "quotes"'),
         (f"{MOUNT}at = 'nexstar@sim'\n{SURFACE}", 3, "it is there already"),
         (f"{MOUNT}{MOUNT}{SURFACE}", 3, "several mounts [[mount]]"),
+        (
+            f"{MOUNT}site = 48.1, 11.6\n{SURFACE}",
+            3,
+            "; two numbers stand in [ ], as in [48.1, 11.6]; a single one has a",
+        ),
+        (f"{MOUNT}lowest = 10,5\n{SURFACE}", 3, "a single one has a point: 10.5"),
+        (f"{MOUNT}lowest = 10 5\n{SURFACE}", 3, "after a statement"),
+        (
+            f'{MOUNT}record = "C:\\Users\\me"\n{SURFACE}',
+            3,
+            "double quotes\": write / for it, or put the text into 'single",
+        ),
+        (f'{SURFACE}[mount]\nat = "lx200@\\\\.\\COM12"\n', 4, "write / for it, or put the text into 'single quotes'"),
+        (f"{MOUNT}[[surface]]\nat = 'nexstar@pty'\n", 4, "nexstar@pty: write nexstar@pty:/tmp/telescope"),
+        (f"{MOUNT}name = 'My LX200'\n{SURFACE}", 3, 'for example "My_LX200"'),
+        (f"{MOUNT}lowest_altitude = 10\n{SURFACE}", 3, "did you mean 'lowest'?"),
+        (f"{MOUNT}site = \"48°06'N,11°36'E\"\n{SURFACE}", 3, "for example site = [48.1, 11.6]"),
         (f"{TWO}{A}{SURFACE}", 10, "[[surface]] mount: is needed where there are several; write one of a, b"),
         (TWO + A + SURFACE + 'mount = "c"', 12, "no mount is called 'c'"),
         (f"{TWO}{A}", 4, "no [[surface]] has mount = 'b'"),
@@ -307,3 +324,19 @@ def test_every_key_is_found_on_its_line(
     tomli.loads(text)
     assert {place: line_of(text, place) for place in places} == places
     assert line_of(text, ("nowhere",)) is None
+
+
+def test_a_file_of_powershell_is_known(tmp_path: Path) -> None:
+    for order in ("utf-16", "utf-16-be"):
+        (tmp_path / "gateway.toml").write_bytes(("\ufeff" * (order != "utf-16") + MOUNT).encode(order))
+        with pytest.raises(UserError, match="this is UTF-16, as PowerShell's > writes it; save it as UTF-8"):
+            read_tables(tmp_path / "gateway.toml")
+
+
+@each(("mount", "surface"), [("nexstar", "lx200"), ("lx200", "nexstar")])
+def test_a_surface_that_is_missing_is_said_in_the_words_of_the_file(tmp_path: Path, mount: str, surface: str) -> None:
+    at = f"{surface}@tcp://127.0.0.1:4030"
+    with pytest.raises(UserError, match=f'write \\[\\[surface\\]\\] into the file, and below it at = "{at}"$'):
+        read(tmp_path, f"[mount]\nat = '{mount}@sim'\n")
+    with pytest.raises(UserError, match=f"connect: --surface {at}$"):
+        make_config({"mount": [{"at": f"{mount}@sim"}]}, Source("command line"))

@@ -10,10 +10,11 @@ import tomli
 
 from gateway.app.config import Source, make_config, read_tables
 from gateway.app.config.describing import keys
+from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import with_needs
 from gateway.app.config.showing import effective, example, table, toml
 from gateway.app.config.source import Place
-from gateway.app.config.tables import Config
+from gateway.app.config.tables import Config, ConsoleConfig
 from gateway.cli import main
 from tests.support.each import each
 
@@ -85,6 +86,12 @@ def test_every_default_is_shown_without_a_mark() -> None:
 def test_the_example_is_valid_as_it_is(tmp_path: Path) -> None:
     config, _ = back(tmp_path, example())
     assert (len(config.mount), len(config.surface)) == (1, 1)
+
+
+def test_what_no_default_stands_for_is_a_comment_in_the_example(tmp_path: Path) -> None:
+    config, _ = back(tmp_path, example())
+    assert config.console == ConsoleConfig()
+    assert config.surface[0] == SurfaceConfig(config.surface[0].at)
 
 
 def test_the_example_has_every_key(tmp_path: Path) -> None:
