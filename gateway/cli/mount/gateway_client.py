@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 ANSWERED = 15.0
 #: Seconds between two requests for the progress.
 EVERY = 1.0
-NOBODY = (
-    "no gateway runs here{which}; mount-gateway run starts one, and --state PATH names the folder of one that "
-    "systemd runs"
-)
+NOBODY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
 
 
 def add_which(command: argparse.ArgumentParser, which: str = "which one, where several run") -> None:

@@ -22,7 +22,7 @@ Examples:
   mount-gateway stop
   mount-gateway stop --hold       stop, and let no program move a mount
   mount-gateway stop --release    let programs move the mounts again
-  mount-gateway stop --state /var/lib/mount-gateway    of the gateway that systemd runs
+  sudo mount-gateway stop         the mounts of other users' gateways, too
 """
 
 
