@@ -104,10 +104,6 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
     return await spec.web().open_port(endpoint.where, WebDevice(accept, title), surface.names)
 
 
-def _no_warning(words: str) -> None:
-    """Drop warnings about a telescope type that does not fit the port: on a port for every protocol any type fits."""
-
-
 #: Accepts the connections of one surface.
 Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor | LazyAcceptor"
 
@@ -140,21 +136,20 @@ class AcceptorFactory:
         """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
         if endpoint.where == SERVED:
             entry = access(surface, self._config)
-            return LazyAcceptor(number, entry, lambda: self._one(number, endpoint, surface, self._warn))
+            return LazyAcceptor(number, entry, lambda: self._one(number, endpoint, surface))
         if endpoint.protocol != ANY:
-            return self._one(number, endpoint, surface, self._warn)
+            return self._one(number, endpoint, surface)
         from gateway.clients.any_protocol.acceptor import AnyAcceptor
 
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
         for protocol in spoken(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _no_warning)
+            speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part)
+            one.presets.one_type = False
             one.binding = msgspec.structs.replace(one.binding, titles=titles)
         return AnyAcceptor(speaking, self._web)
 
-    def _one(
-        self, number: int, endpoint: Endpoint, surface: SurfaceConfig, warn: Callable[[str], None]
-    ) -> ConnectionAcceptor:
+    def _one(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> ConnectionAcceptor:
         binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
         binding.surface.rules = self._controller.policy.rules
@@ -170,7 +165,7 @@ class AcceptorFactory:
         self.bindings.append((endpoint.protocol, binding))
         entry = access(surface, self._config)
         return ConnectionAcceptor(
-            self._controller, binding, self._shared, self._clock, number, entry, endpoint.where, warn
+            self._controller, binding, self._shared, self._clock, number, entry, endpoint.where, self._warn
         )
 
 

@@ -47,7 +47,13 @@ class ConnectionAcceptor:
         self.number = number
         self.access, self._admission = access, Admission(access, number, controller.wire_log)
         self.presets = PresetWatch(
-            binding.surface.protocol.name, binding.framing, where, controller.now, controller.loop.call_later, warn
+            binding.surface.protocol.name,
+            binding.framing,
+            where,
+            controller.now,
+            controller.loop.call_later,
+            warn,
+            controller.wire_log.remember,
         )
         self._clients: set[CommandProcessor] = set()
         self._saved_states: dict[str, tuple[float, Kept]] = {}

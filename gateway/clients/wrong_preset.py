@@ -45,8 +45,8 @@ def other(own: str, sent: bytes) -> str:
     return PROTOCOLS[found[0]].preset if found else ""
 
 
-def advice(name: str, own: str, sent: bytes, where: str) -> str:
-    """Return the warning for a connection that has sent only these bytes; empty if they are of no other protocol.
+def advice(own: str, sent: bytes, where: str) -> str:
+    """Return what to say of a connection that has sent only these bytes; empty if they are of no other protocol.
 
     ``where`` is the address of the surface; the advice offers a neighbouring one.
     """
@@ -56,8 +56,8 @@ def advice(name: str, own: str, sent: bytes, where: str) -> str:
     protocol, first = found
     theirs, ours = PROTOCOLS[protocol], PROTOCOLS[own]
     return (
-        f"{name} sends `{show(first)}`: this looks like {theirs.a_program} program on {ours.a_program} surface. "
-        f'Choose "{ours.preset}" in the program, or add --surface {protocol}@{_beside(where)}'
+        f"sends `{show(first)}`: this looks like {theirs.a_program} program on {ours.a_program} surface. "
+        f'Choose a type like "{ours.preset}" in the program, or add --surface {protocol}@{_beside(where)}'
     )
 
 
@@ -72,6 +72,7 @@ def _beside(where: str) -> str:
 class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
+    ``remember`` is called for every one with its host and the words, for those who ask for recent events.
     ``framing`` splits bytes into commands of the surface's protocol; ``later`` calls a function after some seconds.
     """
 
@@ -83,8 +84,12 @@ class PresetWatch:
         now: Callable[[], float],
         later: Callable[[float, Callable[[], None]], object],
         warn: Callable[[str], None],
+        remember: Callable[[str, str], None],
     ) -> None:
         self.own, self.where, self.now, self.later, self.warn = own, where, now, later, warn
+        self._remember = remember
+        #: Whether the surface is for one protocol only; on one for every protocol any telescope type fits.
+        self.one_type = True
         self._framing = framing
         self._spoke: dict[str, float] = {}
         self._warned: dict[str, float] = {}
@@ -104,11 +109,13 @@ class PresetWatch:
 
     def warn_of(self, name: str, host: str, sent: bytes) -> None:
         """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""
-        words, warned = advice(name, self.own, sent, self.where), self._warned.get(host, -1e9)
+        words, warned = advice(self.own, sent, self.where) if self.one_type else "", self._warned.get(host, -1e9)
+        if words:
+            self._remember(host, words)
         again = host in self._warned and (self.now() - warned < WARN_AGAIN or not self.spoke_since(host, warned))
         if words and not again and len(self._warned) < MAX_HOSTS:
             self._warned[host] = self.now()
-            self.warn(words)
+            self.warn(f"{name} {words}")
 
 
 class FirstCommands:

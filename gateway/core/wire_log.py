@@ -102,11 +102,15 @@ class WireLog:
             self.note_once(side, text, once_of)
 
     def turned_away(self, side: str, text: str, host: str) -> None:
-        """Record a refused connection, logged once. A host that tries all the time hides no other recent event."""
+        """Record a refused connection, logged once."""
+        self.remember(host, text)
+        self.note_once(side, text, host)
+
+    def remember(self, host: str, text: str) -> None:
+        """Remember a recent event without logging it. A host that tries all the time hides no other one."""
         if same := next((old for old in self.recent if old.text == text), None):
             self.recent.remove(same)
         self.recent.append(Notice(self.clock(), host, text))
-        self.note_once(side, text, host)
 
 
 class ClientLog:

@@ -134,7 +134,7 @@ def lines(state: State) -> Iterator[str]:
         "served": [str(one) for one in state.served] or ["not told: this gateway is of an older version"],
         "programs": [", ".join(_counted(state.programs)) or "none"],
         "state": [state.folder or "not told"],
-        "lately": state.lately or ["nothing was refused in the last minute"],
+        "lately": state.lately or ["nothing was refused or ended in the last minute"],
     }
     for name, sentences in rows.items():
         for number, sentence in enumerate(sentences):

@@ -8,6 +8,7 @@ import socket
 
 import pytest
 
+from gateway.app.control.gather import collect_state
 from gateway.clients.wrong_preset import advice
 from gateway.diagnostics.virtual_time import run
 from tests.support.callers import Caller
@@ -15,12 +16,12 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running
 
 NEXSTAR_ON_LX200 = (
-    "127.0.0.1:50000 sends `{}`: this looks like a NexStar program on an LX200 surface. Choose "
-    '"Meade LX200" in the program, or add --surface nexstar@tcp://127.0.0.1:4031'
+    "127.0.0.1:50000 sends `{}`: this looks like a NexStar program on an LX200 surface. Choose a type "
+    'like "Meade LX200 GPS" in the program, or add --surface nexstar@tcp://127.0.0.1:4031'
 )
 LX200_ON_NEXSTAR = (
-    "127.0.0.1:50000 sends `{}`: this looks like an LX200 program on a NexStar surface. Choose "
-    '"Celestron NexStar" in the program, or add --surface lx200@tcp://127.0.0.1:4031'
+    "127.0.0.1:50000 sends `{}`: this looks like an LX200 program on a NexStar surface. Choose a type "
+    'like "Celestron NexStar" in the program, or add --surface lx200@tcp://127.0.0.1:4031'
 )
 
 
@@ -158,9 +159,22 @@ def test_a_program_that_gives_up_and_comes_again_is_told_of_once() -> None:
     run(play())
 
 
+def test_status_tells_it_for_a_minute_once_for_each_host() -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            _listening(bridge)
+            for _ in range(3):
+                Caller(bridge.acceptor).tell(b"Ka")
+                await asyncio.sleep(4.0)
+            lately = collect_state(bridge.controller, "", "", ()).lately
+            assert lately == ("1 s ago, " + NEXSTAR_ON_LX200.format("Ka").replace(":50000 sends", ": sends"),)
+
+    run(play())
+
+
 def test_a_place_beside_a_surface() -> None:
-    assert advice("a", "lx200", b"e", "tcp://0.0.0.0:4030").endswith("--surface nexstar@tcp://0.0.0.0:4031")
-    assert advice("a", "nexstar", b":GR#", "pty:/tmp/nexstar").endswith("--surface lx200@pty:/tmp/nexstar-2")
+    assert advice("lx200", b"e", "tcp://0.0.0.0:4030").endswith("--surface nexstar@tcp://0.0.0.0:4031")
+    assert advice("nexstar", b":GR#", "pty:/tmp/nexstar").endswith("--surface lx200@pty:/tmp/nexstar-2")
 
 
 def test_it_is_told_on_a_terminal_without_a_log() -> None:
