@@ -1,11 +1,14 @@
-"""Finds the gateways among the processes of this computer, on Linux by ``/proc``.
+"""Finds the gateways among the processes of this computer, and who listens on its TCP ports, on Linux by ``/proc``.
 
-A gateway found here cannot be controlled this way; the user only learns that it runs, and as which user.
+A gateway found here cannot be controlled this way; the user only learns that it runs, and as which user. What other
+users' processes hold cannot be seen.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from msgspec import Struct
@@ -13,6 +16,8 @@ from msgspec import Struct
 PROC = Path("/proc")
 #: The commands that serve mounts.
 SERVING = ("run", "demo")
+#: The state of a listening TCP socket in the kernel's table.
+LISTENS = "0A"
 
 
 class Process(Struct, frozen=True):
@@ -81,3 +86,32 @@ def serves(argv: list[str]) -> bool:
         if module or os.path.basename(argument) == "mount-gateway" or argument.endswith("gateway/__main__.py"):
             return argv[index + 1] in SERVING
     return False
+
+
+def listeners(ports: Collection[int], proc: Path = PROC) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
+    """Yield each of these TCP ports on which a process listens, with its id and name if this user may see them."""
+    sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
+    owners = dict(_owners(sockets, proc)) if sockets else {}
+    for inode, port in sockets.items():
+        yield port, owners.get(inode, ())
+
+
+def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
+    """Yield the inode and the port of every listening socket."""
+    for name in ("tcp", "tcp6"):
+        with contextlib.suppress(OSError):
+            for line in (proc / "net" / name).read_text().splitlines()[1:]:
+                words = line.split()
+                if len(words) > 9 and words[3] == LISTENS:
+                    yield words[9], int(words[1].rpartition(":")[2], 16)
+
+
+def _owners(inodes: Collection[str], proc: Path) -> Iterator[tuple[str, tuple[int, str]]]:
+    """Yield the process id and name for each socket inode, as far as this user may see them."""
+    wanted = {f"socket:[{inode}]": inode for inode in inodes}
+    for process in proc.glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            for file in (process / "fd").iterdir():
+                with contextlib.suppress(OSError):
+                    if inode := wanted.get(os.readlink(file)):
+                        yield inode, (int(process.name), (process / "comm").read_text().strip())

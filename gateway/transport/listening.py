@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import os
 import socket
 from collections.abc import Callable
 
 from gateway.core.errors import UserError
+from gateway.system import processes
 
 #: Connections that may wait to be accepted: clients that open one per command arrive in bursts.
 BACKLOG = 512
@@ -36,12 +38,12 @@ async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[
     except UnicodeError:
         raise UserError(f"cannot listen on {where}: {host!r} is not a valid host name") from None
     except OSError as error:
-        raise UserError(f"cannot listen on {where}: {_reason(error, host)}") from None
+        raise UserError(f"cannot listen on {where}: {_reason(error, host, port)}") from None
     real = server.sockets[0].getsockname()
     return server, f"{where.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
 
 
-def _reason(error: OSError, host: str) -> str:
+def _reason(error: OSError, host: str, port: int) -> str:
     if isinstance(error, socket.gaierror):
         return (
             f"no address is known for the name {host}; write 0.0.0.0 for every computer that can reach "
@@ -52,8 +54,18 @@ def _reason(error: OSError, host: str) -> str:
     if "assign requested" in str(error):
         return "this computer has no such address; 0.0.0.0 stands for all that it has, 127.0.0.1 for programs on it"
     if error.errno == errno.EADDRINUSE or "in use" in str(error):
-        return "the port is in use by another program (another mount-gateway?); write another port, or end that program"
+        return f"the port is in use by {_holder(port)}"
     return error.strerror or str(error)
+
+
+def _holder(port: int) -> str:
+    """Return who listens on a port, and what to do; this process and other users' are only another program."""
+    for pid, name in (owner for _, owner in processes.listeners([port]) if owner):
+        if pid != os.getpid() and processes.is_gateway(pid):
+            return f"another mount-gateway (process {pid}): end it, with Ctrl-C in its terminal, or write another port"
+        if pid != os.getpid():
+            return f"another program, {name} (process {pid}); write another port, or end that program"
+    return "another program (another mount-gateway?); write another port, or end that program"
 
 
 def split_address(where: str) -> tuple[str, int]:

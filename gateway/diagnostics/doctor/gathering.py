@@ -32,6 +32,7 @@ from gateway.diagnostics.doctor.checks import USUAL
 from gateway.diagnostics.doctor.facts import Facts, Listener, Port, Running
 from gateway.system.files import directory
 from gateway.system.own_commands import pip_command
+from gateway.system.processes import PROC, listeners
 from gateway.system.runtime_folders import user_name
 from gateway.transport.wires import group_of
 
@@ -39,9 +40,7 @@ from gateway.transport.wires import group_of
 MEDDLERS = ("ModemManager", "brltty")
 #: Timeout of timedatectl, and of a gateway's answer, seconds.
 PATIENCE = 3.0
-PROC, UDEV = Path("/proc"), Path("/run/udev/data")
-#: The state of a listening TCP socket in the kernel's table.
-LISTENS = "0A"
+UDEV = Path("/run/udev/data")
 
 
 def gather(state: str | None = None) -> Facts:
@@ -145,30 +144,7 @@ def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
 
 def listening(ports: Collection[int], proc: Path = PROC) -> list[Listener]:
     """Return the processes that listen on these TCP ports."""
-    sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
-    owners = dict(_owners(sockets, proc)) if sockets else {}
-    return [Listener(port, *owners.get(inode, ())) for inode, port in sockets.items()]
-
-
-def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
-    """Yield the inode and the port of every listening socket."""
-    for name in ("tcp", "tcp6"):
-        with contextlib.suppress(OSError):
-            for line in (proc / "net" / name).read_text().splitlines()[1:]:
-                words = line.split()
-                if len(words) > 9 and words[3] == LISTENS:
-                    yield words[9], int(words[1].rpartition(":")[2], 16)
-
-
-def _owners(inodes: Collection[str], proc: Path) -> Iterator[tuple[str, tuple[int, str]]]:
-    """Yield the process id and name for each socket inode, as far as this user may see them."""
-    wanted = {f"socket:[{inode}]": inode for inode in inodes}
-    for process in proc.glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            for file in (process / "fd").iterdir():
-                with contextlib.suppress(OSError):
-                    if inode := wanted.get(os.readlink(file)):
-                        yield inode, (int(process.name), (process / "comm").read_text().strip())
+    return [Listener(port, *owner) for port, owner in listeners(ports, proc)]
 
 
 def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:

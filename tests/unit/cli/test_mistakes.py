@@ -18,7 +18,7 @@ from gateway.system import processes
 from gateway.transport.device_link import DeviceLink
 from gateway.transport.wires import open_port
 from tests.support.each import each
-from tests.support.process import PATIENCE, Running
+from tests.support.process import GATEWAY, PATIENCE, Running
 from tests.unit.cli.test_cli import refused
 
 PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
@@ -90,6 +90,17 @@ def test_a_port_that_is_taken_is_to_be_left_or_ended(tmp_path: Path) -> None:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         said = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@tcp://{where}", "--state", str(tmp_path))
     assert said.endswith("in use by another program (another mount-gateway?); write another port, or end that program")
+
+
+def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> None:
+    first = Running("run", *PLAIN, "--state", str(tmp_path / "first"), by=GATEWAY)
+    where = first.ready()
+    said = refused("run", *PLAIN[:3], f"lx200@{where}", "--state", str(tmp_path))
+    first.end()
+    assert said.endswith(
+        f"the port is in use by another mount-gateway (process {first.process.pid}): end it, with Ctrl-C in its "
+        "terminal, or write another port"
+    )
 
 
 def test_a_name_that_is_taken_is_to_be_another(tmp_path: Path) -> None:
