@@ -1,7 +1,8 @@
 """The version of this program, the commit that it was built from, its date, and the folder of its package.
 
 The version is the one line in pyproject.toml: a checkout reads it there, an installation in its metadata. The commit is
-told where it is known: by the checkout, by pip, or by the file that a release puts into the wheel. Nothing needs it.
+told where it is known: by the checkout, by pip, or by the file in the wheel that a release, or a build from a checkout,
+puts there. Nothing needs it.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def version() -> str:
 @functools.cache
 def commit() -> str:
     """Return the first digits of the commit that this was built from; empty if it is not known."""
-    built = _text(PACKAGE / "commit.txt") or _checked_out(PACKAGE.parent / ".git") or _installed_from()
+    built = _text(PACKAGE / "commit.txt") or checked_out(PACKAGE.parent / ".git") or _installed_from()
     return found[0][:DIGITS] if (found := _COMMIT.search(built)) else ""
 
 
@@ -51,7 +52,7 @@ def full_version(number: str | None = None, built_from: str = "") -> str:
     return f"{number} (commit {built_from})" if built_from else number
 
 
-def _checked_out(git: Path) -> str:
+def checked_out(git: Path) -> str:
     """Return the commit of a checkout, without asking git, which a user need not have."""
     if git.is_file():  # a further worktree: the file names its folder
         git = git.parent / _text(git).removeprefix("gitdir:").strip()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
@@ -114,6 +117,30 @@ def test_the_commit_that_a_release_wrote_into_the_wheel(installed: Path, monkeyp
     pip_wrote(monkeypatch, None)
     (installed / "gateway" / "commit.txt").write_text(f"{SHA}\n")
     assert about.full_version() == "9.8.7 (commit 0123456789ab)"
+
+
+@pytest.mark.parametrize(("checkout", "told"), [(f"{SHA}\n", f"{SHA}\n"), ("", None)])
+@pytest.mark.parametrize("released", [False, True])
+def test_a_build_from_a_checkout_is_told_the_commit(
+    tmp_path: Path, checkout: str, told: str | None, released: bool
+) -> None:
+    """A release's own file stays as it is; without a checkout, and without git, the package is built all the same."""
+    pytest.importorskip("setuptools")
+    for name in ("core", "mappings"):
+        (tmp_path / "gateway" / name).mkdir(parents=True)
+    for name in ("setup.py", "gateway/__init__.py", "gateway/core/__init__.py", "gateway/core/about.py"):
+        (tmp_path / name).write_bytes((Path(__file__).parents[3] / name).read_bytes())
+    project = '[project]\nname = "x"\nversion = "1"\n[tool.setuptools.package-data]\n"gateway" = ["commit.txt"]\n'
+    (tmp_path / "pyproject.toml").write_text(project)
+    if checkout:
+        (tmp_path / ".git").mkdir()
+        (tmp_path / ".git" / "HEAD").write_text(checkout)
+    if released:
+        (tmp_path / "gateway" / "commit.txt").write_text(told := f"{OTHER}\n")
+    command = [sys.executable, "setup.py", "-q", "build_py", "--build-lib", "built"]
+    subprocess.run(command, cwd=tmp_path, env={**os.environ, "PATH": ""}, check=True, timeout=60)
+    written = tmp_path / "built" / "gateway" / "commit.txt"
+    assert (written.read_text() if written.exists() else None) == told
 
 
 def test_files_that_cannot_be_read_tell_nothing(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
