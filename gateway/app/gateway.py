@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -117,10 +117,8 @@ class Gateway:
             except UserError:
                 await self.close()
                 raise
-        for port, surface, acceptor in zip(self.ports, self.surfaces, self.acceptors, strict=True):
+        for port, acceptor in zip(self.ports, self.acceptors, strict=True):
             acceptor.set_address(port.where)  # with the number of the port that was really opened
-            if words := exposure_warning(port.where, surface):
-                self.warn(words)
         if self.controller.hold.on:
             self.entrance.apply_event("h", lambda: None)
         await self.entrance.begin(self.begin)
@@ -225,6 +223,14 @@ class Gateway:
     def programs(self) -> list[str]:
         """Return the hosts of the connected programs."""
         return [host for acceptor in self.acceptors for host in acceptor.present_hosts()]
+
+    def cautions(self) -> Iterator[str]:
+        """Yield what the user is told once the gateway serves; before, it would hide why it does not."""
+        for port, surface in zip(self.ports, self.surfaces, strict=True):
+            if words := exposure_warning(port.where, surface):
+                yield words
+        if self.store is not None and self.store.kept_by_another:
+            yield self.store.kept_by_another
 
     def names(self) -> list[str]:
         """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""

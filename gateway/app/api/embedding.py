@@ -178,6 +178,8 @@ async def open_gateway(
 
     try:
         await opened.open()
+        for caution in opened.cautions():
+            opened.warn(caution)
         sky.start(exact)
         yield RunningGateway(opened)
     finally:

@@ -17,6 +17,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
+import os
 import re
 import socket
 from collections.abc import Callable, Iterator, Sequence
@@ -61,7 +63,12 @@ class Announcement:
         try:
             self._skyfi = await answer_skyfi(offers, host, port)
         except OSError as error:
-            self._warn(f"SkySafari will not find this gateway by itself: UDP port {port}: {error.strerror or error}")
+            why = f": {os.strerror(error.errno).lower() if error.errno else error}"  # asyncio's text is for programmers
+            if error.errno == errno.EADDRINUSE:
+                why = " is in use by another program (another mount-gateway?)"
+            self._warn(
+                f"SkySafari will not find this gateway by itself: UDP port {port}{why}; type address and port into it"
+            )
 
     async def answer_discovery(self, offers: Sequence[Offer]) -> None:
         """Answer discovery requests from now on, for every protocol that has a discovery of its own."""

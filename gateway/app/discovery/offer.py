@@ -97,7 +97,8 @@ def phone_line(offer: Offer, addresses: list[str]) -> str:
     page = offer.protocol == WEB
     if not addresses:
         port = f"the console's port {offer.port}" if page else f"port {offer.port}"
-        return f"no other computer reaches {port}: this one is not in a network yet"
+        help_page = "in the field: docs/programs/skysafari.md"
+        return f"no other computer reaches {port}: this one is not in a network yet ({help_page})"
     if page:
         return f"on your phone: {' or '.join(f'http://{in_brackets(one)}:{offer.port}/' for one in addresses)}"
     where = " or ".join(addresses)

@@ -72,6 +72,8 @@ class StateStore:
         self._simulated = where == "sim"
         self._marker_base, self.in_thread = marked, in_thread
         self._warn, self._warned = warn, False
+        #: What to tell the user, once this gateway serves, of another one that keeps these files; empty without one.
+        self.kept_by_another = ""
         self._lock = PidLock(self.lock_path)
         self._take_lock()
         kept = self._read()
@@ -105,7 +107,7 @@ class StateStore:
             self.held = True
         except LockHeld as by:
             if not self._simulated:
-                self._warn_once(
+                self.kept_by_another = (
                     f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "
                     f"that one, in {self.path}"
                 )

@@ -176,6 +176,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
                 screen.say(f"ready {name}")
             for line in phone.news(network_offers(gateway.names())):
                 screen.say(line)
+            for caution in gateway.cautions():
+                screen.warn(caution)
             status_tasks.append(asyncio.ensure_future(_print_first_messages(gateway, screen, len(gateways) > 1)))
             to_be_ready.remove(gateway)
             if not to_be_ready:

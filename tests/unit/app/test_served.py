@@ -57,10 +57,9 @@ def test_every_surface_is_named_with_the_addresses_that_reach_it(addresses: list
 
 def test_they_are_those_of_now(addresses: list[str]) -> None:
     here = gateway()
-    assert next(served(here)).words == "no other computer reaches port 4030: this one is not in a network yet"
-    assert list(served(here))[-1].words == (
-        "no other computer reaches the console's port 4080: this one is not in a network yet"
-    )
+    words = "no other computer reaches {}: this one is not in a network yet (in the field: docs/programs/skysafari.md)"
+    assert next(served(here)).words == words.format("port 4030")
+    assert list(served(here))[-1].words == words.format("the console's port 4080")
     addresses[:] = ["10.0.0.5"]
     assert next(served(here)).words == "on your phone: 10.0.0.5, port 4030"
 

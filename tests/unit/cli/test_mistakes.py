@@ -18,7 +18,7 @@ from gateway.system import processes
 from gateway.transport.device_link import DeviceLink
 from gateway.transport.wires import open_port
 from tests.support.each import each
-from tests.support.process import GATEWAY, PATIENCE, Running
+from tests.support.process import GATEWAY, PATIENCE, Running, run_to_end
 from tests.unit.cli.test_cli import refused
 
 PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
@@ -101,6 +101,13 @@ def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> N
         f"the port is in use by another mount-gateway (process {first.process.pid}): end it, with Ctrl-C in its "
         "terminal, or write another port"
     )
+
+
+def test_a_run_that_fails_does_not_warn_of_what_it_does_not_serve(tmp_path: Path) -> None:
+    at = ("--mount", f"nexstar@{tmp_path / 'none'}", "--surface", "lx200@tcp://0.0.0.0:0", "--no-console")
+    failed = run_to_end("run", *at, "--no-discovery", "--state", str(tmp_path))
+    assert failed.returncode == 2
+    assert failed.stderr.startswith(f"mount-gateway: nexstar@{tmp_path / 'none'}: cannot open ")
 
 
 def test_a_name_that_is_taken_is_to_be_another(tmp_path: Path) -> None:
