@@ -15,7 +15,7 @@ from gateway.diagnostics.detect.scan_port import BUSY, MUTE, SERVED, UNOPENED, U
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
-ANYBODY = "anybody in your network can move the mount then: these protocols know no passwords"
+ANYBODY = "anybody in your network can move the mount: these protocols know no passwords"
 #: The version of a mount that does not report one.
 UNTOLD = "?"
 WORDS = {
@@ -156,7 +156,7 @@ def toml(finding: Finding, network: bool = False) -> str:
         rows += [
             "# in its place, for programs of every protocol, and for your browser:",
             f'# at = "{ANY}@tcp://127.0.0.1:{ANY_PORT}"',
-            f"# in its place, for phones and other computers, too; {ANYBODY}",
+            f"# in its place, for phones and other computers, too; then {ANYBODY}",
             f"# at = {json.dumps(surface(mount, True))}",
         ]
     return "\n".join(rows) + "\n"

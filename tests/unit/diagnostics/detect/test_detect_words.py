@@ -45,7 +45,7 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
     path.write_text(toml(mount(), network))
     [surface] = make_config(*read_tables(path)).surface
     assert surface.at == f"lx200@tcp://{'0.0.0.0' if network else '127.0.0.1'}:4030"
-    assert "anybody in your network can move the mount" in path.read_text()
+    assert "anybody in your network can move the mount: these" in path.read_text()
     assert ('# at = "lx200@tcp://0.0.0.0:4030"' in path.read_text()) is not network
     assert ("# allow = " in path.read_text()) is network
 
