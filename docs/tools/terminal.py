@@ -67,7 +67,7 @@ def session() -> str:
         gateway.send_signal(signal.SIGINT)
         gateway.wait(20)
         reader.join(10)
-    return b"".join(told).decode().replace(f":{port}", ":4030")
+    return b"".join(told).decode().replace(f":{port}", ":4030").replace(":0, host", ":4030, host")
 
 
 def read(terminal: int, told: list[bytes]) -> None:

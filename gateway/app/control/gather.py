@@ -43,8 +43,13 @@ def status_line(
     )  # fmt: skip
 
 
-def collect_state(controller: MountController, name: str, mount: str, programs: Sequence[str]) -> State:
-    """Return everything; ``programs`` are the hosts of connected programs, ``name`` is the mount's (or empty)."""
+def collect_state(
+    controller: MountController, name: str, mount: str, programs: Sequence[str], surfaces: Sequence[str] = ()
+) -> State:
+    """Return everything; ``programs`` are the hosts of connected programs, ``name`` is the mount's (or empty).
+
+    With several ``surfaces``, their endpoints tell the programs of one computer apart.
+    """
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     who = (identity.product, identity.model, identity.version) if identity else ("", "", "")
     title = controller.driver.protocol.title(*who[:2])
@@ -52,7 +57,7 @@ def collect_state(controller: MountController, name: str, mount: str, programs: 
         status_line(controller, name, mount, len(programs)),
         mount,
         *who,
-        tuple(_wanted(controller)),
+        tuple(_wanted(controller, surfaces)),
         tuple(_allowed(controller)),
         site(controller),
         clock(controller),
@@ -82,14 +87,14 @@ def clock(controller: MountController) -> str:
     return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.who}{doubts}"
 
 
-def _wanted(controller: MountController) -> Iterator[str]:
+def _wanted(controller: MountController, surfaces: Sequence[str]) -> Iterator[str]:
     """Yield what the mount was asked to do, by whom, and the orders that wait."""
     wanted = controller.wanted.value
     if wanted.owed:
         yield "a stop, which the mount has not acknowledged yet"
     if isinstance(wanted.motion, Slew):
         since = controller.now() - wanted.motion.since
-        yield f"{_goto(controller, wanted.motion.operation)}{_asked_by(wanted.motion.by, since)}"
+        yield f"{_goto(controller, wanted.motion.operation)}{_asked_by(wanted.motion.by, since, surfaces)}"
     elif controller.slewing:
         yield "it slews without an order from this gateway: perhaps by its hand control"
     if wanted.short:
@@ -97,10 +102,10 @@ def _wanted(controller: MountController) -> Iterator[str]:
     if controller.sun_ahead.words:
         yield controller.sun_ahead.words
     for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():
-        yield f"{_arrow(motion.operation, axis)}{_asked_by(motion.by, controller.now() - motion.since)}"
+        yield f"{_arrow(motion.operation, axis)}{_asked_by(motion.by, controller.now() - motion.since, surfaces)}"
     for order in wanted.pending:
         if not order.follow_up and order.number != wanted.active:
-            asked = _asked_by(order.by, controller.now() - order.since)
+            asked = _asked_by(order.by, controller.now() - order.since, surfaces)
             yield f"{order.operation.title()}, not begun yet{asked}"
 
 
@@ -119,8 +124,10 @@ def _arrow(operation: op.Move | op.MoveAxis, axis: int) -> str:
     return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"
 
 
-def _asked_by(by: HostActivity | None, seconds: float) -> str:
-    return f", asked for {seconds:.0f} s ago" + (f" by {by.who}" if by is not None else "")
+def _asked_by(by: HostActivity | None, seconds: float, surfaces: Sequence[str]) -> str:
+    number = 0 if by is None or len(surfaces) < 2 or by.who.startswith("pty:") else by.program.surface
+    on = f" at {surfaces[number - 1]}" if 0 < number <= len(surfaces) else ""
+    return f", asked for {seconds:.0f} s ago" + (f" by {by.who}{on}" if by is not None else "")
 
 
 def _allowed(controller: MountController) -> Iterator[str]:

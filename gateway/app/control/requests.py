@@ -80,9 +80,11 @@ class RequestHandler:
 
     def state(self) -> State:
         """Return what is known of the mount, without asking it."""
-        state = collect_state(self._controller, self._name, self._mount, self._gateway.programs())
+        told = tuple(served(self._gateway))
+        surfaces = [f"{one.name} {one.at}" for one in told]
+        state = collect_state(self._controller, self._name, self._mount, self._gateway.programs(), surfaces)
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
-        return replace(state, served=tuple(served(self._gateway)), folder=folder)
+        return replace(state, served=told, folder=folder)
 
     async def carry_out(self, line: str) -> str:
         """Return ``done WORDS``, ``under way WORDS`` or ``failed REASON``; for ``See`` a ``State`` as JSON."""

@@ -261,7 +261,7 @@ def _log(config: Config, mount: MountConfig) -> Sink:
     """Return the sink that shows the conversation with one mount, or the part of it that the user chose."""
     from gateway.diagnostics.log.printing import Rows, printer
 
-    surfaces = [parse_endpoint(surface.at).protocol for surface in _surfaces(config, mount)]
+    surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces(config, mount)]
     rows = Rows(parse_endpoint(mount.at).protocol, surfaces, as_json.kept(config.log), mount.name or "")
     if as_json.wanted(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)

@@ -34,7 +34,7 @@ class Talk:
         self._rows = self._new_rows()
 
     def _new_rows(self) -> Rows:
-        surfaces = [endpoint.protocol for endpoint in self._gateway.endpoints]
+        surfaces = [str(endpoint) for endpoint in self._gateway.endpoints]
         return Rows(self._gateway.mount.protocol, surfaces)
 
     def listen(self, on: bool) -> None:

@@ -21,7 +21,7 @@ EVENTS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v":
 
 
 class Rows:
-    """Turns entries into rows. ``surfaces`` are the protocols of the surfaces, in their order."""
+    """Turns entries into rows. ``surfaces`` are the endpoints of the surfaces in their order, or only the protocols."""
 
     def __init__(self, mount: str, surfaces: Sequence[str], shown: str = "all", name: str = "") -> None:
         self._mount, self._surfaces, self._name = mount, surfaces, name
@@ -55,18 +55,24 @@ class Rows:
             self._asked.pop(entry.side, None)
         return self._folding.take(Told(row, host, heard, asked))
 
-    def _begin(self, entry: Entry) -> None:
-        """A client has connected to a surface; the entry contains the number of the surface."""
+    def _surface(self, entry: Entry) -> str:
+        """Return the surface to which a client has connected; the entry contains its number. Empty if it is unknown."""
         number = entry.note.partition(",")[0].rpartition(" ")[2]
-        if number.isdecimal() and 0 < int(number) <= len(self._surfaces):
-            protocol = self._surfaces[int(number) - 1]
+        return self._surfaces[int(number) - 1] if number.isdecimal() and 0 < int(number) <= len(self._surfaces) else ""
+
+    def _begin(self, entry: Entry) -> None:
+        if surface := self._surface(entry):
+            protocol = surface.partition("@")[0].partition(":")[0]
             if protocol != ANY:  # an entry for the recognised protocol follows
                 self._sides[entry.side] = Side(protocol)
 
     def _heard(self, entry: Entry) -> Heard:
         """Describe an entry in words."""
         if entry.arrow not in "<>x":
-            return Heard(entry.data, happened(entry.arrow, _plain(entry.note)))
+            note = entry.note
+            if entry.arrow == "+" and "@" in (surface := self._surface(entry)):
+                note = note.replace(note.partition(",")[0], surface, 1)
+            return Heard(entry.data, happened(entry.arrow, _plain(note)))
         side = self._sides.get(entry.side)
         if side is None and entry.arrow == "<" and entry.side != MOUNT:
             # A client that connected before this log began: its next command shows its protocol.

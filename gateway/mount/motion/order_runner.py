@@ -21,7 +21,7 @@ from gateway.mount.link.queue import MAX_START_DELAY, MOTION, SETTING, STOP
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done, PulseEnded
 from gateway.mount.motion.taps import LONGEST_WAIT, TapDropped
-from gateway.mount.motion.wanted import IN_ORDER, Order
+from gateway.mount.motion.wanted import IN_ORDER, Order, Slew
 from gateway.mount.readings.client_readings import ClientReadings
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.watch import LimitWatch
@@ -164,6 +164,7 @@ class Consequences:
             run_on.forget()
         if isinstance(operation, GOTOS):
             self._ends.superseded((1, 2))
+            self._note_replaced(done.before.motion, self._context.wanted.value.motion)
             cache.put(op.Slewing, True, self._now())
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
@@ -186,6 +187,12 @@ class Consequences:
                 self.at_rest(None)
                 self._context.run_on.forget()
                 self._gate.hibernation_began()
+
+    def _note_replaced(self, before: object, after: object) -> None:
+        """Log that a goto replaces another program's: the last one wins, and the other program is not told."""
+        old, new = (motion.by if isinstance(motion, Slew) else None for motion in (before, after))
+        if old is not None and new is not None and old.program != new.program:
+            self._context.note(f"the goto of {new.who} replaces that of another program, {old.who}")
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:

@@ -8,9 +8,11 @@ from typing import Any
 
 import pytest
 
+from gateway.app.control.gather import collect_state
 from gateway.app.status import Rate, State, StatusLine, status
 from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
+from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
 from gateway.diagnostics.virtual_time import run
@@ -175,5 +177,24 @@ def test_a_mount_that_is_gone_is_told_with_the_reason() -> None:
             with pytest.raises(NoAnswer):
                 await bridge.controller.line.exchange(None)  # type: ignore[arg-type]
             assert "down: the mount does not answer" in status([status_line(gateway(bridge), Rate())])
+
+    run(program())
+
+
+def test_programs_of_one_computer_are_told_apart_by_their_surface() -> None:
+    async def program() -> None:
+        async with Bridge(config={"sun": 0.0, "lowest": -90.0}) as bridge:
+            surfaces = ["lx200 tcp://127.0.0.1:4030", "nexstar tcp://127.0.0.1:4031"]
+
+            def orders(*surfaces: str) -> tuple[str, ...]:
+                return collect_state(bridge.controller, "", "", (), surfaces).wanted
+
+            for who, ends in (("127.0.0.1", f"by 127.0.0.1 at {surfaces[1]}"), ("pty:/tmp/x", "by pty:/tmp/x")):
+                activity = bridge.controller.presence.connected(who, 2)
+                await bridge.controller.perform(op.Goto(120.0, 30.0), activity=activity)
+                assert orders(*surfaces)[0].endswith(ends)
+                assert orders()[0].endswith(f"by {who}")
+            replaced = "the goto of pty:/tmp/x replaces that of another program, 127.0.0.1"
+            assert [entry.note for entry in bridge.entries if "replaces" in entry.note] == [replaced]
 
     run(program())

@@ -110,3 +110,13 @@ def test_a_program_cannot_write_on_the_terminal() -> None:
     ):
         put(entry)
     assert all(char == "\n" or char.isprintable() for char in stream.getvalue())
+
+
+def test_a_surface_is_shown_by_its_address() -> None:
+    stream = io.StringIO()
+    put = printer(Rows("nexstar", ["lx200@tcp://:4030", "nexstar@tcp://:4031"]), stream)
+    put(Entry(0.0, "1.2.3.4:5", "+", b"", "surface 2, host 1.2.3.4"))
+    put(Entry(0.0, "1.2.3.4:5", ">", b"e"))
+    assert "connected, nexstar@tcp://:4031, host 1.2.3.4" in " ".join(stream.getvalue().split())
+    assert "surface" not in stream.getvalue()
+    assert "right ascension" in stream.getvalue()
