@@ -27,10 +27,10 @@ async def main() -> None:
         ra, dec = await gateway.position()
         try:
             await gateway.goto(ra + 20.0, dec / 2)
-        except Fault as fault:
-            print(f"refused: {fault}")
+            there = await gateway.arrived(seconds=60)
+        except (Fault, TimeoutError) as error:  # refused, ended before its goal, or not there in time
+            print(error)
             return
-        there = await gateway.arrived(seconds=60)
         print(f"arrived at right ascension {there[0]:.3f}, declination {there[1]:.3f} degrees")
 
 

@@ -49,8 +49,11 @@ async def alone() -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 1 and not (len(sys.argv) == 5 and sys.argv[2].isdecimal()):
+        print("usage: like_skysafari.py [HOST PORT RIGHT_ASCENSION DECLINATION]", file=sys.stderr)
+        sys.exit(2)
     try:
-        asyncio.run(point((sys.argv[1], int(sys.argv[2])), *sys.argv[3:]) if len(sys.argv) == 5 else alone())
+        asyncio.run(point((sys.argv[1], int(sys.argv[2])), *sys.argv[3:]) if len(sys.argv) > 1 else alone())
     except KeyboardInterrupt:
         sys.exit("ended; a goto goes on: mount-gateway stop, or STOP in a program, ends it")
     except OSError as error:

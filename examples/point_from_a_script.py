@@ -32,8 +32,8 @@ def main() -> None:
             try:
                 gateway.goto(ra, dec)
                 there = gateway.arrived(seconds=60)
-            except Fault as fault:  # a limit, the mount, or what is no place: go on with the next one
-                print(f"{name}: {fault}")
+            except (Fault, TimeoutError) as error:  # refused, stopped, or not there in time: go on with the next one
+                print(f"{name}: {error}")
                 continue
             print(f"{name}: arrived at {there[0]:.2f}, {there[1]:.2f}")
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 import asyncio
 import sys
 
-from gateway import decode_reply, encode, open_gateway
-from gateway.core.wire_log import Entry
+from gateway import Entry, decode_reply, encode, open_gateway
 
 
 async def ask(host: str, port: int) -> tuple[float, float]:
@@ -36,7 +35,7 @@ def show(entry: Entry) -> None:
 
 
 async def main() -> None:
-    if len(sys.argv) == 3:
+    if len(sys.argv) > 1:
         print(await ask(sys.argv[1], int(sys.argv[2])))
         return
     async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"], watch=show) as gateway:
@@ -46,6 +45,9 @@ async def main() -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 1 and not (len(sys.argv) == 3 and sys.argv[2].isdecimal()):
+        print("usage: tiny_client.py [HOST PORT]", file=sys.stderr)
+        sys.exit(2)
     try:
         asyncio.run(main())
     except KeyboardInterrupt:

@@ -11,14 +11,24 @@ from __future__ import annotations
 TYPE_CHECKING = False
 
 __all__ = [
+    "BelowHorizon",
     "BlockingGateway",
+    "Entry",
     "Fault",
     "Frame",
     "FrameError",
+    "Invalid",
     "Moment",
+    "NearSun",
+    "NoAnswer",
     "Place",
+    "Refused",
     "RunningGateway",
     "Splitter",
+    "Stopped",
+    "SyncTooFar",
+    "TooHigh",
+    "Unsupported",
     "UserError",
     "decode",
     "decode_reply",
@@ -33,8 +43,21 @@ if TYPE_CHECKING:
     from gateway.app.api.blocking import BlockingGateway, open_blocking_gateway
     from gateway.app.api.embedding import RunningGateway, open_gateway
     from gateway.app.api.frames import Frame, FrameError, Splitter, decode, decode_reply, encode, encode_reply
-    from gateway.core.errors import Fault, UserError
+    from gateway.core.errors import (
+        BelowHorizon,
+        Fault,
+        Invalid,
+        NearSun,
+        NoAnswer,
+        Refused,
+        Stopped,
+        SyncTooFar,
+        TooHigh,
+        Unsupported,
+        UserError,
+    )
     from gateway.core.operations import Moment, Place
+    from gateway.core.wire_log import Entry
 
 
 def __getattr__(name: str) -> object:
@@ -45,7 +68,7 @@ def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from gateway.app.api import blocking, embedding, frames
-    from gateway.core import errors, operations
+    from gateway.core import errors, operations, wire_log
 
-    modules = (embedding, blocking, frames, errors, operations)
+    modules = (embedding, blocking, frames, errors, operations, wire_log)
     return next(getattr(module, name) for module in modules if hasattr(module, name))

@@ -27,7 +27,7 @@ from gateway.app.control.orders import orders
 from gateway.app.control.server import Control
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
-from gateway.app.state.mount_claim import claim
+from gateway.app.state.mount_claim import claim, taken
 from gateway.app.state.store import PreviousRun, StateStore, restore
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -259,6 +259,11 @@ class Gateway:
         """The controller of the mount; exists from ``prepare`` on."""
         assert self._controller is not None
         return self._controller
+
+    @property
+    def taken(self) -> str:
+        """That another gateway has this mount, in words; empty if none is known to."""
+        return taken(self.title, self.store.holder) if self.store is not None and self.store.holder else ""
 
     @property
     def busy(self) -> bool:

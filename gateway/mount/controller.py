@@ -189,10 +189,12 @@ class MountController:
             answer = NOT_CACHED
         return cast(_T, answer)
 
-    def begin_stop(self) -> None:
-        """End every motion, before everything else, without waiting for the acknowledgement."""
+    def begin_stop(self, by: str = "") -> None:
+        """End every motion, before everything else, without waiting for the acknowledgement. ``by``: who asks."""
+        self.wanted.stopped_by = by
         self.reconciler.begin_stop("")
 
-    async def stop(self) -> None:
+    async def stop(self, by: str = "") -> None:
         """End every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
+        self.wanted.stopped_by = by
         await self.reconciler.stop("")

@@ -127,6 +127,7 @@ class Orders:
     ) -> Any:
         """Carry out an operation whose answer is not shared between clients."""
         if isinstance(operation, op.AbortMotion):
+            self._wanted.stopped_by = activity.who if activity is not None else ""
             return await self._reconciler.stop("")
         if isinstance(operation, MOTIONS):
             value = await _ended(self._take(operation, stops, activity, patience, asked))

@@ -16,8 +16,8 @@ from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import CancelledError, Future, wait
 from typing import Concatenate, ParamSpec, TypeVar
 
-from gateway.app.api.embedding import RunningGateway, open_gateway
-from gateway.core.errors import NoAnswer
+from gateway.app.api.embedding import RunningGateway, open_gateway, shown
+from gateway.core.errors import NoAnswer, UserError
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -151,7 +151,10 @@ def _in_a_thread(
         thread.start()
         atexit.register(thread.end)
         try:
-            _result(thread.opened)
+            try:
+                _result(thread.opened)
+            except UserError as error:
+                raise UserError(str(error).replace("open_gateway:", "open_blocking_gateway:", 1)) from None
             yield BlockingGateway(thread)
         finally:
             thread.end()
@@ -161,3 +164,4 @@ def _in_a_thread(
 
 
 open_blocking_gateway = _in_a_thread(open_gateway)
+shown(open_blocking_gateway, "AbstractContextManager[BlockingGateway]")

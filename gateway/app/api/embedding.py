@@ -10,18 +10,23 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import inspect
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec import ValidationError, convert
 from msgspec.structs import replace
 
+from gateway.app.api.own_goto import OwnGoto
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.gather import status_line
+from gateway.app.control.refusals import explain
+from gateway.app.status import format_position
 from gateway.core import operations as op
-from gateway.core.errors import Invalid, NoAnswer, Stopped, UserError
+from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Stopped, TooHigh, UserError
+from gateway.core.motion_kinds import GOTOS
 from gateway.core.wire_log import Entry, WireLog
 
 if TYPE_CHECKING:
@@ -32,6 +37,18 @@ _T = TypeVar("_T")
 LOOK = 0.25
 #: Seconds that a mount may take to identify itself.
 FIND_MOUNT = 20.0
+#: What is asked before these operations, so that they wait for the mount's site if none is known yet.
+NEEDS_SITE = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
+#: What to look at if a mount is silent.
+SILENT = "Is it switched on, and the cable in the hand control? mount-gateway detect looks for it on every port."
+#: Types of fields -> one of their values.
+EXAMPLES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
+#: Keys that only ``mount-gateway run`` honours -> what does it here.
+ONLY_RUN = {
+    "wait": "ready(seconds) waits for the mount",
+    "record": "mount-gateway run --record FILE records; watch is called with every command and reply",
+    "record_keep": "mount-gateway run --record FILE records; watch is called with every command and reply",
+}
 
 
 class RunningGateway:
@@ -45,6 +62,7 @@ class RunningGateway:
     def __init__(self, gateway: Gateway) -> None:
         self._gateway, self._controller = gateway, gateway.controller
         self._host = self._controller.presence.connected("the program that embeds the gateway")
+        self._goto = OwnGoto(self._controller.wanted, self._host)
 
     @property
     def addresses(self) -> list[str]:
@@ -60,40 +78,52 @@ class RunningGateway:
         end = loop.time() + seconds
         while not await self._gateway.wait_identified(min(LOOK, max(0.0, end - loop.time()))):
             if line.unopened:
-                raise UserError(f"{self._gateway.title}: {line.unopened}")
+                raise UserError(self._gateway.taken or f"{self._gateway.title}: {line.unopened}")
             if loop.time() >= end:
-                raise NoAnswer(f"{self._gateway.title} has not answered within {seconds:g} s.")
+                raise NoAnswer(f"{self._gateway.title} has not answered within {seconds:g} s. {SILENT}")
 
     async def position(self) -> tuple[float, float]:
         """Return where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
         position = await self.perform(op.Position())
         return position.ra, position.dec
 
-    async def goto(self, ra: float, dec: float) -> None:
+    async def goto(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Slew to a position and track it; return when the mount has accepted the goto. All limits apply.
 
-        Raises Invalid, which is a Fault, for what is no number, or no declination.
+        ``j2000``: the position is one of a catalogue. Raises Invalid, which is a Fault, for what is no number, or no
+        declination.
         """
         goto = op.Goto(ra, dec)
-        await self.perform(replace(goto, ra=goto.ra % 360.0))
+        place = await self._of_date(goto, j2000)
+        await self.perform(replace(goto, ra=place.ra % 360.0, dec=place.dec))
+
+    async def _of_date(self, wanted: op.Goto | op.Sync, j2000: bool) -> op.Goto | op.Sync | op.Equatorial:
+        return await self.perform(op.ToEquinoxOfDate(wanted.ra, wanted.dec)) if j2000 else wanted
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until no goto is in progress; return the position.
+        """Wait until the goto of this program has ended, or without one until none is in progress; return the position.
 
-        Raises TimeoutError, and Stopped after a stop, or with the reason if the goto ended before its goal.
+        Raises Stopped with the reason if the goto ended before its goal, also if it did before this was called, and
+        TimeoutError if it has not ended within ``seconds``.
         """
-        stops = self._controller.stops
-        async with asyncio.timeout(seconds):
-            while await self.perform(op.Slewing()):
-                await asyncio.sleep(LOOK)
-        if self.ended_short or self._controller.stops != stops:
+        stops, goto = self._controller.stops, self._goto
+        try:
+            async with asyncio.timeout(seconds):
+                while not goto.replaced and await self.perform(op.Slewing()):
+                    await asyncio.sleep(LOOK)
+        except TimeoutError:
+            raise TimeoutError(f"The goto has not ended within {seconds:g} s; it goes on.") from None
+        here = await self.position()
+        if goto.why:
+            raise Stopped(f"{goto.why}, at {format_position(op.Equatorial(*here))}.")
+        if not goto.known and (self.ended_short or self._controller.stops != stops):
             raise Stopped(self.ended_short or None)
-        return await self.position()
+        return here
 
     @property
     def ended_short(self) -> str:
-        """Why the last goto ended before its goal, in words, until the next order; empty if it did not."""
-        return self._controller.wanted.value.short
+        """Why the last goto ended before its goal, in words, until the next one; empty if it did not."""
+        return self._goto.why or self._controller.wanted.value.short
 
     async def moving(self) -> bool:
         """Return whether the mount moves for any reason but tracking and guiding, until its position shows it at rest.
@@ -105,10 +135,11 @@ class RunningGateway:
             raise NoAnswer("It is not known whether the mount moves: it has not reported its position.")
         return seen.moves
 
-    async def sync(self, ra: float, dec: float) -> None:
+    async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
         sync = op.Sync(ra, dec)
-        await self.perform(replace(sync, ra=sync.ra % 360.0))
+        place = await self._of_date(sync, j2000)
+        await self.perform(replace(sync, ra=place.ra % 360.0, dec=place.dec))
 
     async def site(self) -> op.Place:
         """Return the site that counts, of the mount, a program or the settings. Raises Unsupported if none is known."""
@@ -120,7 +151,7 @@ class RunningGateway:
 
     async def stop(self) -> None:
         """Stop every motion, ahead of all other commands; return when the mount has acknowledged the stop."""
-        await self._controller.stop()
+        await self._controller.stop(self._host.who)
 
     async def perform(self, operation: op.Operation[_T]) -> _T:
         """Carry out any operation of ``gateway.core.operations`` and return its answer; see its docstring.
@@ -129,8 +160,17 @@ class RunningGateway:
         Invalid for what is no operation, and for a field of a wrong type.
         """
         operation = _checked(operation)
+        if isinstance(operation, NEEDS_SITE):
+            with contextlib.suppress(Fault):  # the operation says what is missing
+                await self.site()
         self._host.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
-        return await self._controller.perform(operation, self._controller.stops, self._host)
+        try:
+            return await self._controller.perform(operation, self._controller.stops, self._host)
+        except (BelowHorizon, TooHigh) as fault:
+            if not isinstance(operation, GOTOS):
+                raise
+            words = explain(fault, self._controller.policy.limits)
+            raise type(fault)(words.replace("start the gateway with another --", "open it with another ")) from None
 
 
 @contextlib.asynccontextmanager
@@ -152,6 +192,8 @@ async def open_gateway(
     invalid setting and for a surface that cannot be opened; the mount's port is waited for in ``ready``. Leaving the
     block stops the mount and closes everything.
     """
+    for name in settings.keys() & ONLY_RUN:
+        raise UserError(f"open_gateway: {name} is no setting of this function: {ONLY_RUN[name]}.")
     tables: dict[str, object] = {
         "mount": [_keys({"at": mount, **settings})],
         "surface": [
@@ -188,6 +230,14 @@ async def open_gateway(
             guard.close()
 
 
+def shown(opens: Any, returns: str) -> None:
+    """Let ``help`` show what a function returns, where a decorator has changed that."""
+    opens.__signature__ = inspect.signature(opens).replace(return_annotation=returns)
+
+
+shown(open_gateway, "AbstractAsyncContextManager[RunningGateway]")
+
+
 def _keys(settings: Mapping[str, object]) -> dict[str, object]:
     """Return keyword arguments under the key names of ``gateway.toml``."""
     return {name.replace("_", "-"): value for name, value in settings.items()}
@@ -199,10 +249,23 @@ def _checked(operation: op.Operation[_T]) -> op.Operation[_T]:
         raise Invalid(f"{repr(operation)[:40]} is no operation; write one like gateway.core.operations.Position().")
     fields = {name: _plain(getattr(operation, name)) for name in operation.__struct_fields__}
     try:
-        return convert(fields, type(operation))
+        operation = convert(fields, type(operation))
     except ValidationError as error:
         why, _, field = str(error).strip("`").partition(" - at `$.")
-        raise Invalid(f"{type(operation).__name__}: {field}: {why}.") from None
+        raise Invalid(f"{type(operation).__name__}: {field}: {why}{_right(type(operation), field)}.") from None
+    if isinstance(operation, op.SetGuideRate) and not 0.0 <= operation.rate <= 1.0:
+        raise Invalid(f"The guide rate must be from 0 to 1, a fraction of sidereal, not {operation.rate:g}.")
+    if isinstance(operation, op.Pulse | op.PulseAxis) and operation.ms < 0:
+        raise Invalid(f"The duration of a pulse must not be negative, as {operation.ms} is.")
+    if operation == op.SetSite():
+        raise Invalid("A site needs a latitude, a longitude, or both.")
+    return operation
+
+
+def _right(kind: type[op.Operation], field: str) -> str:
+    """Return what to write for a field whose type is one of those that programs seldom get right at first."""
+    hint = str(kind.__annotations__.get(field, ""))
+    return next((f"; write op.{right}" for name, right in EXAMPLES.items() if name in hint), "")
 
 
 def _plain(value: object) -> object:

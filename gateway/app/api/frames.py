@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from math import isfinite
+from numbers import Real
 
 from msgspec import Struct
 
@@ -139,8 +141,20 @@ def _filled(command: Command, template: FrameTemplate, values: Mapping[str, obje
         return template.encode(values)
     except KeyError as missing:
         raise FrameError(f"{command.name} ({command.help}) needs {missing.args[0]}") from None
-    except (TypeError, ValueError) as error:
-        raise FrameError(f"{command.name} ({command.help}): {error}") from None
+    except (AttributeError, OverflowError, TypeError, ValueError) as error:
+        raise FrameError(f"{command.name} ({command.help}): {_unfit(template, values) or error}") from None
+
+
+def _unfit(template: FrameTemplate, values: Mapping[str, object]) -> str:
+    """Return which value does not fit, and why if that is said in words of this package."""
+    for field, codec in template.fields.items():
+        value = values[field]
+        try:
+            codec.encode(value)
+        except (AttributeError, OverflowError, TypeError, ValueError) as error:
+            ours = type(error) is ValueError and isinstance(value, Real) and isfinite(value)
+            return f"{field} cannot be {value!r}" + (f": {error}" if ours else "")
+    return ""
 
 
 def _listed(names: Iterable[str]) -> str:

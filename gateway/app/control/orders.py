@@ -55,7 +55,7 @@ async def stopped(controller: MountController) -> str:
     """Stop the mount and watch it until it is at rest; return ``stopped`` or ``failed REASON``."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
-            await controller.stop()
+            await controller.stop("mount-gateway stop")
     except (TimeoutError, Fault) as fault:
         if controller.driver.asleep and controller.line.state != "down":
             return STOPPED  # a hibernating mount is at rest, and does not answer

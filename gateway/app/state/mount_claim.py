@@ -29,13 +29,18 @@ def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
     try:
         return None if name is None else Claim(name)
     except LockHeld as by:
-        raise UserError(
-            f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount "
-            "connect to that one's surfaces"
-        ) from None
+        raise UserError(taken(str(mount), str(by))) from None
     except OSError as error:
         warn(f"{mount}: a second gateway on the same mount would not be noticed: {error.strerror}")
         return None
+
+
+def taken(mount: str, by: str) -> str:
+    """Return the words for a mount that another gateway has; ``by`` is its process."""
+    return (
+        f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount connect to that "
+        "one's surfaces"
+    )
 
 
 def address(where: str) -> str | None:

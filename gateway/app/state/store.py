@@ -74,6 +74,8 @@ class StateStore:
         self._warn, self._warned = warn, False
         #: What to tell the user, once this gateway serves, of another one that keeps these files; empty without one.
         self.kept_by_another = ""
+        #: The process that has the lock instead, in words; empty if it is not known that another one has.
+        self.holder = ""
         self._lock = PidLock(self.lock_path)
         self._take_lock()
         kept = self._read()
@@ -106,6 +108,7 @@ class StateStore:
             self._lock.acquire()
             self.held = True
         except LockHeld as by:
+            self.holder = str(by)
             if not self._simulated:
                 self.kept_by_another = (
                     f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "

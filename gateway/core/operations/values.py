@@ -38,6 +38,7 @@ NUMBERS = {
     "longitude": "longitude", "lowest": "lowest altitude", "highest": "highest altitude", "fastest": "fastest speed",
     "unix": "time", "offset": "UTC offset", "rate": "rate", "factor": "factor", "ms": "duration",
 }  # fmt: skip
+DEGREES = ("ra", "dec", "az", "alt", "latitude", "longitude", "lowest", "highest")
 POLAR = ("dec", "latitude")
 #: Fields that have a few values only: the axis of a motor, and the sense in which it turns.
 CHOICES: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
@@ -70,7 +71,8 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
                 value, optional = value.degrees, True
             if not (value is None and optional) and not _is_number(value, most):
                 span = "" if most == inf else " from -90 to 90"
-                raise Invalid(f"The {NUMBERS[name]} must be a number{span}, not {repr(value)[:40]}.")
+                unit = " of degrees" if name in DEGREES else ""
+                raise Invalid(f"The {NUMBERS[name]} must be a number{unit}{span}, not {repr(value)[:40]}.")
         for name, values in _choices(type(self)):
             if getattr(self, name) not in values:
                 among = " or ".join(map(str, values))

@@ -196,6 +196,8 @@ class WantedState:
 
     def __init__(self) -> None:
         self.value = Wanted()
+        #: Who ordered the last stop, for who asks why a motion ended; empty if that is not known.
+        self.stopped_by = ""
         self.changed: Signal[Wanted] = Signal()
 
     @property

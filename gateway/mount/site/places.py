@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from gateway.astro.ephemeris.day_table import PARTS
 from gateway.core import operations as op
-from gateway.core.errors import BelowHorizon, Unsupported
+from gateway.core.errors import BelowHorizon, Invalid, Unsupported
 from gateway.mount.site.astrometry import SiteAstrometry
 
 
@@ -27,7 +28,10 @@ def zenith(astrometry: SiteAstrometry, wanted: op.Zenith) -> op.Equatorial:
 
 def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
     """Return a geocentric position: parallax (0.5' for Venus at its nearest) is below the error of the series."""
-    seen = astrometry.sky.planet(wanted.name, astrometry.site_clock.unix())
+    name = wanted.name.capitalize()
+    if name not in PARTS[1:]:
+        raise Invalid(f"There is no planet {wanted.name!r}; write {', '.join(PARTS[3:-1])} or {PARTS[-1]}.")
+    seen = astrometry.sky.planet(name, astrometry.site_clock.unix())
     if seen is None:
         raise Unsupported("The positions of the planets are not available yet.")
     return op.Equatorial(*seen)

@@ -47,7 +47,10 @@ def test_it_has_every_method_of_the_other_one_with_the_same_arguments() -> None:
         if inspect.isfunction(offered):
             assert not inspect.iscoroutinefunction(blocking)
             assert inspect.signature(blocking) == inspect.signature(offered)
-    assert inspect.signature(open_blocking_gateway) == inspect.signature(open_gateway)
+    ours, other = inspect.signature(open_blocking_gateway), inspect.signature(open_gateway)
+    assert ours.parameters == other.parameters
+    assert "AbstractContextManager[BlockingGateway]" in str(ours)
+    assert "AbstractAsyncContextManager[RunningGateway]" in str(other)
     assert "thread" in (open_blocking_gateway.__doc__ or "")
 
 
@@ -97,11 +100,15 @@ def test_what_is_called_on_the_gateways_thread_cannot_wait_for_it() -> None:
     with open_blocking_gateway("nexstar@sim", watch=watch, **SIM) as gateway:
         opened.append(gateway)
         gateway.ready()
+        gateway.stop()  # whatever came before, this asks the mount once more
     assert "on its own thread" in said[0]
 
 
 def test_errors_arrive_where_they_belong_and_leave_no_thread() -> None:
-    with pytest.raises(UserError, match="there is no such key"), open_blocking_gateway("nexstar@sim", lowset=3):
+    with (
+        pytest.raises(UserError, match=r"^open_blocking_gateway: \[mount\] lowset: there is no such key"),
+        open_blocking_gateway("nexstar@sim", lowset=3),
+    ):
         pass
     with pytest.raises(UserError, match="no such port"), open_blocking_gateway("nexstar@/dev/ttyNONE") as gateway:
         gateway.ready()

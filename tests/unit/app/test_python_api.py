@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import doctest
+import os
 import re
 import runpy
 import subprocess
 import sys
 import time
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args
@@ -18,11 +20,24 @@ import numpy
 import pytest
 
 import gateway
-from gateway import Fault, FrameError, Splitter, UserError, decode, decode_reply, encode, encode_reply, open_gateway
+from gateway import (
+    BelowHorizon,
+    Entry,
+    Fault,
+    FrameError,
+    NoAnswer,
+    RunningGateway,
+    Splitter,
+    Stopped,
+    UserError,
+    decode,
+    decode_reply,
+    encode,
+    encode_reply,
+    open_gateway,
+)
 from gateway.app.api import frames
 from gateway.core import operations as op
-from gateway.core.errors import NoAnswer, Stopped
-from gateway.core.wire_log import Entry
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 from tests.support.forked import POSSIBLE
@@ -50,7 +65,7 @@ def test_every_name_that_is_offered_can_be_imported_and_is_documented() -> None:
 def in_the_table(kind: type[op.Operation]) -> str:
     """Return the beginning of the row of an operation in docs/python.md: its fields with their defaults, its answer."""
     defaults = dict(zip(reversed(kind.__struct_fields__), reversed(kind.__struct_defaults__), strict=False))
-    fields = [name if defaults.get(name) is None else f"{name}={defaults[name]!r}" for name in kind.__struct_fields__]
+    fields = [f"{name}={defaults[name]!r}" if name in defaults else name for name in kind.__struct_fields__]
     (answer,) = get_args(kind.__orig_bases__[0])  # type: ignore[attr-defined]
     names = [one.__name__ for one in get_args(answer) or [answer] if one is not NoneType]
     return f"| `{kind.__name__}({', '.join(fields)})` | {'`' * bool(names)}{', '.join(names)}{'`' * bool(names)} |"
@@ -127,6 +142,8 @@ def test_values_pass_through_a_frame_of_either_protocol() -> None:
         (lambda: encode("lx200", "nonsense"), "no command called 'nonsense'"),
         (lambda: encode("lx200", "Sr"), "Sr (set the target right ascension) needs ra"),
         (lambda: encode("lx200", "Sr", ra="east"), "Sr (set the target right ascension): "),
+        (lambda: encode("lx200", "Sr", ra=float("nan")), "(set the target right ascension): ra cannot be nan"),
+        (lambda: encode("lx200", "Sd", dec=95), "dec cannot be 95: an altitude, declination or latitude lies beyond"),
         (lambda: encode("lx200", "Sr", dec=3.0), "Sr (set the target right ascension) has no dec; it has ra"),
         (lambda: encode("lx200", "GR", ra=3.0), "has no ra; it has no values"),
         (lambda: decode_reply("lx200", "GR", b"what#"), "b'what#' is no reply to GR"),
@@ -185,11 +202,71 @@ def test_a_stop_ends_a_goto_and_is_told_to_who_waits_for_it() -> None:
     asyncio.run(stops())
 
 
+async def ask(running: RunningGateway, frames: bytes) -> None:
+    """Send frames as another program, and wait until they are carried out."""
+    host, _, port = running.addresses[0].rpartition("//")[2].rpartition(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    writer.write(frames + b":D#")
+    await reader.readuntil(b"#")
+    writer.close()
+
+
+#: How the goto of a program ends before its goal -> what ``arrived`` says, although it is asked only after that.
+ENDINGS: dict[str, Callable[[RunningGateway], Coroutine[Any, Any, None]]] = {
+    "Stopped by the program that embeds the gateway, at ": lambda running: running.stop(),
+    "Stopped by the program that embeds the gateway, at +": lambda running: running.perform(op.AbortSlew()),
+    "Stopped by the program that embeds the gateway, at -": lambda running: running.perform(op.AbortMotion()),
+    "Stopped by 127.0.0.1, at ": lambda running: ask(running, b":Q#"),
+    "Another goto came from 127.0.0.1, at ": lambda running: ask(running, b":Sr02:00:00#:Sd+70*00:00#:MS#"),
+}
+
+
+@pytest.mark.parametrize("words", ENDINGS)
+def test_a_goto_that_ended_before_it_was_waited_for_is_told_all_the_same(words: str) -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6), lowest=-90, sun=0) as running:
+            await running.ready()
+            await running.goto(20.0, 10.0)
+            await ENDINGS[words](running)
+            for _ in range(2):
+                with pytest.raises(Stopped, match=words.rstrip("+-")):
+                    await running.arrived(10)
+            assert running.ended_short in words
+            assert running.ended_short
+
+    asyncio.run(program())
+
+
+def test_a_stop_after_the_arrival_is_no_end_of_the_goto() -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6), lowest=-90, sun=0, speed=200) as running:
+            await running.ready()
+            await running.goto(20.0, 10.0)
+            await running.arrived(30)
+            await running.stop()
+            assert await running.arrived(10) == pytest.approx((20.0, 10.0), abs=0.1)
+
+    asyncio.run(program())
+
+
+def test_a_goto_that_takes_too_long_is_told_in_words() -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0) as running:
+            await running.ready()
+            await running.goto(20.0, 10.0)
+            with pytest.raises(TimeoutError, match=r"The goto has not ended within 0\.05 s; it goes on\."):
+                await running.arrived(0.05)
+
+    asyncio.run(program())
+
+
 def test_limits_hold_for_the_program_too() -> None:
     async def refuses() -> None:
         async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6)) as running:
             await running.ready()
-            with pytest.raises(Fault, match="Below Horizon"):
+            with pytest.raises(
+                Fault, match=r"Below Horizon\. That is lower than the 0 degrees .* open it with another lowest"
+            ):
                 await running.goto(0.0, -80.0)
 
     asyncio.run(refuses())
@@ -198,7 +275,9 @@ def test_limits_hold_for_the_program_too() -> None:
 def test_a_mount_that_does_not_answer_is_told_in_words() -> None:
     async def waits() -> None:
         async with open_gateway(SIM, [SURFACE], latency=3.0) as running:
-            with pytest.raises(NoAnswer, match=r"nexstar@sim has not answered within 0.05 s"):
+            with pytest.raises(
+                NoAnswer, match=r"nexstar@sim has not answered within 0\.05 s\. Is it switched on, .* detect"
+            ):
                 await running.ready(0.05)
 
     asyncio.run(waits())
@@ -209,6 +288,16 @@ def test_a_port_that_does_not_exist_is_told_at_once() -> None:
         async with open_gateway("nexstar@/dev/ttyNONE", watchdog=False) as running, asyncio.timeout(10):
             with pytest.raises(UserError, match=r"^nexstar@/dev/ttyNONE: cannot open /dev/ttyNONE: no such port"):
                 await running.ready(60)
+
+    asyncio.run(waits())
+
+
+def test_a_mount_that_another_gateway_has_is_told_with_its_process() -> None:
+    async def waits() -> None:
+        port = "nexstar@/dev/ttyNONE"
+        async with open_gateway(port, watchdog=False), open_gateway(port, watchdog=False) as second:
+            with pytest.raises(UserError, match=rf"^{port}: another gateway \(process {os.getpid()}\) has this mount"):
+                await second.ready(10)
 
     asyncio.run(waits())
 
@@ -227,6 +316,12 @@ def test_a_program_needs_no_surface_and_may_write_one_without_a_list() -> None:
     ("surface", "settings", "words"),
     [
         (SURFACE, {"lowset": 3}, "open_gateway: [mount] lowset: there is no such key; did you mean 'lowest'?"),
+        (
+            SURFACE,
+            {"record": "x.rec"},
+            "open_gateway: record is no setting of this function: mount-gateway run --record",
+        ),
+        (SURFACE, {"wait": True}, "open_gateway: wait is no setting of this function: ready(seconds) waits"),
         (SURFACE, {"lowest": 100}, "open_gateway: [mount] lowest: 100: write "),
         ("lx200", {}, "write PROTOCOL[:MODEL[/VERSION]]@WHERE"),
         ("lx200@tcp://256.0.0.1:4030", {}, "256.0.0.1"),
@@ -262,7 +357,12 @@ def test_what_is_no_place_is_refused_at_once_and_the_gateway_goes_on(ra: Any, de
         (op.Position, "is no operation"),
         (op.MoveAxis(1.0, 1, op.Rate("find")), "MoveAxis: axis: Expected `int`, got `float`."),  # type: ignore[arg-type]
         (op.SetTracking("no"), "SetTracking: on: Expected `bool`, got `str`."),  # type: ignore[arg-type]
-        (op.Pulse("up", 100), "Pulse: direction: Invalid enum value 'up'."),  # type: ignore[arg-type]
+        (op.Pulse("up", 100), "Pulse: direction: Invalid enum value 'up'; write op.Direction.NORTH."),  # type: ignore[arg-type]
+        (op.Move(op.Direction.NORTH, 5), "write op.Rate(key=5)."),  # type: ignore[arg-type]
+        (op.SetGuideRate(1, 5.0), "The guide rate must be from 0 to 1, a fraction of sidereal, not 5."),
+        (op.Pulse(op.Direction.NORTH, -500), "The duration of a pulse must not be negative, as -500 is."),
+        (op.SetSite(), "A site needs a latitude, a longitude, or both."),
+        (op.PlanetPlace("Jupitr"), "There is no planet 'Jupitr'; write Mercury, Venus, "),
         (op.SetClock(1e30, 0.0), "The clock of this mount takes the years"),
     ],
 )
@@ -275,6 +375,44 @@ def test_what_is_no_operation_is_refused_in_a_sentence(operation: Any, words: st
             assert words in str(caught.value)
 
     asyncio.run(program())
+
+
+def test_a_position_of_a_catalogue_is_taken_as_one_of_j2000() -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0, speed=200) as running:
+            assert await running.perform(op.Zenith())  # it waits for the site
+            there = await running.perform(op.ToEquinoxOfDate(20.0, 10.0))
+            assert abs(there.ra - 20.0) > 0.2
+            await running.goto(20.0, 10.0, j2000=True)
+            assert await running.arrived(30) == pytest.approx((there.ra, there.dec), abs=0.05)
+            await running.sync(21.0, 10.5, j2000=True)
+            assert await running.position() == pytest.approx((there.ra + 1.0, there.dec + 0.5), abs=0.05)
+
+    asyncio.run(program())
+
+
+def test_what_needs_the_site_waits_for_the_one_of_the_mount() -> None:
+    async def program() -> None:
+        async with open_gateway(SIM) as running:
+            await running.ready()
+            assert await running.perform(op.Zenith())
+            with contextlib.suppress(BelowHorizon):
+                assert await running.perform(op.MoonPlace())
+
+    asyncio.run(program())
+
+
+@pytest.mark.parametrize(
+    ("example", "arguments"),
+    [("tiny_client", ["127.0.0.1:4030"]), ("tiny_client", ["127.0.0.1", "lx200"]), ("like_skysafari", ["a", "4030"])],
+)
+def test_an_example_with_wrong_arguments_says_how_it_is_used(
+    example: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [example, *arguments])
+    with pytest.raises(SystemExit) as end:
+        runpy.run_path(str(ROOT / "examples" / f"{example}.py"), run_name="__main__")
+    assert (end.value.code, capsys.readouterr().err[:7]) == (2, "usage: ")
 
 
 def test_numbers_of_other_libraries_are_numbers() -> None:
@@ -297,6 +435,7 @@ def test_an_example_that_is_interrupted_ends_in_a_sentence(path: Path, monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(asyncio, "run", interrupted)
+    monkeypatch.setattr(sys, "argv", [path.name])
     with pytest.raises(SystemExit) as end:
         runpy.run_path(str(path), run_name="__main__")
     assert end.value.code and "Traceback" not in str(end.value.code)
