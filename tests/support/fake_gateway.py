@@ -91,7 +91,7 @@ class FakeController:
         self.changed()
         return answer
 
-    def begin_stop(self) -> None:
+    def begin_stop(self, by: str = "") -> None:
         self.stops += 1
         self.spawn(self.perform(op.AbortMotion()))
 
