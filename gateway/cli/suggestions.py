@@ -12,6 +12,11 @@ from gateway.core.errors import UserError, similar
 _PLAINLY = (
     (r"argument ([-\w/]+): invalid float value: ('.*')", r"{0} {1}: write a number"),
     (r"argument ([-\w/]+): invalid int value: ('.*')", r"{0} {1}: write a whole number"),
+    (
+        r"argument direction: invalid choice: '(up|down|left|right)'.*",
+        "direction {0}: write one of north, south, east, west; on an alt-az mount north is up, south is down, and east "
+        "and west turn it in azimuth",
+    ),
     (r"argument (\S+): invalid choice: (?:'(?=\d+' ))?('.*'|\d+)'? \(choose from (.*)\)", r"{0} {1}: write one of {2}"),
     (r"argument (--[-\w]+): expected one argument", r"{0}: write its value after it"),
     (r"argument (--[-\w]+): not allowed with argument (--[-\w]+)", r"write {1} or {0}, not both"),

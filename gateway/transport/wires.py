@@ -35,13 +35,7 @@ TIMEOUT, CHUNK = 0.25, 4096
 _REASONS = (
     ((errno.ENOENT,), "No such file", errno.ENOENT, "no such port"),
     ((errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK), "lock", errno.EBUSY, "the port is in use by another program"),
-    (
-        (errno.EACCES,),
-        "Permission denied",
-        errno.EACCES,
-        "permission denied; sudo usermod -aG {group} $USER puts you into the group that may use it "
-        "(then log out and in again)",
-    ),
+    ((errno.EACCES,), "Permission denied", errno.EACCES, "permission denied; {who}"),
     ((errno.EISDIR,), "Is a directory", errno.EISDIR, "this is a folder, not a serial port"),
     ((errno.ENOTTY,), "Inappropriate ioctl", errno.ENOTTY, "this is not a serial port"),
     ((), "FileNotFoundError", errno.ENOENT, "no such port"),  # as pyserial says it on Windows
@@ -200,7 +194,7 @@ def open_port(url: str, baud: int) -> Serial:
             ) from None
         for numbers, part, reason, words in _REASONS:
             if number in numbers or part in text:
-                raise OSError(reason, words.format(group=group_of(url))) from None
+                raise OSError(reason, words.format(who=_who_may_use(url))) from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:
             raise OSError(errno.EINVAL, "the port number is missing, for example socket://192.168.1.50:4030") from None
         raise OSError(number or errno.EIO, text.rpartition(": ")[2] or text) from None
@@ -246,6 +240,19 @@ class SimulatedTransport:
 
     async def close(self) -> None:
         self._on_data = None
+
+
+def _who_may_use(device: str) -> str:
+    """Return what to do about a port that this user may not use, by its group and mode."""
+    with contextlib.suppress(OSError):
+        if os.stat(device).st_mode & 0o060 != 0o060:
+            return (
+                f"no group may use {device}, as that of serial ports may: plug in a USB adapter, which has a name like "
+                f"/dev/ttyUSB0; if the mount is at {device}, allow it: sudo chgrp {USUAL_GROUP} {device} && sudo chmod "
+                f"660 {device}"
+            )
+    own = f"sudo usermod -aG {group_of(device)} $USER puts you into the group that may use it"
+    return f"{own} (then log out and in again)"
 
 
 def group_of(device: str) -> str:

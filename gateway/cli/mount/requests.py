@@ -82,7 +82,11 @@ def add_move(commands: Commands) -> None:
                     "the time is over, whatever becomes of this command; Ctrl-C releases it at once.",
         epilog=MOVE,
     )  # fmt: skip
-    move.add_argument("direction", choices=DIRECTIONS, help="north, south, east or west, as on the sky")
+    move.add_argument(
+        "direction",
+        choices=DIRECTIONS,
+        help="north, south, east or west, as on the sky; on an alt-az mount north is up",
+    )
     move.add_argument(
         "--rate",
         type=int,

@@ -175,7 +175,12 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     if path is not None:
         tables, source = read_tables(path)
     _put_flags(arguments, tables, source)
-    config = make_config(tables, source)
+    try:
+        config = make_config(tables, source)
+    except UserError as error:
+        if path is None and not arguments.surface and DEFAULT_FILE.is_file():
+            raise UserError(f"{error} ({DEFAULT_FILE} of this folder is not read where --mount is given)") from None
+        raise
     if path is DEFAULT_FILE:
         streams.warn(f"using {DEFAULT_FILE} from this folder; --config FILE reads another one", streams.INFO)
     return config, source

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -43,6 +44,11 @@ def here() -> list[SerialPortInfo]:
         about = port.description if port.description not in (None, "n/a", port.device) else ""
         found.append(SerialPortInfo(port.device, lasting_name(port.device), about))
     return found
+
+
+def is_usb_or_named(url: str) -> bool:
+    """Whether a port is none of those that are built into a computer, or into a Raspberry Pi."""
+    return not re.match(r"/dev/tty(S|AMA)\d", url)
 
 
 def named(text: str) -> SerialPortInfo:

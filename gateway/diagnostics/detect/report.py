@@ -10,7 +10,7 @@ import shlex
 from collections.abc import Sequence
 
 from gateway.diagnostics.detect.identify import Mount
-from gateway.diagnostics.detect.ports import unsupported_device
+from gateway.diagnostics.detect.ports import is_usb_or_named, unsupported_device
 from gateway.diagnostics.detect.scan_port import BUSY, MUTE, SERVED, UNOPENED, USUAL, Finding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
@@ -41,6 +41,10 @@ NO_PORT = (
     "the device manager)",
     "a virtual serial port must be named (mount-gateway detect /tmp/ttySIM0), and so must an adapter in the network "
     "(mount-gateway detect socket://192.168.1.50:4030)",
+)
+NO_ADAPTER = (
+    "only ports that are built into this computer were looked at: if the mount is on a USB adapter, plug that in; "
+    "dmesg | tail tells whether this computer noticed"
 )
 #: What may be wrong if nothing answers; the cables of each protocol's mounts are listed in between.
 SWITCHED_OFF = "switch the mount on, and wait until its hand control has started"
@@ -188,7 +192,7 @@ def next_steps(findings: Sequence[Finding]) -> list[str]:
         return []
     if not findings:
         return list(NO_PORT)
-    steps: list[str] = []
+    steps = [] if any(is_usb_or_named(finding.place.url) for finding in findings) else [NO_ADAPTER]
     silent = [finding.place.url for finding in findings if finding.state == "silent"]
     steps += filter(None, map(unsupported_device, silent))
     if silent and not steps:
@@ -199,6 +203,6 @@ def next_steps(findings: Sequence[Finding]) -> list[str]:
     steps += [
         OF_OTHERS[finding.state].format(port=finding.place.url)
         for finding in findings
-        if finding.state in OF_OTHERS and "usermod" not in finding.reason
+        if finding.state in OF_OTHERS and "permission denied" not in finding.reason
     ]
     return list(dict.fromkeys(steps))

@@ -11,7 +11,6 @@ import asyncio
 import contextlib
 import os
 import platform
-import re
 import shutil
 import subprocess
 import sys
@@ -26,7 +25,7 @@ from gateway.app.control.request_types import See, encode
 from gateway.app.reach import Scope, ask, reachable, search, unreachable_gateways
 from gateway.app.status import State
 from gateway.core.about import full_version
-from gateway.diagnostics.detect.ports import here, holder
+from gateway.diagnostics.detect.ports import here, holder, is_usb_or_named
 from gateway.diagnostics.doctor import installed
 from gateway.diagnostics.doctor.checks import USUAL
 from gateway.diagnostics.doctor.facts import Facts, Listener, Port, Running
@@ -76,7 +75,7 @@ def ports() -> Iterator[Port]:
         yield Port(
             name=port.url,
             about=port.about,
-            usb=not re.match(r"/dev/tty(S|AMA)\d", port.url),
+            usb=is_usb_or_named(port.url),
             permitted=os.name != "posix" or os.access(port.url, os.R_OK | os.W_OK),
             group=group_of(port.url),
             holder=holder(port.url),

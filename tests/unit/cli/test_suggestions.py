@@ -137,6 +137,8 @@ def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixtu
     assert told.err.startswith("mount-gateway: using gateway.toml from this folder; --config FILE")
     assert main(["config", "--lowest", "7"]) == 0
     assert "lowest = 7.0  # --lowest" in capsys.readouterr().out
+    assert main(["config", "--mount", "nexstar@sim"]) == 2
+    assert "(gateway.toml of this folder is not read where --mount is given)" in capsys.readouterr().err
 
 
 def test_who_names_a_mount_does_not_mean_the_file_here(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

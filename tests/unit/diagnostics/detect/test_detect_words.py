@@ -62,6 +62,7 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
         (Finding(SerialPortInfo("socket://192.168.1.9:2000", PORT), "silent"), ["AUX protocol: that is not supported"]),
         (Finding(SerialPortInfo("socket://1.2.3.4:4030", PORT), "silent"), ["AUX protocol: that is not supported"]),
         (Finding(SerialPortInfo(PORT, PORT), "unopened"), ["mount-gateway detect without a port"]),
+        (Finding(SerialPortInfo("/dev/ttyS0", PORT), "silent"), ["built into this computer", "plug that in"]),
         (Finding(SerialPortInfo(PORT, PORT), "echo"), ["loopback plug"]),
         (Finding(SerialPortInfo(PORT, PORT), "garbled"), ["another cable"]),
     ],
@@ -108,6 +109,21 @@ def test_a_port_that_may_not_be_opened_says_what_to_type(
     assert "try next" not in told.err
     assert main(["run", "--mount", "nexstar@/dev/x", "--surface", "lx200@tcp://:0"]) == 2
     assert "sudo usermod -aG dialout $USER" in capsys.readouterr().err
+
+
+def test_a_port_that_no_group_may_use_is_not_mended_by_one(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(errno.EACCES, "Permission denied")
+
+    port = tmp_path / "ttyS0"
+    port.touch(0o600)
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    assert main(["detect", str(port)]) == 1
+    told = capsys.readouterr().out
+    assert f"permission denied; no group may use {port}" in told and "plug in a USB adapter" in told
+    assert "usermod" not in told
 
 
 def test_the_group_is_that_of_the_port(tmp_path: Path) -> None:
