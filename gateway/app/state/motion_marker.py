@@ -8,6 +8,7 @@ and it never delays a motion by more than ``PATIENCE``.
 from __future__ import annotations
 
 import asyncio
+import functools
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,16 @@ LOOK, QUIET = 1.0, 5.0
 InThread = Callable[..., Awaitable[Any]]
 
 
+async def in_thread(function: Callable[..., Any], *arguments: object) -> Any:
+    """Call a function on a thread; at the end of Python, which begins no work on threads any more, call it here."""
+    working = functools.partial(function, *arguments)
+    try:
+        future = asyncio.get_running_loop().run_in_executor(None, working)
+    except RuntimeError:
+        return working()
+    return await future
+
+
 class MotionMarker:
     """Keeps the marker file: ``content`` returns what to write, ``busy`` whether the mount may be moving."""
 
@@ -34,7 +45,7 @@ class MotionMarker:
         content: Callable[[], MarkerContent],
         busy: Callable[[], bool],
         warn: Callable[[str], None],
-        in_thread: InThread = asyncio.to_thread,
+        in_thread: InThread = in_thread,
         *,
         there: bool = False,
     ) -> None:

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from gateway.app.state import file
 from gateway.app.state.file import MarkerContent, SavedState
-from gateway.app.state.motion_marker import InThread, MotionMarker
+from gateway.app.state.motion_marker import InThread, MotionMarker, in_thread
 from gateway.core.errors import about_file, told
 from gateway.core.operations import Values
 from gateway.mount.controller import MountController
@@ -61,7 +61,7 @@ class StateStore:
         marked: MarkerContent,
         configured: str | None,
         warn: Callable[[str], None],
-        in_thread: InThread = asyncio.to_thread,
+        in_thread: InThread = in_thread,
     ) -> None:
         self.directory, self.name = directory(configured), file.file_name(protocol, where)
         self.path, self._marker_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import signal
 import sys
 import threading
@@ -115,6 +116,17 @@ def test_errors_arrive_where_they_belong_and_leave_no_thread() -> None:
     with pytest.raises(Fault, match="must be a number"), open_blocking_gateway("nexstar@sim", **SIM) as gateway:
         gateway.goto(float("nan"), 80.0)
     assert not threads()
+
+
+def test_the_end_of_a_program_saves_what_it_has_changed_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    script = tmp_path / "script.py"
+    again = "ra, dec = gateway.position()\nfor away in 1, 2:\n    gateway.sync(ra + away, dec)\n"
+    script.write_text(SCRIPT.partition("gateway.goto")[0] + again)
+    said = Running(str(script), by=[sys.executable, "-bb", "-W", "error"]).finish()
+    assert (said.returncode, said.stderr) == (0, "")
+    (state,) = tmp_path.glob("*.json")
+    assert json.loads(state.read_text())["synced"]["east"] == pytest.approx(2.0, abs=0.1)
 
 
 @pytest.mark.parametrize("ends", ["", "gateway.arrived(60)"])
