@@ -13,7 +13,7 @@ import contextlib
 import functools
 import threading
 from collections.abc import Callable, Coroutine, Iterator
-from concurrent.futures import CancelledError, Future, wait
+from queue import Empty, SimpleQueue
 from typing import Concatenate, ParamSpec, TypeVar
 
 from gateway.app.api.embedding import RunningGateway, open_gateway, shown
@@ -23,6 +23,7 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 #: Seconds between two looks for Ctrl-C, to which a wait without a limit is deaf on Windows.
 LOOK = 0.2
+CLOSED = "The gateway is closed."
 
 
 def _waits(
@@ -77,61 +78,91 @@ class _Thread(threading.Thread):
 
     def __init__(self, opening: contextlib.AbstractAsyncContextManager[RunningGateway]) -> None:
         super().__init__(name="mount-gateway", daemon=True)
-        self._opening, self._begun, self._asked = opening, threading.Event(), False
-        #: When the gateway is open, and when it is closed; either has the error instead, if there is one.
-        self.opened, self.closed = Future[None](), Future[None]()
+        self._opening, self._asked = opening, False
+        #: These get an item when the gateway is open, and when it is closed (``_over``). They are no Future: Ctrl-C in
+        #: the middle of waiting for one can leave its lock taken, for which this thread would then wait for ever; and
+        #: in the middle of ``is_alive`` or ``join`` it makes Python take this thread for ended.
+        self._opened, self._closed = SimpleQueue[None](), SimpleQueue[None]()
+        self._over = False
+        self._failure: BaseException | None = None
 
     def run(self) -> None:
         try:
             asyncio.run(self._serve())
         except BaseException as error:
-            (self.closed if self.opened.done() else self.opened).set_exception(error)
-        if not self.closed.done():
-            self.closed.set_result(None)
+            self._failure = error
+        self._over = True
+        self._closed.put(None)
 
     async def _serve(self) -> None:
         serving = asyncio.current_task()
         assert serving is not None
-        self._loop, self._leave = asyncio.get_running_loop(), serving.cancel
-        self._begun.set()
+        self._leave = serving.cancel
+        self._loop = asyncio.get_running_loop()
         with contextlib.suppress(asyncio.CancelledError):
-            async with self._opening as self.gateway:
-                self.opened.set_result(None)
-                await asyncio.Event().wait()
+            if not self._asked:
+                async with self._opening as self.gateway:
+                    self._opened.put(None)
+                    await asyncio.Event().wait()
+
+    def wait_until_open(self) -> None:
+        """Wait until the gateway is open. Raises what opening it raises."""
+        try:
+            self._get(self._opened)
+        except NoAnswer:
+            failure, self._failure = self._failure, None
+            raise failure or NoAnswer(CLOSED) from None
+
+    def _get(self, queue: SimpleQueue[_T]) -> _T:
+        """Wait for an item in such a way that Ctrl-C ends the wait on every system. Raises NoAnswer."""
+        while not (self._over and queue.empty()):
+            with contextlib.suppress(Empty):
+                return queue.get(timeout=LOOK)
+        raise NoAnswer(CLOSED)
 
     def result(self, call: Callable[[RunningGateway], Coroutine[object, object, _T]]) -> _T:
         """Carry out a call on the thread, wait for it, and return its result. Raises what it raises."""
+        if threading.current_thread() is self:
+            raise RuntimeError("A gateway that waits cannot be used on its own thread, by watch or warn.")
+        if self._asked:
+            raise NoAnswer(CLOSED)
+        calling: list[asyncio.Task[_T]] = []
+        answers = SimpleQueue[asyncio.Task[_T]]()
 
         async def called() -> _T:
             return await call(self.gateway)
 
-        if threading.current_thread() is self:
-            raise RuntimeError("A gateway that waits cannot be used on its own thread, by watch or warn.")
-        if self._asked:
-            raise NoAnswer("The gateway is closed.")
-        calling = asyncio.run_coroutine_threadsafe(called(), self._loop)
+        def begin() -> None:
+            calling.append(self._loop.create_task(called()))
+            calling[0].add_done_callback(answers.put)
+
         try:
-            return _result(calling)
-        except CancelledError:  # another thread has left the block meanwhile
-            raise NoAnswer("The gateway is closed.") from None
+            self._call(begin)
+            return self._get(answers).result()
+        except asyncio.CancelledError:  # another thread has left the block meanwhile
+            raise NoAnswer(CLOSED) from None
         finally:
-            calling.cancel()
+            self._call(lambda: [task.cancel() for task in calling])
+
+    def _call(self, function: Callable[[], object]) -> None:
+        """Call a function on the thread, unless its loop is closed."""
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(function)
 
     def end(self) -> None:
         """Stop the mount, close the gateway, and wait until that is done. Raises what closing raises."""
-        self._begun.wait()
-        if not self._asked:
-            self._asked = True
-            with contextlib.suppress(RuntimeError):  # the loop is closed: it could not be opened
-                self._loop.call_soon_threadsafe(self._leave)
-        _result(self.closed)
-
-
-def _result(future: Future[_T]) -> _T:
-    """Wait for a result in such a way that Ctrl-C ends the wait on every system."""
-    while not wait((future,), LOOK).done:
-        pass
-    return future.result()
+        first, self._asked = not self._asked, True
+        if first and hasattr(self, "_loop"):
+            self._call(self._leave)
+        while not self._over:
+            with contextlib.suppress(Empty):
+                self._closed.get(timeout=LOOK)
+        if first:  # not when Python takes itself apart, after the end of the program
+            self.join()
+            atexit.unregister(self.end)
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
 
 
 def _in_a_thread(
@@ -152,13 +183,12 @@ def _in_a_thread(
         atexit.register(thread.end)
         try:
             try:
-                _result(thread.opened)
+                thread.wait_until_open()
             except UserError as error:
                 raise UserError(str(error).replace("open_gateway:", "open_blocking_gateway:", 1)) from None
             yield BlockingGateway(thread)
         finally:
             thread.end()
-            atexit.unregister(thread.end)
 
     return open_blocking_gateway
 

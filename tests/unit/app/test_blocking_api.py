@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import json
 import signal
@@ -17,7 +18,7 @@ from gateway import BlockingGateway, Fault, RunningGateway, UserError, open_bloc
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Stopped
 from gateway.core.wire_log import Entry
-from tests.support.process import Running
+from tests.support.process import PATIENCE, Running
 
 SIM: dict[str, Any] = {"site": (48.1, 11.6), "lowest": -90, "sun": 0}
 SCRIPT = """
@@ -129,6 +130,36 @@ def test_the_end_of_a_program_saves_what_it_has_changed_last(tmp_path: Path, mon
     assert json.loads(state.read_text())["synced"]["east"] == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no signals at a chosen moment")
+def test_an_interrupt_at_any_moment_leaves_the_gateway_at_work() -> None:
+    class Struck(Exception):
+        pass
+
+    armed, places = [False], list[object]()
+
+    def strike(*_: object) -> None:
+        if armed[0]:
+            raise Struck
+
+    with open_blocking_gateway("nexstar@sim", **SIM) as gateway:
+        gateway.ready()
+        before = signal.signal(signal.SIGALRM, strike)
+        try:
+            for number in range(600):
+                with contextlib.suppress(Struck):
+                    armed[0] = True
+                    signal.setitimer(signal.ITIMER_REAL, 2e-5 * (number % 60 + 1))
+                    gateway.position()
+                    armed[0] = False
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
+        asking = threading.Thread(target=lambda: places.append(gateway.position()), daemon=True)
+        asking.start()
+        asking.join(PATIENCE)
+        assert places
+
+
 @pytest.mark.parametrize("ends", ["", "gateway.arrived(60)"])
 def test_the_end_of_a_program_stops_the_mount(ends: str, tmp_path: Path) -> None:
     """One that forgets to leave the block, and one that Ctrl-C ends while it waits."""
@@ -138,4 +169,4 @@ def test_the_end_of_a_program_stops_the_mount(ends: str, tmp_path: Path) -> None
     assert running.ready() == "its way"
     said = running.finish(signal.SIGINT if ends else None)
     assert "the mount got M" in said.stdout
-    assert (said.returncode != 0, said.stderr.count("Traceback")) == ((True, 1) if ends else (False, 0))
+    assert (said.returncode != 0, said.stderr.count("Traceback")) == ((True, 1) if ends else (False, 0)), said
