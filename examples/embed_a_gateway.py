@@ -1,7 +1,8 @@
 """Run a gateway inside a program, over a simulated mount, and point it.
 
-Run it: ``python examples/embed_a_gateway.py``. To move a real mount, write ``"nexstar@/dev/ttyUSB0"`` for
-``"nexstar@sim"``: leaving the ``async with`` block stops it, also after an exception.
+Run it: ``.venv/bin/python examples/embed_a_gateway.py``. To move a real mount, write ``"nexstar@/dev/ttyUSB0"`` for
+``"nexstar@sim"`` and delete the lines from ``site`` to ``speed``: they turn off the limits of altitude and Sun.
+Leaving the ``async with`` block stops the mount, also after an exception.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ async def main() -> None:
         "nexstar@sim",
         ["lx200@tcp://127.0.0.1:0"],  # port 0: any free port
         site=(48.1, 11.6),  # degrees, north and east positive
-        lowest=-90,  # allow the example's target at any time of day
-        sun=0,
+        lowest=-90,  # for the simulation only: no lowest altitude, so that the target is allowed at any time of day
+        sun=0,  # for the simulation only: nothing keeps the tube from the Sun
         speed=20,  # a simulated mount that slews 20 times faster than a real one
         warn=lambda text: print(f"note: {text}", file=sys.stderr),
     ) as gateway:

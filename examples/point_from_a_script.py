@@ -1,7 +1,8 @@
 """Point a mount at a few places from a script without an event loop, here a simulated mount and nothing that listens.
 
-Run it: ``python examples/point_from_a_script.py``. To move a real mount, write ``"nexstar@/dev/ttyUSB0"`` for
-``"nexstar@sim"``, and leave out what is set for the simulation. Leaving the ``with`` block stops it, also by Ctrl-C.
+Run it: ``.venv/bin/python examples/point_from_a_script.py``. To move a real mount, write ``"nexstar@/dev/ttyUSB0"`` for
+``"nexstar@sim"`` and delete the lines from ``site`` to ``speed``: they turn off the limits of altitude and Sun.
+Leaving the ``with`` block stops the mount, also by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ def main() -> None:
     with open_blocking_gateway(
         "nexstar@sim",
         site=(48.1, 11.6),  # degrees, north and east positive
-        lowest=-90,  # allow every place at any time of day
-        sun=0,
+        lowest=-90,  # for the simulation only: no lowest altitude, so that every place is allowed at any time of day
+        sun=0,  # for the simulation only: nothing keeps the tube from the Sun
         speed=20,  # a simulated mount that slews 20 times faster than a real one
     ) as gateway:
         gateway.ready()

@@ -67,7 +67,7 @@ def _stop(arguments: argparse.Namespace) -> int:
         bad += [trouble] * bool(trouble)
     bad += report.doubts
     if arguments.mount and report.others and not report.outcomes:
-        bad.append(no_such_mount(arguments.mount, report.others))
+        bad.append(f"{no_such_mount(arguments.mount, report.others)}. Nothing was stopped")
     if not (good or bad):
         only = f" for {arguments.mount}" if arguments.mount else ""
         good.append(NOTHING[word].format(only=only))

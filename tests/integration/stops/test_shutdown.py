@@ -367,7 +367,7 @@ def test_stop_with_and_without_a_gateway(
     """A running one is asked; after a kill a new one stops the mount before all else, and so does ``stop`` itself."""
     moving = Moving(started, tmp_path)
     moving.move()
-    other = f"no gateway runs here for nexstar@elsewhere; write --mount {moving.endpoint}"
+    other = f"no gateway runs here for nexstar@elsewhere; write --mount {moving.endpoint}. Nothing was stopped"
     assert stop("--mount", "nexstar@elsewhere") == (1, other)
     assert moving.moves()
     assert stop("--mount", moving.endpoint) == (0, f"{moving.endpoint}: stopped")

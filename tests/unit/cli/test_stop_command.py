@@ -151,7 +151,7 @@ def test_a_mount_that_a_killed_gateway_left_moving_is_known_by_its_name(
     here = ("--state", str(tmp_path))
     (tmp_path / "m.moving").write_bytes(msgspec.json.encode(MarkerContent("nexstar@sim", 9600)))
     code, words = stop(*here, "--mount", "peer")
-    assert (code, words) == (1, "no gateway runs here for peer; write --mount nexstar@sim")
+    assert (code, words) == (1, "no gateway runs here for peer; write --mount nexstar@sim. Nothing was stopped")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as freed:
         freed.bind(("127.0.0.1", 0))
         port = freed.getsockname()[1]
