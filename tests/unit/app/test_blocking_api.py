@@ -69,7 +69,9 @@ def test_a_script_points_a_mount_that_serves_nobody() -> None:
         assert gateway.site() == op.Place(48.1, 11.6)
         assert abs(gateway.time().unix - time.time()) < 60.0
         assert gateway.perform(op.GetStatus()).aligned
-        assert gateway.moving() is False
+        deadline = time.monotonic() + PATIENCE
+        while gateway.moving():  # on a busy computer two positions that agree come a moment later
+            assert time.monotonic() < deadline
         assert threads()
     assert any(entry.side == "mount" and entry.data[:1] == b"r" for entry in seen)
     assert not threads()
