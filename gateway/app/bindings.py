@@ -49,7 +49,13 @@ def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
             raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
 
 
-def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float], rules: int = RULES) -> MadeDriver:
+def make_driver(
+    endpoint: Endpoint,
+    config: MountConfig,
+    now: Callable[[], float],
+    rules: int = RULES,
+    warn: Callable[[str], None] | None = None,
+) -> MadeDriver:
     """Make the driver of a mount, which decides by these ``rules``. Raises UserError if its protocol has none."""
     make = PROTOCOLS[endpoint.protocol].make_driver
     if make is None:
@@ -65,7 +71,20 @@ def make_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float
         lowest=config.limits.lowest,
         rules=rules,
     )
-    return make(settings, now)
+    made = make(settings, now)
+    made[0].speed_factor = _speed_factor(endpoint, config.speed, warn)
+    return made
+
+
+def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] | None) -> float:
+    """How many times faster than a real mount this one slews: a simulated one may also run in another process."""
+    elsewhere = "://" in endpoint.where
+    if elsewhere and speed != 1.0 and warn is not None:
+        warn(
+            f"{endpoint}: speed = {speed:g} says that this mount is simulated and slews that many times faster than a "
+            "real one; leave it out for a real mount"
+        )
+    return speed if elsewhere or endpoint.where == "sim" else 1.0
 
 
 def make_surface(

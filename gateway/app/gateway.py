@@ -146,14 +146,13 @@ class Gateway:
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
-        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.rules)
-        driver.speed_factor = config.speed if self.mount.where == "sim" else 1.0
+        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.rules, self.warn)
         shared = Shared(to_shared(self.previous_run.kept)) if self.store is None else self.store.shared
         site = op.Place(*config.site) if config.site else None
         site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config, self.rules), self.wire_log, line, self.sky, site_clock)
-        announcers = [one.before_motion for one in (self.watched, self.store) if one is not None]
+        announcers = [part.before_motion for part in (self.watched, self.store) if part is not None]
         self._controller = MountController(context, follow_ups, self.entrance.announcers(announcers))
         if self.store is None:
             restore(self.controller, self.previous_run)

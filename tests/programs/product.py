@@ -17,10 +17,11 @@ OF_ANOTHER_NIGHT = ("--sun", "0", "--computer-clock", "doubtful")
 
 
 class Endpoint(NamedTuple):
-    """What a `ready PROTOCOL:MODEL@WHERE` line names."""
+    """What a `ready PROTOCOL:MODEL@WHERE` line names; `speed` times faster than a real mount."""
 
     speaks: str
     where: str
+    speed: float = 1.0
 
     @property
     def port(self) -> int:
@@ -47,7 +48,7 @@ def _simulator(
     argv += ["--time", NIGHT.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={site.latitude:g},{site.longitude:g}", *more]
     process = workshop.start(argv if aligned else [*argv, "--unaligned"], ends_well=True)
     wire, second_wire = endpoints(process.wait_for_lines("ready ", 2))
-    return wire, second_wire
+    return wire._replace(speed=speed), second_wire
 
 
 def start_simulator(
@@ -74,7 +75,7 @@ def start_meade(
     return wire, truth
 
 
-def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport: str) -> Endpoint:
+def _gateway(workshop: Workshop, protocol: str, mount: Endpoint, surface: str, transport: str) -> Endpoint:
     """The gateway over a mount of one protocol, presenting a surface through `tcp` or a `pty`."""
     where = "tcp://127.0.0.1:0" if transport == "tcp" else f"pty:{workshop.folder / 'surface'}"
     argv = [
@@ -82,7 +83,9 @@ def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport:
         "run",
         "--no-console",
         "--mount",
-        f"{mount}@socket://127.0.0.1:{port}",
+        f"{protocol}@socket://127.0.0.1:{mount.port}",
+        "--speed",
+        f"{mount.speed:g}",
         "--surface",
         f"{surface}@{where}",
     ]
@@ -93,20 +96,21 @@ def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport:
 
 def start_gateway(workshop: Workshop, mount: Endpoint, model: str, transport: str) -> Endpoint:
     """The gateway over a simulated hand control, presenting an LX200 model."""
-    surface = _gateway(workshop, "nexstar", mount.port, f"lx200:{model}", transport)
+    surface = _gateway(workshop, "nexstar", mount, f"lx200:{model}", transport)
     assert surface.speaks == f"lx200:{model}", surface
     return surface
 
 
 def start_celestron_gateway(workshop: Workshop, mount: Endpoint, transport: str, model: str = "") -> Endpoint:
     """The gateway over a simulated Meade, presenting the model that suits the mount it finds, or the one named."""
-    return _gateway(workshop, "lx200", mount.port, f"nexstar{':' * bool(model)}{model}", transport)
+    return _gateway(workshop, "lx200", mount, f"nexstar{':' * bool(model)}{model}", transport)
 
 
 def start_any_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> Endpoint:
     """The gateway over a simulated mount of a protocol, for programs of every protocol and browsers."""
     at = f"{protocol}@socket://127.0.0.1:{mount.port}"
     argv = [*PRODUCT, "run", "--mount", at, "--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"]
+    argv += ["--speed", f"{mount.speed:g}"]
     process = workshop.start([*argv, *OF_ANOTHER_NIGHT, "--log"], ends_well=True)
     surface, _ = process.wait_for_lines("ready ", 2)  # the console is the other
     return endpoints([surface])[0]
@@ -114,6 +118,6 @@ def start_any_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> End
 
 def start_stellarium_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> Endpoint:
     """The gateway over a simulated mount of a protocol, for Stellarium's own."""
-    surface = _gateway(workshop, protocol, mount.port, "stellarium", "tcp")
+    surface = _gateway(workshop, protocol, mount, "stellarium", "tcp")
     assert surface.speaks == "stellarium", surface
     return surface

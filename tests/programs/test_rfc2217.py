@@ -52,6 +52,8 @@ def virtual_port(workshop: Workshop, mount: str, port: int, surface: str) -> End
         f"{mount}@rfc2217://127.0.0.1:{port}",
         "--surface",
         f"{surface}@rfc2217://127.0.0.1:0",
+        "--speed",
+        f"{SPEED:g}",
         *OF_ANOTHER_NIGHT,
     ]
     (ready,) = endpoints(workshop.start(argv, ends_well=True).wait_for_lines("ready ", 1))

@@ -189,7 +189,13 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = 20
     latency: Annotated[float, key("how long a simulated mount takes to answer (seconds)", "S", ge=0.0, le=3.0)] = 0.0
     speed: Annotated[
-        float, key("how many times faster than a real one a simulated mount slews", "TIMES", gt=0.0, le=1000.0)
+        float,
+        key(
+            "how many times faster than a real one a simulated mount slews, in this process or in another one",
+            "TIMES",
+            gt=0.0,
+            le=1000.0,
+        ),
     ] = 1.0
 
     @property
