@@ -119,6 +119,9 @@ def replace(path: Path, pattern: str, text: str) -> None:
 def tests() -> None:
     step("Tests: .ci/run")
     subprocess.run(["bash", str(ROOT / ".ci" / "run")], check=True)
+    step("Tests: every command between every presented model and every mount")
+    command = ".venv/bin/python -bb -m pytest -q -n2 --whole tests/conformance/wire"
+    subprocess.run(command.split(), cwd=ROOT, check=True)
 
 
 def judged(files: list[Path]) -> None:

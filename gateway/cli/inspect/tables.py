@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 
 from gateway.cli.command_line import Commands
-from gateway.core.errors import UserError
 
 
 def add_tables(commands: Commands) -> None:
@@ -19,12 +18,6 @@ def add_tables(commands: Commands) -> None:
     group = tables.add_mutually_exclusive_group()
     group.add_argument("--write", action="store_true", help="write mappings/README.md")
     group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
-    tables.add_argument(
-        "--wire",
-        action="store_true",
-        help="with --check: play every row between all presented "
-        "models and all mounts on simulated ones, and fail on what is not as the tables say (minutes)",
-    )
     group.add_argument("--model", metavar="MODEL[/VERSION]", help="only what becomes of them on one mount: cpc/4.21")
     tables.set_defaults(run=_tables)
 
@@ -41,15 +34,8 @@ def _model(words: str) -> str:
 def _tables(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics import command_tables
 
-    if arguments.wire and not arguments.check:
-        raise UserError("tables: --wire goes with --check")
     if arguments.check:
-        failed = command_tables.check()
-        if arguments.wire:
-            from gateway.diagnostics.rehearsal import wire
-
-            failed |= wire.check()
-        return failed
+        return command_tables.check()
     if arguments.write:
         print(f"wrote {command_tables.write()}")
         return 0

@@ -1,22 +1,17 @@
-"""Play and judge every row between every presented model and every mount: ``tables --check --wire``.
+"""Play and judge rows between a presented model and a mount.
 
 Queries share one gateway; each command that may change the mount has a gateway of its own, so that no row affects
-another. The work is distributed over the processors.
+another.
 """
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from gateway.app.config import Endpoint
 from gateway.diagnostics.command_outcomes import Kind, versions
 from gateway.diagnostics.rehearsal.explain import before, counted, greeted, sky, traits
-from gateway.diagnostics.rehearsal.judge import Case, differences, writes
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
@@ -24,6 +19,7 @@ from gateway.protocols.registry import pairs as protocol_pairs
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import SurfaceRow
+from tests.conformance.wire.judge import Case, differences, writes
 
 #: The parts of a row that depend on a wedge.
 BUILDS = ("alt-az", "equatorial")
@@ -78,11 +74,12 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
     found: list[Difference] = []
     plays = 0
     asking = [command for command in commands if not _alone(protocol.surface.get(command.name))]
-    async with stage(pair.face, pair.mount, sky()) as shared:
-        player = Player(shared)
-        for command in asking:
-            plays += 1
-            found += await _one(pair, player, command, State(), GLANCE)
+    if asking:
+        async with stage(pair.face, pair.mount, sky()) as shared:
+            player = Player(shared)
+            for command in asking:
+                plays += 1
+                found += await _one(pair, player, command, State(), GLANCE)
     for command in commands:
         row = protocol.surface.get(command.name)
         for state in _states(row, driven, pair.mount.model or ""):
@@ -131,19 +128,6 @@ async def _one(pair: Pair, player: Player, command: Command, state: State, watch
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"
     return [Difference(protocol.name, command.name, words, where) for words in differences(case, play, surface, asked)]
-
-
-def check(chosen: Iterable[Pair] | None = None) -> int:
-    """Play everything and print the differences; return 0 if there are none, else 1."""
-    work = list(pairs() if chosen is None else chosen)
-    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
-        results = list(pool.map(rehearse, work, chunksize=4))
-    plays = sum(count for count, _ in results)
-    found = [difference for _, several in results for difference in several]
-    for line in report(found):
-        print(line, file=sys.stderr)
-    print(f"{len(work)} pair{'s' * (len(work) != 1)} of models, {plays} commands played, {len(found)} differences")
-    return 1 if found else 0
 
 
 def report(found: list[Difference]) -> Iterator[str]:

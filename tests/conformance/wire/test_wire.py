@@ -1,0 +1,59 @@
+"""The tables say what the wire carries: every command between every presented model and every mount.
+
+All of it takes some ten minutes on two cores (``pytest --whole``, which a release runs). As a rule every pair plays its
+share, the same in every run: every pair plays at least one command, and every command is played at least once.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import groupby
+
+import pytest
+
+from gateway.protocols.wireformat.command_set import load
+from tests.conformance.wire.rehearse import Pair, pairs, rehearse, report
+from tests.support.sampling import as_a_rule
+
+PAIRS = list(pairs())
+
+
+def shares() -> dict[Pair, frozenset[str]]:
+    """Deal the commands of each protocol to the pairs that present it, to each as many as all of them need."""
+    result = {}
+    for protocol, several in groupby(PAIRS, key=lambda pair: pair.face.protocol):
+        together = list(several)
+        names = [command.name for command in load(protocol).commands.values() if command.asked]
+        each = -(-len(names) // len(together))
+        for number, pair in enumerate(together):
+            result[pair] = frozenset(names[(number * each + one) % len(names)] for one in range(each))
+    return result
+
+
+SHARES = shares()
+GROUPS: dict[str, list[Pair]] = {}
+for pair in PAIRS:
+    GROUPS.setdefault(f"{pair.face.model or pair.face.protocol}-on-{pair.mount.model}", []).append(pair)
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_the_tables_say_what_the_wire_carries(name: str) -> None:
+    found = []
+    for pair in GROUPS[name]:
+        only = as_a_rule(len(SHARES[pair]), whole=0)
+        plays, differences = rehearse(pair, SHARES[pair] if only else frozenset())
+        commands = sum(command.asked for command in load(pair.face.protocol).commands.values())
+        assert plays >= (only or commands), pair
+        found += differences
+    assert list(report(found)) == []
+
+
+def test_every_pair_and_every_command_has_its_share() -> None:
+    """Also a new model and a new row, without being listed."""
+    assert len({(str(pair.face), str(pair.mount)) for pair in PAIRS}) == len(PAIRS)
+    assert {pair.mount.model for pair in PAIRS} == load("lx200").models.keys() | load("nexstar").models.keys()
+    assert sum(map(len, GROUPS.values())) == len(PAIRS) == len(SHARES) and all(SHARES.values())
+    played = Counter((pair.face.protocol, name) for pair, names in SHARES.items() for name in names)
+    for protocol in {pair.face.protocol for pair in PAIRS}:
+        asked = {(protocol, command.name) for command in load(protocol).commands.values() if command.asked}
+        assert asked <= played.keys()
