@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from difflib import SequenceMatcher
 from pathlib import Path
 
@@ -39,3 +40,12 @@ def test_an_old_and_a_new_wording_are_noticed() -> None:
     old = "`pytest tests/unit` takes less than a minute and tells whether the set-up works."
     new = "`pytest tests/unit` takes less than a minute and shows whether the set-up works."
     assert doubled(f"{old}\nThe page on testing says more.\n{new}\n") == [old]
+
+
+DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
+STATUS = re.compile(r"\n\n\*(?:Accepted|Replaced by [\w./()\[\] -]+,) on 20\d\d-\d\d-\d\d\. What would change it: \S")
+
+
+@each("page", DECISIONS)
+def test_a_decision_has_a_status_a_date_and_what_would_change_it(page: Path) -> None:
+    assert STATUS.search(page.read_text("utf-8").split("## ")[0]), page.name
