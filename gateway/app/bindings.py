@@ -163,12 +163,11 @@ class AcceptorFactory:
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
         for protocol in spoken(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part)
-            one.presets.one_type = False
-            one.binding = msgspec.structs.replace(one.binding, titles=titles)
+            speaking[protocol] = self._one(number, Endpoint(protocol, endpoint.where), part, titles)
         return AnyAcceptor(speaking, self._web)
 
-    def _one(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> ConnectionAcceptor:
+    def _one(self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = "") -> ConnectionAcceptor:
+        """``titles``: those of all protocols of the surface, if there are several."""
         binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
         binding.surface.rules = self._controller.policy.rules
@@ -177,6 +176,7 @@ class AcceptorFactory:
             self.own.append(binding)
         binding = msgspec.structs.replace(
             binding,
+            titles=titles or binding.titles,
             equinox=self._j2000 if (surface.equinox or binding.default_equinox) == "j2000" else None,
             profiles=tuple(profiles(endpoint.protocol, surface, self._j2000)),
             hold=hold(surface, endpoint.protocol, surface.client),
@@ -184,7 +184,7 @@ class AcceptorFactory:
         self.bindings.append((endpoint.protocol, binding))
         entry = access(surface, self._config)
         return ConnectionAcceptor(
-            self._controller, binding, self._shared, self._clock, number, entry, endpoint.where, self._warn
+            self._controller, binding, self._shared, self._clock, number, entry, endpoint.where, self._warn, not titles
         )
 
 

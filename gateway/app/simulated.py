@@ -13,7 +13,6 @@ from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.baud import SerialPace
-from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.wires import BAUD, SimulatedTransport
 
 DEFAULT_SITE = (45.0, 10.0)
@@ -108,12 +107,6 @@ class _SimulatedConnection:
     def peer_closed(self) -> None:
         """Do nothing: a mount does not notice who is connected."""
 
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        """Do nothing: a simulated mount stays at the rate it was opened with."""
-
-    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """Do nothing: a mount answers every connection."""
-
     def close(self) -> None:
         self._write = lambda data: None
         for pace in self._paces:
@@ -130,7 +123,7 @@ async def serve_simulator(
     """
 
     def arrivals(pace: int | None) -> Accept:
-        return lambda name, host, write: _SimulatedConnection(simulator, latency, pace, write)
+        return lambda connected: _SimulatedConnection(simulator, latency, pace, connected.write)
 
     return [
         await open_port(place, arrivals(baud or (None if place.startswith(NETWORK) else BAUD)), baud)

@@ -11,17 +11,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 
-from msgspec.structs import replace
-
 from gateway.clients.access import Access, Admission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.connection import ClientConnection
 from gateway.clients.profiles import SurfaceBinding
 from gateway.clients.wrong_preset import PresetWatch
+from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.protocols.base.session import Kept, Shared
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Write
+from gateway.transport.handler import Connected
 
 INHERIT_FOR = 60.0
 #: Seconds for which a client on a serial line, or one that connects for each command, counts as present when silent.
@@ -41,6 +40,7 @@ class ConnectionAcceptor:
         access: Access = Access(),
         where: str = "",
         warn: Callable[[str], None] = lambda text: None,
+        one_type: bool = True,
     ) -> None:
         self.controller, self.binding, self.shared, self.clock = controller, binding, shared, host_clock
         #: The number of the surface, counted from 1.
@@ -54,6 +54,7 @@ class ConnectionAcceptor:
             controller.loop.call_later,
             warn,
             controller.wire_log.remember,
+            one_type,
         )
         self._clients: set[CommandProcessor] = set()
         self._saved_states: dict[str, tuple[float, Kept]] = {}
@@ -64,54 +65,53 @@ class ConnectionAcceptor:
         """The name of the model that clients see; None if the protocol has no models."""
         return str(self.binding.model["name"]) if self.binding.surface.protocol.models else None
 
-    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def accept(self, connected: Connected) -> ConnectionHandler:
         """Admit a new connection. Raises ConnectionRefused."""
-        self.admit(name, host)
-        return self.create(name, host, write)
+        self.admit(connected)
+        return self.create(connected)
 
-    def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def create(self, connected: Connected) -> ConnectionHandler:
         """Log and create a connection that was admitted."""
-        wire_log = self.controller.wire_log
-        wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
-        return self.create_silently(name, host, write, lambda: wire_log.put(name, "-"))
+        name, wire_log = connected.name, self.controller.wire_log
+        wire_log.put(name, "+", note=f"surface {self.number}, host {connected.host}")
+        return self.create_silently(connected, lambda: wire_log.put(name, "-"))
 
     def create_silently(
-        self, name: str, host: str, write: Write, closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
+        self, connected: Connected, closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
     ) -> ConnectionHandler:
         """Create a connection.
 
         ``closed`` is called at its end. ``first_bytes`` were received and answered elsewhere before.
         """
-        binding = self.binding
-        session = binding.surface.session(binding.model, binding.settings, self.clock, self.shared)
-        at, kept = self._saved_states.get(host, (-1e9, session.kept))
-        if session.inherits and self.controller.now() - at <= INHERIT_FOR:
-            session.kept = copy(kept)
-        activity = self.controller.presence.connected(host, self.number)
-        client = CommandProcessor(name, self.controller, binding, session, write, activity)
-        client.runner.equinox = binding.equinox
-        self._clients.add(client)
-        if self.access.is_read_only(host):
-            client.runner.rights = Rights(read_only=True)
-            session.may_not_set = lambda: client.log.refused_once("a setting refused: read only")
-        rights = replace(client.runner.rights, hibernate=self.access.hibernate)
+        binding, controller, host = self.binding, self.controller, connected.host
+        rights = Rights(self.access.is_read_only(host), self.access.hibernate or connected.hang_up is None)
+        log = ClientLog(connected.name, controller.wire_log)
+        session = binding.surface.session(
+            binding.model,
+            binding.settings,
+            self.clock,
+            self.shared,
+            self._saved_state(host) if binding.surface.session.inherits else None,
+            (lambda: log.refused_once("a setting refused: read only")) if rights.read_only else None,
+        )
+        activity = controller.presence.connected(host, self.number)
+        client = CommandProcessor(connected, controller, binding, session, activity, rights)
         connection = ClientConnection(
+            connected,
             client,
             binding,
-            self.presets.listen(name, host),
+            self.presets.listen(connected.name, host),
             lambda: self._leave(host, client, connection, closed),
             lambda: self._save_state(host, client),
-            _is_serial(name, host),
-            rights,
+            first_bytes,
         )
-        connection.first_bytes = first_bytes
+        self._clients.add(client)
         self._connections.add(connection)
-        client.push()
         return connection
 
-    def admit(self, name: str, host: str) -> None:
+    def admit(self, connected: Connected) -> None:
         """Check whether a connection is allowed; log a refusal once per host. Raises ConnectionRefused."""
-        self._admission.check(name, host, self.clients(), _is_serial(name, host))
+        self._admission.check(connected, self.clients())
 
     def clients(self) -> list[str]:
         """The hosts of all clients, including disconnected ones whose operations are still under way."""
@@ -139,7 +139,7 @@ class ConnectionAcceptor:
 
     def set_address(self, where: str) -> None:
         """Take the address of the port, which is open now and has its real number."""
-        self.presets.where = where
+        self.presets.set_address(where)
 
     def _leave(
         self, host: str, client: CommandProcessor, connection: ClientConnection, closed: Callable[[], None]
@@ -151,6 +151,11 @@ class ConnectionAcceptor:
             return
         self._save_state(host, client)
 
+    def _saved_state(self, host: str) -> Kept | None:
+        """Return what the last connection from this host has left, unless that is too long ago."""
+        at, kept = self._saved_states.get(host, (-1e9, None))
+        return kept if self.controller.now() - at <= INHERIT_FOR else None
+
     def _save_state(self, host: str, client: CommandProcessor) -> None:
         """The client has disconnected: save its state for the next connection from this host."""
         if client.activity.closed is None:
@@ -158,11 +163,6 @@ class ConnectionAcceptor:
         self._saved_states[host] = (self.controller.now(), copy(client.session.kept))
         for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._saved_states[old]
-
-
-def _is_serial(name: str, host: str) -> bool:
-    """Whether a connection is a serial line or a pseudo-terminal."""
-    return host.removeprefix("pty:") == name
 
 
 class LazyAcceptor:
@@ -181,14 +181,14 @@ class LazyAcceptor:
             self._made = self._make()
         return self._made
 
-    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        return self._one.accept(name, host, write)
+    def accept(self, connected: Connected) -> ConnectionHandler:
+        return self._one.accept(connected)
 
-    def admit(self, name: str, host: str) -> None:
-        self._one.admit(name, host)
+    def admit(self, connected: Connected) -> None:
+        self._one.admit(connected)
 
-    def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        return self._one.create(name, host, write)
+    def create(self, connected: Connected) -> ConnectionHandler:
+        return self._one.create(connected)
 
     def present_hosts(self) -> list[str]:
         return [] if self._made is None else self._made.present_hosts()

@@ -17,7 +17,7 @@ from gateway.core.errors import Fault, NotFromNetwork, ReadOnly, UserError
 from gateway.core.operations import AbortMotion, AbortSlew, Focus, Hibernate, Operation, Read, StopAxis
 from gateway.core.wire_log import WireLog
 from gateway.system.file_limits import no_room
-from gateway.transport.handler import ConnectionRefused
+from gateway.transport.handler import Connected, ConnectionRefused
 from gateway.transport.room import share
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
@@ -93,20 +93,20 @@ class Admission:
     def __init__(self, access: Access, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log
 
-    def check(self, name: str, host: str, connected: Sequence[str], lasting: bool = False) -> None:
-        """Raises ConnectionRefused if the hosts ``connected`` are the most allowed; a ``lasting`` one needs no file."""
-        most = self._access.most
+    def check(self, new: Connected, hosts: Sequence[str]) -> None:
+        """Raises ConnectionRefused if those ``hosts`` are the most allowed; one on a line needs no file."""
+        host, most = new.host, self._access.most
         if not self._access.admits(host):
             why = "it is not in allow"
-        elif len(connected) >= most:
+        elif len(hosts) >= most:
             why = f"there are {most} clients (max-clients) already"
-        elif connected.count(host) >= (own := share(host, most)):
+        elif hosts.count(host) >= (own := share(host, most)):
             why = f"it has {own} clients already, three quarters of max-clients"
-        elif not lasting and (words := no_room()):
+        elif not new.on_a_line and (words := no_room()):
             why = words
         else:
             return
-        self._log.turned_away(name, f"connection from {host} refused on surface {self._number}: {why}", host)
+        self._log.turned_away(new.name, f"connection from {host} refused on surface {self._number}: {why}", host)
         raise ConnectionRefused
 
 

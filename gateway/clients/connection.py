@@ -13,16 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from msgspec.structs import replace
-
-from gateway.clients.access import Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.turn import LONG_AGO
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, Piece, StrangerFilter, page
 from gateway.clients.wrong_preset import FirstCommands
-from gateway.transport.baud import BaudTrial
-from gateway.transport.handler import HandOver, HangUp
+from gateway.transport.handler import Connected
 from gateway.transport.intake import LATE, SHARE
 
 #: Logged when a connection ends and its first bytes were neither a command nor recognised.
@@ -31,6 +27,10 @@ UNRECOGNISED = "no command of this surface's protocol begins like this"
 MAX_WAITING = 512
 #: Seconds without data after which a connection that was behind has caught up.
 CAUGHT_UP = 5.0
+
+
+#: Takes bytes, the count of stops when they were sent if that was earlier, and when they arrived if that was earlier.
+Deliver = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
@@ -63,44 +63,45 @@ class ClientConnection:
     """A client's connection: from its first bytes, which tell who it is, to its end.
 
     ``lasting``: a serial line, whose clients do not visibly connect or disconnect. ``heard``: the loop time of its last
-    bytes. ``rights``: those of a client on the network. With many connections it takes turns, except to end a motion.
+    bytes. ``first_bytes`` were received and answered elsewhere before; the client program may be recognised by them.
+    From the network, the first bytes are checked before any is processed. With many connections it takes turns, except
+    to end a motion.
     """
 
     def __init__(
         self,
+        connected: Connected,
         client: CommandProcessor,
         binding: SurfaceBinding,
         first: FirstCommands,
         closed: Callable[[], None],
         save_state: Callable[[], None],
-        lasting: bool,
-        rights: Rights,
+        first_bytes: bytes = b"",
     ) -> None:
-        self.client, self._profiles, self._closed, self.lasting = client, binding.profiles, closed, lasting
+        self.client, self._profiles, self._closed = client, binding.profiles, closed
+        self.lasting = connected.on_a_line
         self._save_state = save_state
         self._first: FirstCommands | None = first
-        self._filter: StrangerFilter | None = None
-        self._binding, self._rights = binding, rights
+        self._binding, self._hang_up = binding, connected.hang_up
         self._controller, self._wanted = client.controller, client.controller.wanted
-        client.releases.by_stop = binding.stops_arrows
         #: The client program that was recognised.
         self.profile = ""
         #: Whether it is no telescope program.
         self.stranger = False
-        self._hang_up: HangUp = lambda last: None
-        #: When the bytes that are being processed arrived, if that was earlier.
-        self._arrived: float | None = None
-        self.host, self.heard = client.activity.who, -1e9
-        #: The first bytes, as long as the client program may be recognised by them.
-        self.first_bytes = b""
+        self.host, self.heard = connected.host, -1e9
+        self._first_bytes = first_bytes
         #: Bytes that wait for their turn, each with the number of stops when they arrived.
         self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
         #: Whether its lateness was logged; whether the other end has closed.
         self._logged_late = self._peer_closed = False
-        self._deliver = (
-            self._deliver_serial if lasting else self._deliver_recognising if binding.profiles else client.feed
+        self._deliver: Deliver = (
+            self._deliver_serial if self.lasting else self._deliver_recognising if binding.profiles else client.feed
         )
+        self._filter: StrangerFilter | None = None
+        if connected.hang_up is not None:
+            self._filter = StrangerFilter(binding.beginning, self.protocol)
+            self._deliver_after_filter, self._deliver = self._deliver, self._deliver_screened
 
     @property
     def protocol(self) -> str:
@@ -125,7 +126,7 @@ class ClientConnection:
         if self._backlog.late:
             self._note_late()
         elif was_late and not self._peer_closed:
-            self.client.activity.closed = None  # it has caught up, so a client is there
+            self._controller.presence.returned(self.client.activity)  # it has caught up, so a client is there
         self._feed(data, sent)
         self._backlog.add(len(data), now, self._wanted.value.stops)
 
@@ -157,7 +158,7 @@ class ClientConnection:
             or (not self._waiting and self._controller.fair_scheduler.try_acquire())
         ):
             self._process_waiting()
-            self._deliver(data, behind)
+            self._deliver(data, behind, None)
             return
         self._waiting.append((data, self._wanted.value.stops if behind is None else behind))
         if len(self._waiting) == 1:
@@ -167,46 +168,29 @@ class ClientConnection:
         """Process all waiting bytes in the order of arrival."""
         waiting, self._waiting = self._waiting, []
         for data, stops in waiting:
-            self._deliver(data, stops)
+            self._deliver(data, stops, None)
 
-    def _deliver_serial(self, data: bytes, stops: int | None) -> None:
+    def _deliver_serial(self, data: bytes, stops: int | None, arrived: float | None) -> None:
         """Feed the client of a serial line, and remember when it was last heard."""
         self.heard = self._controller.now()
-        self.client.feed(data, stops)
+        self.client.feed(data, stops, arrived)
 
-    def _deliver_recognising(self, data: bytes, stops: int | None) -> None:
+    def _deliver_recognising(self, data: bytes, stops: int | None, arrived: float | None) -> None:
         """Feed the client, and compare its first bytes with the known client programs."""
         if self._profiles:
-            self.first_bytes += data
+            self._first_bytes += data
             self._profiles = tuple(profile for profile in self._profiles if self._may_match(profile))
-        self.client.feed(data, stops)
+        self.client.feed(data, stops, arrived)
 
     def _may_match(self, profile: ClientProfile) -> bool:
         """Whether more bytes are needed to decide about a profile; if it fits, apply it."""
-        if not self.first_bytes.startswith(profile.first):
-            return profile.first.startswith(self.first_bytes)
-        client, session = self.client, self.client.session
-        client.runner.equinox = profile.equinox or client.runner.equinox
-        session.settings = replace(session.settings, **profile.settings)
-        session.kept.precision = profile.settings.get("precision", session.kept.precision)
-        client.unread.hold, client.releases.by_stop = profile.hold, profile.stops_arrows
+        if not self._first_bytes.startswith(profile.first):
+            return profile.first.startswith(self._first_bytes)
         self.profile = profile.program
-        client.log.note(f"recognised client {profile.program}: applying its profile")
+        self.client.recognised(profile)
         return False
 
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        self.client.rate = BaudTrial(change_rate)
-
-    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """Mark the connection as one from the network: the first bytes are checked before any is processed."""
-        client, now = self.client, self._controller.now
-        self._hang_up, self._deliver_after_filter = hang_up, self._deliver
-        self._filter = StrangerFilter(self._binding.beginning, self._binding.surface.protocol.name)
-        client.runner.rights, client.unread.hold = self._rights, self._binding.hold
-        client.arrival = lambda: now() if self._arrived is None else self._arrived
-        self._deliver = self._deliver_screened
-
-    def _deliver_screened(self, data: bytes, stops: int | None) -> None:
+    def _deliver_screened(self, data: bytes, stops: int | None, arrived: float | None) -> None:
         """Feed the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._filter is not None
@@ -218,15 +202,14 @@ class ClientConnection:
             self._deliver = self._deliver_after_filter
         for piece in pieces:
             late = piece.at != now
-            self._arrived = piece.at if late else None
-            self._deliver_after_filter(piece.data, piece.stops if late else stops)
-        self._arrived = None
+            self._deliver_after_filter(piece.data, piece.stops if late else stops, piece.at if late else arrived)
 
     def _reject(self, greeting: Greeting) -> None:
         """Log what the stranger sent, and close the connection."""
-        self.stranger, self._deliver = True, lambda data, stops: None
+        assert self._hang_up is not None
+        self.stranger, self._deliver = True, lambda data, stops, arrived: None
         if self._first is not None:
-            self._first.done = True
+            self._first.end()
         titles, client = self._binding.titles, self.client
         client.log.note(
             f"sends {greeting.words}; this is a port for programs that speak {titles}: "

@@ -74,6 +74,7 @@ class PresetWatch:
 
     ``remember`` is called for every one with its host and the words, for those who ask for recent events.
     ``framing`` splits bytes into commands of the surface's protocol; ``later`` calls a function after some seconds.
+    ``one_type``: the surface is for one protocol only; on one for every protocol any telescope type fits.
     """
 
     def __init__(
@@ -85,14 +86,16 @@ class PresetWatch:
         later: Callable[[float, Callable[[], None]], object],
         warn: Callable[[str], None],
         remember: Callable[[str, str], None],
+        one_type: bool = True,
     ) -> None:
         self.own, self.where, self.now, self.later, self.warn = own, where, now, later, warn
-        self._remember = remember
-        #: Whether the surface is for one protocol only; on one for every protocol any telescope type fits.
-        self.one_type = True
+        self._remember, self._one_type = remember, one_type
         self._framing = framing
         self._spoke: dict[str, float] = {}
         self._warned: dict[str, float] = {}
+
+    def set_address(self, where: str) -> None:
+        self.where = where
 
     def listen(self, name: str, host: str) -> FirstCommands:
         return FirstCommands(self, name, host, self._framing())
@@ -109,7 +112,7 @@ class PresetWatch:
 
     def warn_of(self, name: str, host: str, sent: bytes) -> None:
         """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""
-        words, warned = advice(self.own, sent, self.where) if self.one_type else "", self._warned.get(host, -1e9)
+        words, warned = advice(self.own, sent, self.where) if self._one_type else "", self._warned.get(host, -1e9)
         if words:
             self._remember(host, words)
         again = host in self._warned and (self.now() - warned < WARN_AGAIN or not self.spoke_since(host, warned))
@@ -136,6 +139,10 @@ class FirstCommands:
         if any(load(presets.own).find(frame) is not None for frame in self._framer.feed(data, presets.now())):
             presets.spoke(self._host)
             self.done = True
+
+    def end(self) -> None:
+        """The client is no telescope program."""
+        self.done = True
 
     def _decide(self, began: float) -> None:
         """The time is up. The client may have disconnected and used the right protocol on another connection."""

@@ -68,6 +68,10 @@ class Presence:
     def disconnected(self, activity: HostActivity) -> None:
         activity.closed = self._now()
 
+    def returned(self, activity: HostActivity) -> None:
+        """A connection whose client seemed gone has one after all."""
+        activity.closed = None
+
     def connections_for(self, activity: HostActivity) -> list[HostActivity]:
         """Return this connection, and if it is closed, also those that its host has opened since."""
         closed = activity.closed

@@ -6,11 +6,36 @@ import asyncio
 from collections.abc import Callable
 from typing import Protocol
 
+from msgspec import Struct
+
 #: Ends a connection after sending these last bytes; the other end gets time to read them.
 HangUp = Callable[[bytes], None]
 #: Takes over a connection as it is; and how a handler gives it away, after which it gets no more bytes.
 Taker = Callable[[asyncio.Transport], None]
 HandOver = Callable[[Taker], None]
+#: Writes to a connection, and returns how many bytes are still to be sent, None if unknown.
+Write = Callable[[bytes], int | None]
+
+
+class Connected(Struct, frozen=True):
+    """A new connection, and all that its handler may do with it.
+
+    ``hang_up``: it is from the network, so anyone may be at the other end, and this ends it; ``hand_over``, if
+    possible, gives it to another owner. ``change_rate``: it is a serial port, and this sets the baud rate and returns
+    the previous one.
+    """
+
+    name: str
+    host: str
+    write: Write
+    hang_up: HangUp | None = None
+    hand_over: HandOver | None = None
+    change_rate: Callable[[int], int] | None = None
+
+    @property
+    def on_a_line(self) -> bool:
+        """Whether it is a serial line or a pseudo-terminal."""
+        return self.host.removeprefix("pty:") == self.name
 
 
 class ConnectionRefused(Exception):
@@ -35,20 +60,9 @@ class ConnectionHandler(Protocol):
     def peer_closed(self) -> None:
         """The other end has closed: no more bytes will arrive, though it may still read."""
 
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        """The connection is a serial port; ``change_rate`` sets its baud rate and returns the previous one."""
 
-    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """The connection is from the network, so anyone may be at the other end.
-
-        ``hang_up`` ends it; ``hand_over``, if possible, gives it to another owner.
-        """
-
-
-#: Writes to a connection, and returns how many bytes are still to be sent, None if unknown.
-Write = Callable[[bytes], int | None]
-#: Called with (name, host, write) of a new connection; returns its handler.
-Accept = Callable[[str, str, Write], ConnectionHandler]
+#: Called with a new connection; returns its handler. Raises ConnectionRefused.
+Accept = Callable[[Connected], ConnectionHandler]
 
 
 class Listener(Protocol):

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from gateway.core.errors import UserError
 from gateway.transport.baud import misread
 from gateway.transport.device_link import DeviceLink, like_a_serial_port
-from gateway.transport.handler import Accept, ConnectionHandler
+from gateway.transport.handler import Accept, Connected, ConnectionHandler
 
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
@@ -85,7 +85,7 @@ class PtyPort:
             if self.baud is not None:
                 data = misread(data, speed(pair.master), self.baud)
             if self._handler is None:
-                self._handler = self._accept(self.path, self.where, self._write)
+                self._handler = self._accept(Connected(self.path, self.where, self._write))
             self._peer_closed = closed
             if data:
                 self._handler.feed(data)

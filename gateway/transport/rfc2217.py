@@ -14,9 +14,10 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
+from msgspec.structs import replace
 from serial.rfc2217 import M_NORMAL, PortManager
 
-from gateway.transport.handler import Accept, HandOver, HangUp, Write
+from gateway.transport.handler import Accept, Connected
 
 IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
@@ -50,11 +51,19 @@ class _TelnetFilter:
     #: Always False: Telnet commands count, so none may be skipped.
     ended = False
 
-    def __init__(self, accept: Accept, name: str, host: str, write: Write) -> None:
-        self.write = write
+    def __init__(self, accept: Accept, connected: Connected) -> None:
+        self.write = connected.write
         self._held = b""
         self._telnet: PortManager | None = None
-        self._handler = accept(name, host, self._send)
+        hang_up = connected.hang_up
+        self._handler = accept(
+            replace(
+                connected,
+                write=self._send,
+                hang_up=None if hang_up is None else lambda last: hang_up(self._escaped(last)),
+                hand_over=None,
+            )
+        )
 
     def feed(self, data: bytes) -> None:
         data = self._plain(data) if self._telnet is None else self._filtered(data)
@@ -102,16 +111,10 @@ class _TelnetFilter:
     def peer_closed(self) -> None:
         self._handler.peer_closed()
 
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        """Do nothing: there is no serial port."""
-
-    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        self._handler.network(lambda last: hang_up(self._escaped(last)))
-
     def close(self) -> None:
         self._handler.close()
 
 
 def over_telnet(accept: Accept) -> Accept:
     """Wrap ``accept`` so that clients may use RFC 2217."""
-    return lambda name, host, write: _TelnetFilter(accept, name, host, write)
+    return lambda connected: _TelnetFilter(accept, connected)

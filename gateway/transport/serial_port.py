@@ -7,7 +7,7 @@ import contextlib
 import errno
 
 from gateway.core.errors import UserError
-from gateway.transport.handler import Accept, ConnectionHandler
+from gateway.transport.handler import Accept, Connected, ConnectionHandler
 from gateway.transport.wires import SerialTransport
 
 #: Seconds between two attempts to open a lost port.
@@ -33,8 +33,7 @@ class SerialPort:
     async def open(cls, url: str, accept: Accept, baud: int = 9600) -> SerialPort:
         """Open the port. Raises UserError if that is not possible now; if it is lost later, it is opened again."""
         self = cls(url, baud)
-        self._handler = accept(url, url, self._write)
-        self._handler.serial(self._change_rate)
+        self._handler = accept(Connected(url, url, self._write, change_rate=self._change_rate))
         try:
             await self._wire.open(self._handler.feed, self._lost)
         except OSError as error:

@@ -14,7 +14,7 @@ import socket
 import time
 from typing import cast
 
-from gateway.transport.handler import Accept, ConnectionHandler, ConnectionRefused, Taker
+from gateway.transport.handler import Accept, Connected, ConnectionHandler, ConnectionRefused, Taker
 from gateway.transport.intake import LARGE_READ, LATE, SHARE, Pace, skip_repetitions
 from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
 
@@ -51,13 +51,14 @@ class _Connection(asyncio.BufferedProtocol):
         stream.set_write_buffer_limits(high=SLOW_READER)
         _enable_keepalive(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
+        host = str(peer[0])
+        name = f"{in_brackets(host)}:{peer[1]}"
         try:
-            self._handler = self._port.accept(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
+            self._handler = self._port.accept(Connected(name, host, self._write, self._hang_up, self._hand_over))
         except ConnectionRefused:
             stream.abort()
             return
         self._port.connections.add(self)
-        self._handler.network(self._hang_up, self._hand_over)
 
     def get_buffer(self, sizehint: int) -> bytearray:
         return self._port.large_buffer if self._last_share else self._buffer

@@ -63,6 +63,24 @@ def test_no_module_is_long() -> None:
     assert max(long.values()) <= LARGER
 
 
+def test_nothing_inside_imports_the_public_names() -> None:
+    """They stand above all layers, where import-linter has no place for them."""
+    public = {"gateway", *(f"gateway.{name}" for name in (*gateway.__all__, "__version__"))}
+    for path in ROOT.rglob("*.py"):
+        named = structure.imports(path, "")
+        plain = {one for one in named if not any(other.startswith(f"{one}.") for other in named)}
+        assert not plain & public and not named & (public - {"gateway"}), path
+
+
+@each("name", ["acceptor.py", "connection.py"])
+def test_a_client_is_complete_when_it_is_constructed(name: str) -> None:
+    """Whoever makes a part of a client passes in what it needs, and nobody finishes it from outside."""
+    tree = ast.parse((ROOT / "clients" / name).read_text("utf-8"))
+    stored = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)]
+    foreign = {ast.unparse(node) for node in stored if ast.unparse(node.value) != "self"}
+    assert stored and not foreign
+
+
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])
 def test_few_classes_of_a_mount_reach_each_other_at_run_time(driven: str) -> None:
     """What only listens to a signal is not reached by whoever emits it."""

@@ -17,6 +17,7 @@ from gateway.app.simulated import make_simulator
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
+from gateway.transport.handler import Connected
 from gateway.transport.wires import SimulatedTransport
 
 #: 2026-01-15 22:00 UTC
@@ -71,9 +72,7 @@ class Recorded:
 
     def arrive(self, name: str, write: Any) -> ConnectionHandler:
         """Open a new connection. Raises TurnedAway."""
-        guest = self._arrive(name, name.partition(":")[0], write)
-        guest.network(lambda last: None)
-        return guest
+        return self._arrive(Connected(name, name.partition(":")[0], write, lambda last: None))
 
     async def __aenter__(self) -> Recorded:
         await self.gateway.entrance.begin(self.gateway.begin)

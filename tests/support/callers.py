@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from itertools import cycle
 from typing import Any
 
+from gateway.transport.handler import Connected
 from gateway.transport.rfc2217 import over_telnet
 
 
@@ -24,9 +25,8 @@ class Caller:
         self.gone = False
         self._told = asyncio.Event()
         arrive = over_telnet(acceptor.accept) if transport == "rfc2217" else acceptor.accept
-        self._guest = arrive(f"{host}:{number}", host, self._hear)
-        if not trusted:
-            self._guest.network(self._hang_up)
+        hang_up = None if trusted else self._hang_up
+        self._guest = arrive(Connected(f"{host}:{number}", host, self._hear, hang_up))
 
     def _hear(self, data: bytes) -> None:
         assert not self.gone, "the gateway sends something after closing the connection"

@@ -23,6 +23,7 @@ from gateway.mount.presence import NOBODY, HostActivity, Presence, Program
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.mount.site.pending_settings import IncomingSettings
 from gateway.protocols.base.session import Shared
+from gateway.transport.handler import Connected
 from tests.support.fake_mount import Mount
 
 
@@ -141,7 +142,7 @@ class FakeConnection:
 
     def __init__(self, gateway: FakeGateway, host: str) -> None:
         self._heard = b""
-        self._guest = gateway.acceptor.accept(f"{host}:1", host, self._hear)
+        self._guest = gateway.acceptor.accept(Connected(f"{host}:1", host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self._heard += data

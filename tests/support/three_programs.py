@@ -15,6 +15,7 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.any_protocol.web import Web
 from gateway.core.waiting import TimedEvent
 from gateway.protocols.alpaca.http.programs import Program as Lines
+from gateway.transport.handler import Connected
 from tests.support.in_process_gateway import Bridge
 
 PROTOCOLS = ("alpaca", "lx200", "nexstar")
@@ -25,7 +26,7 @@ class Wire:
 
     def __init__(self, acceptor: Any, host: str) -> None:
         self.heard, self._more = b"", TimedEvent()
-        self._guest = acceptor.accept(f"{host}:50000", host, self._hear)
+        self._guest = acceptor.accept(Connected(f"{host}:50000", host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self.heard += data

@@ -18,6 +18,7 @@ from gateway.mount.policy import Limits, Policy
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.session import Shared
 from gateway.transport import ConnectionHandler
+from gateway.transport.handler import Connected
 from gateway.transport.wires import OnData, OnLost
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.sent_forms import malformed
@@ -37,7 +38,8 @@ class SurfaceTransport:
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         loop = asyncio.get_running_loop()
-        self._guest = self._acceptor.accept("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
+        connected = Connected("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
+        self._guest = self._acceptor.accept(connected)
 
     def write(self, data: bytes) -> None:
         assert self._guest is not None

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 from gateway.mount.motion.order_runner import Announce
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Accept, Write
+from gateway.transport.handler import Accept, Connected
 from gateway.transport.wires import Transport
 
 _T = TypeVar("_T")
@@ -23,9 +23,9 @@ Work = Callable[[], Coroutine[object, object, _T]]
 class Admitting(Protocol):
     """The acceptor of one surface's connections."""
 
-    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
-    def admit(self, name: str, host: str) -> None: ...
-    def create(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
+    def accept(self, connected: Connected) -> ConnectionHandler: ...
+    def admit(self, connected: Connected) -> None: ...
+    def create(self, connected: Connected) -> ConnectionHandler: ...
 
 
 class Entrance:

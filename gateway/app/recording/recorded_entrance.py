@@ -11,6 +11,8 @@ from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from itertools import chain, count
 from typing import TypeVar
 
+from msgspec.structs import replace
+
 from gateway.app.recording.entrance import Admitting, Entrance, Work
 from gateway.app.recording.format import escape
 from gateway.app.recording.recorder import Recorder
@@ -19,7 +21,7 @@ from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
 from gateway.mount.motion.order_runner import Announce
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Accept, HandOver, HangUp, Write
+from gateway.transport.handler import Accept, Connected
 from gateway.transport.wires import OnData, OnLost, Transport
 
 _T = TypeVar("_T")
@@ -34,12 +36,11 @@ class RecordedEntrance(Entrance):
         self._present: set[str] = set()
 
     def accept(self, acceptor: Admitting) -> Accept:
-        def accept(name: str, host: str, write: Write) -> ConnectionHandler:
-            acceptor.admit(name, host)
-            connection = _RecordedConnection(
-                self._loop, self.recorder, self._unique(name), write, self._present.discard
-            )
-            self._loop.enter(connection.enter, acceptor, host)
+        def accept(connected: Connected) -> ConnectionHandler:
+            acceptor.admit(connected)
+            connected = replace(connected, name=self._unique(connected.name))
+            connection = _RecordedConnection(self._loop, self.recorder, connected, self._present.discard)
+            self._loop.enter(connection.enter, acceptor)
             return connection
 
         return accept
@@ -125,19 +126,11 @@ class _RecordedConnection:
     """One connection at the entrance. Replies to the commands of one chunk of bytes are sent as one."""
 
     def __init__(
-        self, loop: TurnLoop, recorder: Recorder, name: str, write: Write, release_name: Callable[[str], None]
+        self, loop: TurnLoop, recorder: Recorder, connected: Connected, release_name: Callable[[str], None]
     ) -> None:
-        self._loop, self._recorder, self._name, self._write, self._release_name = (
-            loop,
-            recorder,
-            name,
-            write,
-            release_name,
-        )
+        self._loop, self._recorder, self._connected, self._release_name = loop, recorder, connected, release_name
+        self._name, self._write = connected.name, connected.write
         self._handler: ConnectionHandler | None = None
-        self._change_rate: Callable[[int], int] | None = None
-        self._hang_up: HangUp | None = None
-        self._hand_over: HandOver | None = None
         self._replies: list[bytes] | None = None
         #: How many received chunks have not entered yet.
         self._waiting = 0
@@ -150,12 +143,8 @@ class _RecordedConnection:
     def answered(self) -> bool:
         return self._handler is not None and not self._waiting and self._handler.answered
 
-    def enter(self, acceptor: Admitting, host: str) -> None:
-        self._handler = acceptor.create(self._name, host, self._reply)
-        if self._change_rate is not None:
-            self._handler.serial(self._change_rate)
-        if self._hang_up is not None:
-            self._handler.network(self._hang_up, self._hand_over)
+    def enter(self, acceptor: Admitting) -> None:
+        self._handler = acceptor.create(replace(self._connected, write=self._reply))
 
     def feed(self, data: bytes) -> None:
         self._waiting += 1
@@ -179,15 +168,6 @@ class _RecordedConnection:
             return self._write(data)
         self._replies.append(data)
         return None
-
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        self._change_rate = change_rate
-        if self._handler is not None:
-            self._handler.serial(change_rate)
-
-    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        """Pass on the functions of a network connection; call this before ``feed``."""
-        self._hang_up, self._hand_over = hang_up, hand_over
 
     def peer_closed(self) -> None:
         self._loop.enter(self._end_of_input)

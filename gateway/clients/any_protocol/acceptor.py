@@ -17,7 +17,7 @@ from gateway.clients.any_protocol.web import Web
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE
 from gateway.protocols.registry import PROTOCOLS
-from gateway.transport.handler import ConnectionHandler, HandOver, HangUp, Taker, Write
+from gateway.transport.handler import Connected, ConnectionHandler, Taker
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
 GREET_AFTER, INCOMPLETE_FOR = 3.0, 1.0
@@ -28,11 +28,9 @@ MAX_IDLE = 64
 class AnyConnection:
     """A connection to such a port. ``closed`` is called at its end; the other arguments are those of an acceptor."""
 
-    def __init__(self, port: AnyAcceptor, name: str, host: str, write: Write, closed: Callable[[], None]) -> None:
+    def __init__(self, port: AnyAcceptor, connected: Connected, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
-        self._name, self.host, self._write = name, host, write
-        self._hang_up: HangUp | None = None
-        self._hand_over: HandOver | None = None
+        self._connected, self.host = connected, connected.host
         #: The connection that answers, and its protocol; preliminary while the protocol is undecided.
         self._handler: ConnectionHandler | None = None
         self._protocol = ""
@@ -58,12 +56,6 @@ class AnyConnection:
     @property
     def answered(self) -> bool:
         return not self._waits_for_web if self._handler is None else self._handler.answered
-
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        """Do nothing: there is no serial port."""
-
-    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
-        self._hang_up, self._hand_over = hang_up, hand_over
 
     def peer_closed(self) -> None:
         self._silence.cancel()
@@ -91,7 +83,7 @@ class AnyConnection:
         now = self._controller.now()
         if now - self._last_received >= INCOMPLETE_FOR and (half := self.sent.lstrip(IDLE)):
             self._controller.wire_log.put(
-                self._name, "x", half, "an incomplete command that was not continued within a second"
+                self._connected.name, "x", half, "an incomplete command that was not continued within a second"
             )
             self.sent = b""
         self._last_received = now
@@ -125,12 +117,8 @@ class AnyConnection:
             return
         self._close_handler()
         self._protocol = protocol
-        self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
-        self._handler = self._acceptors[protocol].create_silently(
-            self._name, self.host, self._write, first_bytes=self._answered_bytes
-        )
-        if self._hang_up is not None:
-            self._handler.network(self._hang_up)
+        self._controller.wire_log.put(self._connected.name, "~", note=", ".join(filter(None, (protocol, why))))
+        self._handler = self._acceptors[protocol].create_silently(self._connected, first_bytes=self._answered_bytes)
 
     def _close_handler(self) -> None:
         """Close the connection that has answered until now."""
@@ -150,7 +138,7 @@ class AnyConnection:
         self._close_handler()
         self.sent, self.feed, self._waits_for_web = sent, self._wait_for_web, True
         words = "speaks HTTP: passed to the console, nothing of it reaches the mount"
-        self._controller.wire_log.note_once(self._name, words, of=self.host)
+        self._controller.wire_log.note_once(self._connected.name, words, of=self.host)
         self._web.enter(self)
 
     def _wait_for_web(self, data: bytes) -> None:
@@ -159,13 +147,13 @@ class AnyConnection:
 
     def hand_over(self, take: Taker) -> None:
         """Give the connection to another owner. In a replay there is none to give."""
-        if self._hand_over is not None:
-            self._hand_over(take)
+        if self._connected.hand_over is not None:
+            self._connected.hand_over(take)
 
     def hang_up(self, last: bytes) -> None:
         """Send the last bytes and close the connection."""
-        if self._hang_up is not None:
-            self._hang_up(last)
+        if self._connected.hang_up is not None:
+            self._connected.hang_up(last)
 
 
 class AnyAcceptor:
@@ -181,27 +169,27 @@ class AnyAcceptor:
         self._admission = Admission(self.access, self.number, self.controller.wire_log)
         self._connections: set[AnyConnection] = set()
 
-    def accept(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def accept(self, connected: Connected) -> ConnectionHandler:
         """A new connection. Raises ConnectionRefused."""
-        self.admit(name, host)
-        return self.create(name, host, write)
+        self.admit(connected)
+        return self.create(connected)
 
-    def admit(self, name: str, host: str) -> None:
+    def admit(self, connected: Connected) -> None:
         """Check whether a connection is allowed. Raises ConnectionRefused."""
-        connected = [one.host for one in self._connections if not one.decided]
+        hosts = [one.host for one in self._connections if not one.decided]
         for acceptor in self.acceptors.values():
-            connected += acceptor.clients()
-        self._admission.check(name, host, connected)
+            hosts += acceptor.clients()
+        self._admission.check(connected, hosts)
 
-    def create(self, name: str, host: str, write: Write) -> ConnectionHandler:
+    def create(self, connected: Connected) -> ConnectionHandler:
         wire_log = self.controller.wire_log
-        wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
+        wire_log.put(connected.name, "+", note=f"surface {self.number}, host {connected.host}")
 
         def closed() -> None:
             self._connections.discard(connection)
-            wire_log.put(name, "-")
+            wire_log.put(connected.name, "-")
 
-        connection = AnyConnection(self, name, host, write, closed)
+        connection = AnyConnection(self, connected, closed)
         self._connections.add(connection)
         return connection
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
 
+from gateway.clients.access import Rights
 from gateway.clients.commands.pushes import Pushes
 from gateway.clients.commands.releases import Releases
 from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn, TurnRunner
 from gateway.clients.commands.unread import UnreadText
-from gateway.clients.profiles import SurfaceBinding
+from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
 from gateway.core.wire_log import ClientLog, show
@@ -26,29 +26,29 @@ from gateway.protocols.base.frames import RESYNC_GAP, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Ending
 from gateway.transport.baud import BaudTrial
-from gateway.transport.handler import Write
+from gateway.transport.handler import Connected
 
 
 class CommandProcessor:
-    """Answers one connection. ``write`` sends reply bytes."""
+    """Answers one connection, whose client has these ``rights``."""
 
     def __init__(
         self,
-        name: str,
+        connected: Connected,
         controller: MountController,
         binding: SurfaceBinding,
         session: Session,
-        write: Write,
         activity: HostActivity,
+        rights: Rights,
     ) -> None:
         self.activity = activity
         self.controller, self.surface, self.session = controller, binding.surface, session
         self._wanted = controller.wanted
-        self.framer, self.write = binding.framing(), write
-        self.log = ClientLog(name, controller.wire_log)
+        self.framer, self.write = binding.framing(), connected.write
+        self.log = ClientLog(connected.name, controller.wire_log)
         self._inbox = Inbox(self.log)
-        self.releases = Releases(controller, binding.surface, self._inbox)
-        self.runner = TurnRunner(controller, binding.surface, session, activity, self.log)
+        self.releases = Releases(controller, binding.surface, self._inbox, binding.stops_arrows)
+        self.runner = TurnRunner(controller, binding, session, activity, self.log, rights)
         self._cache = self.runner.cache
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
@@ -56,18 +56,17 @@ class CommandProcessor:
         #: The command that waits for the mount; and whether its reply may take until the next command.
         self._turn: Turn | None = None
         self._lasting = False
-        #: Returns when the bytes being processed arrived, loop time.
-        self.arrival: Callable[[], float] = controller.now
         self.open = True
         #: Whether the last bytes only ended motions and need no reply.
         self.ended = False
         #: Whether the next byte begins a command.
         self._idle = True
-        self._pushes: Pushes | None = None
-        #: What the program may leave unread of its last reply.
-        self.unread = UnreadText(self._send, self.log, controller.loop)
+        #: What the program may leave unread of its last reply; over a network only.
+        self.unread = UnreadText(self._send, self.log, controller.loop, binding.hold if connected.hang_up else 0.0)
         #: The baud rate, if the connection is a serial port.
-        self.rate: BaudTrial | None = None
+        self._rate = None if connected.change_rate is None else BaudTrial(connected.change_rate)
+        subscriptions, unsent = self.surface.subscriptions(session), lambda: self.write(b"") or 0
+        self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, controller.spawn)
 
     @property
     def busy(self) -> bool:
@@ -79,13 +78,21 @@ class CommandProcessor:
         """Whether no command waits for its turn or for the mount."""
         return self._task is None and not self._inbox
 
+    def recognised(self, profile: ClientProfile) -> None:
+        """The client's program is known now: serve it by its profile."""
+        self.session.recognised(profile.settings)
+        self.runner.equinox = profile.equinox or self.runner.equinox
+        self.unread.hold, self.releases.by_stop = profile.hold, profile.stops_arrows
+        self.log.note(f"recognised client {profile.program}: applying its profile")
+
     # --- bytes in ---------------------------------------------------------------------------------------------------
 
-    def feed(self, data: bytes, stops: int | None = None) -> None:
+    def feed(self, data: bytes, stops: int | None = None, arrived: float | None = None) -> None:
         """Process received bytes.
 
-        If they arrived earlier, ``stops`` is the controller's count of stops at that time. No bytes: what the framer
-        has held back is processed, if the line is quiet.
+        If they were sent earlier, ``stops`` is the controller's count of stops at that time; if they were held back,
+        ``arrived`` is the loop time of their arrival. No bytes: what the framer has held back is processed, if the line
+        is quiet.
         """
         self.activity.sent_data |= stops != LONG_AGO
         if self.log.sinks and data:
@@ -94,7 +101,8 @@ class CommandProcessor:
             self.unread.heard(data)
         if self._idle and self._task is None and self._answer_from_cache(data):
             return
-        frames = self.framer.feed(data, self.arrival())
+        arrived = self.controller.now() if arrived is None else arrived
+        frames = self.framer.feed(data, arrived)
         if self.log.sinks:
             self._log_dropped()
         self._idle = self.framer.idle  # else the next bytes may belong to these
@@ -105,8 +113,8 @@ class CommandProcessor:
         for frame in frames:
             if isinstance(frame, Unterminated):
                 self.log.note(frame.words)
-            if self.rate is not None and self.surface.protocol.find(frame) is not None:
-                self.rate.understood()
+            if self._rate is not None and self.surface.protocol.find(frame) is not None:
+                self._rate.understood()
             if frame in ended:
                 self.log.put("x", frame, "repeated with nothing in between: carried out once for both")
                 continue
@@ -116,10 +124,10 @@ class CommandProcessor:
                 self.ended = False
             else:
                 ended.add(frame)
-                self._end_motion(frame, ending)
+                self._end_motion(frame, ending, arrived)
             steps = self.surface.handle(self.session, frame)
             before = self._wanted.value.stops if stops is None else stops
-            self._inbox.add(Turn(frame, steps, before, ending, self.arrival()))
+            self._inbox.add(Turn(frame, steps, before, ending, arrived))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
@@ -146,10 +154,9 @@ class CommandProcessor:
         self.write(reply)
         return True
 
-    def _end_motion(self, frame: bytes, ending: Ending) -> None:
+    def _end_motion(self, frame: bytes, ending: Ending, arrived: float) -> None:
         """End a motion before all waiting commands, and remove those that would begin it."""
-        now = self.arrival()
-        ends = self.releases.ends(frame, ending, now, self._turn)
+        ends = self.releases.ends(frame, ending, arrived, self._turn)
         if ends is None:
             return
         self._inbox.take_back(ends.takes_back, frame)
@@ -157,7 +164,7 @@ class CommandProcessor:
             if not (self.releases.by_stop and self.controller.orders.releases_arrow(self.activity)):
                 self.controller.begin_stop(self.activity.who)
         else:
-            self.runner.background.start(ends.operation, self._wanted.value.stops, now)
+            self.runner.background.start(ends.operation, self._wanted.value.stops, arrived)
 
     def _log_dropped(self) -> None:
         for why, data in self.framer.dropped.items():
@@ -244,8 +251,8 @@ class CommandProcessor:
             self._send(reply)
         elif self.log.sinks:
             self._log_silence(frame)
-        if turn.baud is not None and self.rate is not None:
-            self.rate.begin(turn.baud)
+        if turn.baud is not None and self._rate is not None:
+            self._rate.begin(turn.baud)
 
     def _log_no_reply(self, frame: bytes) -> None:
         found = self.surface.protocol.find(frame)
@@ -270,12 +277,6 @@ class CommandProcessor:
         if why := self.surface.silence(self.session, frame):
             self.log.note_once(f"no reply to {show(frame)}: {why}")
 
-    def push(self) -> None:
-        """Start the subscriptions of this client, if its surface sends data without being asked."""
-        if subscriptions := self.surface.subscriptions(self.session):
-            unsent, spawn = (lambda: self.write(b"") or 0), self.controller.spawn
-            self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, spawn)
-
     def _send(self, data: bytes) -> None:
         if data:
             self.log.put("<", data)
@@ -286,11 +287,10 @@ class CommandProcessor:
         self.open = False
         self.write = lambda data: None
         self.unread.drop()
-        if self._pushes is not None:
-            self._pushes.close()
+        self._pushes.close()
         for frame in self.framer.end():  # the next connection must not continue an incomplete command
             self.log.note(frame.words)
             deque(self.surface.handle(self.session, frame), 0)
         self._log_dropped()
-        if self.rate is not None:
-            self.rate.end()
+        if self._rate is not None:
+            self._rate.end()

@@ -17,14 +17,15 @@ ALL_AT_ONCE = 0.3
 
 
 class Releases:
-    """The releases of one connection, whose commands wait in ``inbox``."""
+    """The releases of one connection, whose commands wait in ``inbox``.
 
-    def __init__(self, controller: MountController, surface: Surface, inbox: Inbox) -> None:
-        self._controller, self._surface, self._inbox = controller, surface, inbox
+    ``by_stop``: the program releases its arrows by a full stop.
+    """
+
+    def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, by_stop: bool) -> None:
+        self._controller, self._surface, self._inbox, self.by_stop = controller, surface, inbox, by_stop
         #: The releases a moment ago, with the loop times of their arrival.
         self._recent: dict[bytes, float] = {}
-        #: Whether the program releases its arrows by a full stop.
-        self.by_stop = False
 
     def ends(self, frame: bytes, ending: Ending, now: float, under_way: Turn | None) -> Ending | None:
         """Return what a command ends; None if it releases only an arrow whose press waits behind ``under_way``."""

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from msgspec import Struct
 
 from gateway.clients.access import Rights
-from gateway.clients.profiles import EquinoxConverter
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
 from gateway.core.operations import AbortSlew, ClockFromGps, Move, MoveAxis, Operation, Own, Read, StopAxis, Sync
@@ -28,7 +28,7 @@ from gateway.mount.motion.taps import LONGEST_HELD
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Ending, Surface
+from gateway.protocols.base.surface import Ending
 from gateway.protocols.base.wants import (
     ChangeBaudRate,
     CheckPossible,
@@ -218,12 +218,17 @@ class TurnRunner:
     """Runs the commands of one client. ``rights`` are its rights, ``equinox`` converts its coordinates."""
 
     def __init__(
-        self, controller: MountController, surface: Surface, session: Session, activity: HostActivity, log: ClientLog
+        self,
+        controller: MountController,
+        binding: SurfaceBinding,
+        session: Session,
+        activity: HostActivity,
+        log: ClientLog,
+        rights: Rights,
     ) -> None:
-        self._controller, self._surface, self._session = controller, surface, session
+        self._controller, self._surface, self._session = controller, binding.surface, session
         self._activity, self._log, self.cache = activity, log, ReplyCache()
-        self.rights = Rights()
-        self.equinox: EquinoxConverter | None = None
+        self.rights, self.equinox = rights, binding.equinox
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
 

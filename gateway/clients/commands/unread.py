@@ -25,9 +25,10 @@ _IGNORED = b"#\r\n\0 "
 class UnreadText:
     """The text that waits on one connection. ``send`` sends and logs bytes; 0 s of ``hold`` hold nothing back."""
 
-    def __init__(self, send: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop) -> None:
-        self._send, self._log, self._loop = send, log, loop
-        self.hold = 0.0
+    def __init__(
+        self, send: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold: float
+    ) -> None:
+        self._send, self._log, self._loop, self.hold = send, log, loop, hold
         self._text = b""
         self._timer: asyncio.TimerHandle | None = None
 

@@ -21,6 +21,7 @@ from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.link.line import MountLink
 from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import pairs
+from gateway.transport.handler import Connected
 from gateway.transport.wires import Connection, SimulatedTransport
 
 #: The default protocols of the surface and the mount.
@@ -121,7 +122,7 @@ class Visitor:
     def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._more = TimedEvent()
-        self._guest = stage.acceptor.accept(host, host, self._hear)
+        self._guest = stage.acceptor.accept(Connected(host, host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self.heard += data

@@ -10,6 +10,7 @@ from gateway.app.recording.format import Event
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.transport import ConnectionHandler
+from gateway.transport.handler import Connected
 from gateway.transport.listening import networked
 
 #: How many bytes of a difference are shown.
@@ -38,10 +39,10 @@ class Told:
     def come(self, gateway: Gateway, event: Event, name: str | None = None) -> None:
         """Connect as in a recorded event, under another ``name`` if one is given. Raises UserError."""
         number, host = surface_and_host(event)
-        acceptor = gateway.acceptors[number - 1]
-        self.guest = acceptor.create(name or self.name, host, self.now.extend)  # it was accepted when it was recorded
-        if networked(gateway.endpoints[number - 1].where):
-            self.guest.network(lambda last: None)  # a stranger's bytes (a browser's) are not recorded
+        from_network = networked(gateway.endpoints[number - 1].where)
+        hang_up = (lambda last: None) if from_network else None  # a stranger's bytes (a browser's) are not recorded
+        connected = Connected(name or self.name, host, self.now.extend, hang_up)
+        self.guest = gateway.acceptors[number - 1].create(connected)  # it was accepted when it was recorded
 
     def play(self, event: Event) -> None:
         """Replay what the client did; any other event is its end."""

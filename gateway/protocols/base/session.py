@@ -8,12 +8,14 @@ frozen, all sessions hold it through ``Shared``, and only a client with the perm
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from typing import Annotated, Protocol
 
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from gateway.core.errors import ReadOnly
+from gateway.core.operations import Values
 from gateway.protocols.wireformat.rows import Model
 
 
@@ -95,7 +97,10 @@ class Kept(Struct):
 
 
 class Session:
-    """One client of a surface: its own settings, the model presented to it, and the settings shared by all clients."""
+    """One client of a surface: its own settings, the model presented to it, and the settings shared by all clients.
+
+    It begins with a copy of ``kept``, if given. A client that may only read has ``may_not_set``, called when it tries.
+    """
 
     #: Whether the next connection from the same host begins with the settings of this one.
     inherits = True
@@ -104,23 +109,33 @@ class Session:
     kept: Kept
 
     def __init__(
-        self, model: Model, settings: ClientSettings, clock: Callable[[], float], shared: Shared | None = None
+        self,
+        model: Model,
+        settings: ClientSettings,
+        clock: Callable[[], float],
+        shared: Shared | None = None,
+        kept: Kept | None = None,
+        may_not_set: Callable[[], None] | None = None,
     ) -> None:
         self.model, self.settings, self.clock = model, settings, clock
         self.common = shared or Shared()
-        #: For a read-only client: called when it tries to set something.
-        self.may_not_set: Callable[[], None] | None = None
+        self._may_not_set = may_not_set
         #: The previous frame.
         self.last = b""
         #: Why the current command was refused, if its protocol has no reply form for a refusal; else empty.
         self.refused = ""
         #: Whether the reply to the current command is a refusal that is not in the log.
         self.said_no = False
-        self.forget()
+        self.kept = self.state(settings.precision) if kept is None else copy(kept)
 
     def forget(self) -> None:
         """Reset the client's own settings to those at power-on."""
         self.kept = self.state(self.settings.precision)
+
+    def recognised(self, settings: Values) -> None:
+        """The client's program is known now: use its settings."""
+        self.settings = replace(self.settings, **settings)
+        self.kept.precision = settings.get("precision", self.kept.precision)
 
     @property
     def shared(self) -> MountSettings:
@@ -135,8 +150,8 @@ class Session:
 
     def check_may_set(self) -> None:
         """Check the permission before a reply whose setting takes effect later. Raises ReadOnly."""
-        if self.may_not_set is not None:
-            self.may_not_set()
+        if self._may_not_set is not None:
+            self._may_not_set()
             raise ReadOnly
 
     def known(self, name: str) -> object:

@@ -15,6 +15,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.driver.pointing import STANDS
+from gateway.transport.handler import Connected
 from tests.support.in_process_gateway import Bridge
 
 NAK = b"\x15"
@@ -204,7 +205,7 @@ def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
         inner = Bridge("6-8se", driven="nexstar", surface=presented)
         async with inner:
             outer = Bridge("lx200", driven="lx200", surface="autostar")
-            guest = inner.acceptor.accept("10.0.0.3", "10.0.0.3", lambda data: wire._deliver(data))
+            guest = inner.acceptor.accept(Connected("10.0.0.3", "10.0.0.3", lambda data: wire._deliver(data)))
             wire: Any = outer.controller.line.wire
 
             def feed(data: bytes) -> bytes:

@@ -16,6 +16,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
 from gateway.diagnostics.virtual_time import run
+from gateway.transport.handler import Connected
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 
@@ -132,7 +133,7 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
         async with Bridge() as bridge:
             acceptor = bridge.acceptor
             one, other, passing, line, serial = (
-                acceptor.accept(name, host, lambda data: None)
+                acceptor.accept(Connected(name, host, lambda data: None))
                 for name, host in (
                     ("10.0.0.1:4", "10.0.0.1"),
                     ("10.0.0.1:5", "10.0.0.1"),

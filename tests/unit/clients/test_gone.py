@@ -13,6 +13,7 @@ import pytest
 
 from gateway.diagnostics.virtual_time import run
 from gateway.transport import open_port
+from gateway.transport.handler import Connected
 from gateway.transport.intake import PAUSE, SHARE
 from gateway.transport.listening import split_address
 from gateway.transport.tcp import TcpPort
@@ -129,15 +130,12 @@ class Slow:
     def close(self) -> None:
         self.closed.set()
 
-    def network(self, hang_up: Callable[[bytes], None]) -> None:
-        """Anybody may come."""
-
 
 async def slow_at(scheme: str) -> tuple[TcpPort, list[Slow]]:
     guests: list[Slow] = []
 
-    def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Any:
-        guests.append(Slow(write))
+    def arrive(connected: Connected) -> Any:
+        guests.append(Slow(connected.write))
         return guests[-1]
 
     port = await open_port(f"{scheme}://127.0.0.1:0", arrive)

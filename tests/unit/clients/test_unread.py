@@ -15,6 +15,7 @@ from gateway.clients.commands.unread import HOLD
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
 from gateway.diagnostics.virtual_time import run
+from gateway.transport.handler import Connected
 from tests.support.fake_gateway import FakeGateway
 
 TARGET, GOTO, TEXT = b":Sr20:00:00#:Sd-30*00:00#", b":MS#", b"Object Below Horizon.#"
@@ -35,9 +36,8 @@ class Line:
             hold=hold(surface, "lx200", client),
         )
         self._heard = b""
-        self.guest = self.gateway.acceptor.accept("192.168.4.2:1", "192.168.4.2", self._hear)
-        if network:
-            self.guest.network(lambda last: None)
+        hang_up = (lambda last: None) if network else None
+        self.guest = self.gateway.acceptor.accept(Connected("192.168.4.2:1", "192.168.4.2", self._hear, hang_up))
 
     def _hear(self, data: bytes) -> int:
         self._heard += data

@@ -41,9 +41,6 @@ class Visitor:
         self.book.append(data.decode("latin-1"))
         self.write(b"!" * data.count(b"?"))
 
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        pass
-
     def close(self) -> None:
         self.book.append("leaves")
 
@@ -53,7 +50,7 @@ def on_a_port(path: Path, program: Callable[[PtyPort, list[str]], Awaitable[None
     book: list[str] = []
 
     async def main() -> int:
-        port = PtyPort(str(path), lambda name, host, write: Visitor(book, write))
+        port = PtyPort(str(path), lambda connected: Visitor(book, connected.write))
         try:
             async with asyncio.timeout(PATIENCE * 2):
                 await program(port, book)
@@ -235,7 +232,7 @@ def test_a_name_that_cannot_be_had_is_said_and_left_alone(
 
     async def main() -> None:
         with pytest.raises(UserError, match=f"cannot make {path}: there is {what}"):
-            PtyPort(str(path), lambda name, host, write: Visitor([], write))
+            PtyPort(str(path), lambda connected: Visitor([], connected.write))
 
     asyncio.run(main())
     assert path.exists() == (what != "no directory")
@@ -248,7 +245,7 @@ def test_a_crash_leaves_a_link_that_is_replaced_and_two_cannot_have_one(tmp_path
 
     async def program(port: PtyPort, book: list[str]) -> None:
         with pytest.raises(UserError, match="another gateway holds it"):
-            PtyPort(str(path), lambda name, host, write: Visitor([], write))
+            PtyPort(str(path), lambda connected: Visitor([], connected.write))
         assert path.exists()
 
     on_a_port(path, program)
@@ -294,7 +291,7 @@ def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) ->
 
     async def program() -> None:
         book: list[str] = []
-        port = PtyPort(str(tmp_path / "p"), lambda name, host, write: Visitor(book, write))
+        port = PtyPort(str(tmp_path / "p"), lambda connected: Visitor(book, connected.write))
         for turn in range(3):
             flood = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             for _ in range(60):
@@ -327,7 +324,7 @@ def test_the_last_words_of_who_has_closed_it_are_heard_and_not_answered(tmp_path
     async def program() -> None:
         book: list[str] = []
         answers: list[bytes] = []
-        port = PtyPort(str(tmp_path / "p"), lambda name, host, write: Visitor(book, write))
+        port = PtyPort(str(tmp_path / "p"), lambda connected: Visitor(book, connected.write))
         pair = port._pair
         brief = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
         os.write(brief, b"a?b")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gateway.app.gateway import Gateway
 from gateway.transport import open_port
-from gateway.transport.handler import Listener
+from gateway.transport.handler import Connected, Listener
 from gateway.transport.rfc2217 import over_telnet
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
@@ -41,12 +41,6 @@ class Echo:
         self.heard += data
         self.write(data)
 
-    def serial(self, change_rate: Callable[[int], int]) -> None:
-        pass
-
-    def network(self, hang_up: Callable[[bytes], None]) -> None:
-        pass
-
     def peer_closed(self) -> None:
         pass
 
@@ -60,10 +54,10 @@ class Telnet:
     def __init__(self) -> None:
         self.sent = b""
         self.echo: Echo
-        self.guest = over_telnet(self._arrive)("test", "127.0.0.1", self._send)
+        self.guest = over_telnet(self._arrive)(Connected("test", "127.0.0.1", self._send))
 
-    def _arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Echo:
-        self.echo = Echo(write)
+    def _arrive(self, connected: Connected) -> Echo:
+        self.echo = Echo(connected.write)
         return self.echo
 
     def _send(self, data: bytes) -> None:
@@ -103,7 +97,7 @@ def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_brisk")
 def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
     async def main() -> None:
-        port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda name, host, write: Echo(write))
+        port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda connected: Echo(connected.write))
         try:
             assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
             async with asyncio.timeout(20):

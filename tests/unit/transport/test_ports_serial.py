@@ -15,6 +15,7 @@ from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.core.errors import UserError
 from gateway.transport import open_port, serial_port
+from gateway.transport.handler import Connected
 from gateway.transport.pty import speed
 from gateway.transport.wires import SerialTransport
 from tests.support.each import each
@@ -97,9 +98,8 @@ def test_a_loop_hears_itself() -> None:
     async def main() -> None:
         guests: list[Echo] = []
 
-        def arrive(name: str, host: str, write: object) -> Echo:
-            guests.append(Echo(lambda data: None))
-            guests[0].write = write  # type: ignore[assignment]
+        def arrive(connected: Connected) -> Echo:
+            guests.append(Echo(connected.write))
             return guests[0]
 
         port = await open_port("loop://", arrive)
@@ -117,7 +117,7 @@ def test_a_loop_hears_itself() -> None:
 @each("where", ["COM5", "com5", "\\\\.\\COM12", "/dev/none", "./none"])
 def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
     async def main() -> None:
-        await open_port(where, lambda name, host, write: Echo(write))
+        await open_port(where, lambda connected: Echo(connected.write))
 
     with pytest.raises(UserError, match=r"^cannot open "):
         asyncio.run(main())
@@ -126,7 +126,7 @@ def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
 @pytest.mark.parametrize("where", ["ttyUSB0", "tcp:127.0.0.1:4030", "localhost:4030"])
 def test_what_is_no_name_of_a_port_gets_the_forms_there_are(where: str) -> None:
     async def main() -> None:
-        await open_port(where, lambda name, host, write: Echo(write))
+        await open_port(where, lambda connected: Echo(connected.write))
 
     with pytest.raises(UserError, match="write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial"):
         asyncio.run(main())

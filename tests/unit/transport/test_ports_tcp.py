@@ -13,13 +13,14 @@ import pytest
 
 from gateway.core.errors import UserError
 from gateway.transport import open_port
+from gateway.transport.handler import Connected
 from gateway.transport.listening import split_address
 from gateway.transport.tcp import TcpPort
 from tests.unit.transport.test_ports_rfc2217 import Echo
 
 
 async def echo_at(where: str) -> TcpPort:
-    port = await open_port(where, lambda name, host, write: Echo(write))
+    port = await open_port(where, lambda connected: Echo(connected.write))
     assert isinstance(port, TcpPort)
     return port
 
@@ -115,9 +116,9 @@ def test_who_writes_is_told_what_waits_for_a_program_that_does_not_read(scheme: 
     async def main() -> None:
         writes: list[Callable[[bytes], Any]] = []
 
-        def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Echo:
-            writes.append(write)
-            return Echo(write)
+        def arrive(connected: Connected) -> Echo:
+            writes.append(connected.write)
+            return Echo(connected.write)
 
         port = await open_port(f"{scheme}://127.0.0.1:0", arrive)
         client = socket.socket()

@@ -17,7 +17,7 @@ from typing import Any
 from gateway.core.errors import NoAnswer, Refused
 from gateway.protocols.alpaca.http.requests import Asked
 from gateway.protocols.alpaca.tables import member, refused
-from gateway.transport.handler import Accept, ConnectionRefused
+from gateway.transport.handler import Accept, Connected, ConnectionRefused
 from gateway.transport.web_port import WebDevice
 
 #: Seconds until a request times out, and until a silent program is forgotten.
@@ -51,8 +51,7 @@ class Program:
         self.gone = False
         #: Whether it has ever sent more than reads, which a web page cannot.
         self.acts = False
-        self._handler = accept(name, host, self._hear)
-        self._handler.network(lambda last: self.close())
+        self._handler = accept(Connected(name, host, self._hear, lambda last: self.close()))
 
     @property
     def idle(self) -> bool:

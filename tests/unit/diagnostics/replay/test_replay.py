@@ -21,6 +21,7 @@ from gateway.core.wire_log import WireLog
 from gateway.diagnostics.replay.replaying import Outcome, replay
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
+from gateway.transport.handler import Connected
 from gateway.transport.wires import SimulatedTransport
 from tests.support.sampling import as_a_rule
 
@@ -113,8 +114,9 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
             await asyncio.sleep(0.31 * number)
             for turn in range(TURNS):
                 if turn % (TURNS // 3) == 0:
-                    guest = gateway.acceptors[0].accept(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
-                    guest.network(lambda last: None)
+                    guest = gateway.acceptors[0].accept(
+                        Connected(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend, lambda last: None)
+                    )
                 guest.feed(words[turn * (number + 1) % len(words)])
                 await asyncio.sleep(random.uniform(0.1, 0.3))
 

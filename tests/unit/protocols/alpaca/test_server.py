@@ -13,7 +13,7 @@ import pytest
 
 from gateway.protocols.alpaca.http import programs
 from gateway.protocols.alpaca.http.face import AlpacaWeb
-from gateway.transport.handler import ConnectionRefused, HangUp, Write
+from gateway.transport.handler import Connected, ConnectionRefused, Write
 from gateway.transport.web_port import WebDevice
 from tests.support.each import each
 
@@ -34,13 +34,10 @@ class Guest:
         if answer is not None:
             self.write(answer)
 
-    def network(self, hang_up: HangUp) -> None:
-        pass
-
     def close(self) -> None:
         self.closed = True
 
-    gone = serial = close  # type: ignore[assignment]
+    gone = close
 
 
 class Mount:
@@ -52,10 +49,10 @@ class Mount:
         self.guests: list[Guest] = []
         self.refuses = False
 
-    def accept(self, name: str, host: str, write: Write) -> Guest:
+    def accept(self, connected: Connected) -> Guest:
         if self.refuses:
             raise ConnectionRefused
-        self.guests.append(Guest(self, name, write))
+        self.guests.append(Guest(self, connected.name, connected.write))
         return self.guests[-1]
 
 
