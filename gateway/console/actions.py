@@ -6,13 +6,13 @@ comes from outside.
 
 from __future__ import annotations
 
-from gateway.app.control import request_types
 from gateway.app.control.exchange import new_number
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway
-from gateway.console import requests
+from gateway.console import messages
 from gateway.console.places import target_of
+from gateway.core import requests
 
 _WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released"}
 
@@ -24,30 +24,30 @@ async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
     return (True, _WORD[answer]) if answer in _WORD else (False, answer.removeprefix("failed "))
 
 
-async def carry_out(gateway: Gateway, command: request_types.Request) -> tuple[bool, str]:
+async def carry_out(gateway: Gateway, command: requests.Request) -> tuple[bool, str]:
     """Carry out an order. Return whether it was done or begun, and a message."""
-    answer = await gateway.entrance.handle_request(request_types.encode(command), gateway.request_handler.carry_out)
+    answer = await gateway.entrance.handle_request(requests.encode(command), gateway.request_handler.carry_out)
     word, _, rest = answer.partition(" ")
     return word == DONE, rest
 
 
-async def command(request: requests.Command, who: str) -> request_types.Request:
+async def command(request: messages.Command, who: str) -> requests.Request:
     """Return the order for a request. Raises UserError for an unknown object."""
     number = new_number()
     match request:
-        case requests.Goto():
-            return request_types.Goto(number, await target_of(request), who=who)
-        case requests.Sync():
-            return request_types.Sync(number, await target_of(request), who=who)
-        case requests.Track():
-            return request_types.Track(number, request.on, request.rate, who=who)
-        case requests.Time():
-            return request_types.TellTime(number, request.unix, request.offset, who=who)
-        case requests.Site():
-            return request_types.TellSite(number, request.latitude, request.longitude, who=who)
-        case requests.Park():
-            return request_types.Park(number, who=who)
-        case requests.Home():
-            return request_types.Home(number, who=who)
-        case requests.Unpark() | requests.Wake():
-            return request_types.Unpark(number, who=who)
+        case messages.Goto():
+            return requests.Goto(number, await target_of(request), who=who)
+        case messages.Sync():
+            return requests.Sync(number, await target_of(request), who=who)
+        case messages.Track():
+            return requests.Track(number, request.on, request.rate, who=who)
+        case messages.Time():
+            return requests.TellTime(number, request.unix, request.offset, who=who)
+        case messages.Site():
+            return requests.TellSite(number, request.latitude, request.longitude, who=who)
+        case messages.Park():
+            return requests.Park(number, who=who)
+        case messages.Home():
+            return requests.Home(number, who=who)
+        case messages.Unpark() | messages.Wake():
+            return requests.Unpark(number, who=who)

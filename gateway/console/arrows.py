@@ -11,10 +11,10 @@ import asyncio
 from collections.abc import Set
 from typing import NamedTuple
 
-from gateway.app.control import request_types
 from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
 from gateway.console import actions
+from gateway.core import requests
 from gateway.core.operations import Direction
 
 
@@ -70,7 +70,7 @@ class Arrows:
         return self._controller.spawn(self._move(direction, held))
 
     async def _move(self, direction: Direction, held: Held) -> tuple[bool, str]:
-        request = request_types.Press(held.request, direction, held.rate, who=self._who)
+        request = requests.Press(held.request, direction, held.rate, who=self._who)
         done, words = await actions.carry_out(self._gateway, request)
         if not done and (now := self._held.get(direction)) is not None and now.request == held.request:
             del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
@@ -78,7 +78,7 @@ class Arrows:
         return done, words
 
     def _let_go(self, held: Held, lost: bool) -> None:
-        request = request_types.LetGo(held.request, lost, who=self._who)
+        request = requests.LetGo(held.request, lost, who=self._who)
         self._controller.spawn(actions.carry_out(self._gateway, request))
 
     async def repeat(self) -> None:

@@ -13,9 +13,8 @@ from typing import Any, Protocol
 
 import msgspec
 
-from gateway.app.control.request_types import Spot
 from gateway.app.control.requests import of_date
-from gateway.console import actions, requests
+from gateway.console import actions, messages
 from gateway.console.arrows import Arrows
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, suggestions, verdict
@@ -23,6 +22,7 @@ from gateway.console.shown.frame import Frame, talk
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
+from gateway.core.requests import Spot
 from gateway.core.waiting import BackgroundTasks
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
@@ -125,32 +125,32 @@ class PageSession:
         """
         self._heard = self._loop.time()
         try:
-            request = requests.read(text)
+            request = messages.read(text)
         except ValueError as error:
             self._tasks.spawn(self._answer(0, False, f"the console does not understand this: {error}"))
             return False
-        if isinstance(request, requests.Beat):
+        if isinstance(request, messages.Beat):
             for number, arrows in enumerate(self._arrows):
                 arrows.keep({(_direction(one.direction), one.press) for one in request.held if one.mount == number})
             return bool(request.held)
-        if len(self._tasks) >= AT_ONCE and not isinstance(request, requests.Stop | requests.LetGo):
+        if len(self._tasks) >= AT_ONCE and not isinstance(request, messages.Stop | messages.LetGo):
             self._tasks.spawn(self._answer(request.id, False, "too many requests at once; wait a moment"))
         else:
             self._tasks.spawn(self._carry_out(request, self._press_or_release(request)))
-        return not isinstance(request, requests.Search) or bool(request.text)
+        return not isinstance(request, messages.Search) or bool(request.text)
 
-    def _press_or_release(self, request: requests.Asked) -> asyncio.Task[tuple[bool, str]] | None:
+    def _press_or_release(self, request: messages.Asked) -> asyncio.Task[tuple[bool, str]] | None:
         """Press or release an arrow at once, in the order of the messages. Return the outcome of a press."""
         if not 0 <= request.mount < len(self._arrows):
             return None
         arrows = self._arrows[request.mount]
-        if isinstance(request, requests.LetGo):
+        if isinstance(request, messages.LetGo):
             arrows.release(None if request.direction is None else _direction(request.direction), request.press)
-        elif isinstance(request, requests.Jog) and self._acts:
+        elif isinstance(request, messages.Jog) and self._acts:
             return arrows.press(_direction(request.direction), request.rate, request.press)
         return None
 
-    async def _carry_out(self, request: requests.Asked, pressed: asyncio.Task[tuple[bool, str]] | None = None) -> None:
+    async def _carry_out(self, request: messages.Asked, pressed: asyncio.Task[tuple[bool, str]] | None = None) -> None:
         try:
             await (self._do(request) if pressed is None else self._answer(request.id, *await pressed))
         except (UserError, Fault) as error:
@@ -161,43 +161,43 @@ class PageSession:
             self._mounts.gateways[0].wire_log.note("console", f"internal error, please report it: {error!r}")
             await self._answer(request.id, False, f"internal error, please report it: {error!r}")
 
-    async def _do(self, request: requests.Asked) -> None:
+    async def _do(self, request: messages.Asked) -> None:
         mounts, gateways = self._mounts, self._mounts.gateways
-        if isinstance(request, requests.Stop):
+        if isinstance(request, messages.Stop):
             chosen = gateways if request.mount == -1 else [mounts.gateway(request.mount)]
             outcomes = await asyncio.gather(*(actions.order(gateway, "stop") for gateway in chosen))
             words = "; ".join(dict.fromkeys(words for _, words in outcomes))
             await self._answer(request.id, all(done for done, _ in outcomes), words)
             return
         gateway = mounts.gateway(request.mount)
-        if isinstance(request, requests.Act) and not self._acts and not isinstance(request, requests.LetGo):
+        if isinstance(request, messages.Act) and not self._acts and not isinstance(request, messages.LetGo):
             await self._answer(request.id, False, LOOKS_ONLY)
             return
         controller = gateway.controller
         match request:
-            case requests.Talk():
+            case messages.Talk():
                 self._listen(request.on)
-            case requests.Pin():
+            case messages.Pin():
                 self._acts = self._acts or mounts.pin.admits(request.pin, self._host)
                 words = "this page may act now" if self._acts else "this is not the pin"
                 await self._answer(request.id, self._acts, words)
-            case requests.LetGo() | requests.Jog():  # the outcome of a press is answered elsewhere
+            case messages.LetGo() | messages.Jog():  # the outcome of a press is answered elsewhere
                 await self._answer(request.id, True, "let go")
-            case requests.Hold() | requests.Release():
-                word = "hold" if isinstance(request, requests.Hold) else "release"
+            case messages.Hold() | messages.Release():
+                word = "hold" if isinstance(request, messages.Hold) else "release"
                 await self._answer(request.id, *await actions.order(gateway, word))
-            case requests.LookUp():
+            case messages.LookUp():
                 found = await look_up(controller, request.name)
                 await self._answer(request.id, True, "", found)
-            case requests.Ask():
+            case messages.Ask():
                 goal = await of_date(controller, Spot(request.ra, request.dec, request.j2000))
                 await self._answer(request.id, True, "", verdict(controller, goal))
-            case requests.Search():
+            case messages.Search():
                 await self._answer(request.id, True, "", {"found": await suggestions(request.text)})
-            case requests.Explain():
+            case messages.Explain():
                 done, text = await mounts.explain(gateway, request.surface, request.command)
                 await self._answer(request.id, done, "" if done else text, {"text": text} if done else {})
-            case requests.Record():
+            case messages.Record():
                 await self._record(request)
             case _:
                 command = await actions.command(request, self._who)
@@ -209,7 +209,7 @@ class PageSession:
             publisher.listen(1 if on else -1)
             self._row = publisher.count if on else None
 
-    async def _record(self, request: requests.Record) -> None:
+    async def _record(self, request: messages.Record) -> None:
         recording = self._mounts.recordings[request.mount]
         if request.on:
             await self._answer(request.id, True, recording.begin())
@@ -224,5 +224,5 @@ class PageSession:
                 await self._send({"id": number, "ok": done, "words": words, **(more or {})})
 
 
-def _direction(word: requests.Arrow) -> Direction:
+def _direction(word: messages.Arrow) -> Direction:
     return Direction[word.upper()]

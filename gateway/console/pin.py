@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from math import ceil
 
-from gateway.console.pages import same_token
+from gateway.app.pages import same_token
 from gateway.core.errors import UserError
 
 #: Wrong tries that an address has without waiting; the seconds between two further ones.

@@ -12,13 +12,13 @@ from typing import Any
 
 from gateway.app.control import objects
 from gateway.app.control.refusals import explain
-from gateway.app.control.request_types import Spot, Where
 from gateway.app.control.requests import of_date
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
-from gateway.console.requests import Aimed
+from gateway.console.messages import Aimed
 from gateway.console.shown.view import coordinates
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned, UserError
+from gateway.core.requests import Spot, Where
 from gateway.mount.controller import MountController
 
 #: How many names are suggested while the user types.

@@ -1,6 +1,6 @@
 """The console's web server: the page, its WebSocket, downloads of recordings, metrics.
 
-Every request passes the access checks first (``pages.py``). aiohttp is imported only after the surfaces are ready.
+Every request passes the access checks first (``app/pages.py``). aiohttp is imported only after the surfaces are ready.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from gateway.app.discovery.offer import web_address
 from gateway.app.gateway import Gateway
+from gateway.app.pages import Pages, from_own_page, guarded, same_token
 from gateway.clients.access import Access
 from gateway.clients.any_protocol.web import NONE
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
-from gateway.console.pages import Pages, from_own_page, guarded, same_token
 from gateway.core.waiting import BackgroundTasks
 from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS

@@ -10,11 +10,11 @@ import asyncio
 from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import ALL
-from gateway.app.control import request_types
 from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
 from gateway.console import actions
 from gateway.console.places import find
+from gateway.core import requests
 from gateway.core.errors import UserError
 from gateway.core.waiting import BackgroundTasks
 from gateway.fleet.client import LARGEST
@@ -23,10 +23,10 @@ WHO = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 LONGEST, BETWEEN = 100, 0.25
 #: The orders of one word, besides stop.
-PLAIN: dict[str, type[request_types.Park | request_types.Unpark | request_types.Home]] = {
-    "park": request_types.Park,
-    "wake": request_types.Unpark,
-    "home": request_types.Home,
+PLAIN: dict[str, type[requests.Park | requests.Unpark | requests.Home]] = {
+    "park": requests.Park,
+    "wake": requests.Unpark,
+    "home": requests.Home,
 }
 GOTO = "goto"
 
@@ -100,9 +100,7 @@ class Orders:
         self._busy = True
         try:
             number = new_number()
-            request = (
-                request_types.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
-            )
+            request = requests.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
             done, words = await actions.carry_out(self._gateway, request)
         except UserError as error:
             done, words = False, str(error)

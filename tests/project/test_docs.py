@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app import stop_command
+from gateway.app.control import stop_command
 from gateway.cli import main
 from gateway.cli.command_line import COMMANDS, parser
 from tests.support.each import each

@@ -10,10 +10,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from gateway.app.control.request_types import Body, Spot, Where
 from gateway.astro.catalog import deepsky, names, stars
 from gateway.astro.catalog.objects import Entry, NotInstalled
 from gateway.core.errors import Fault, SunIsNoGoal, UserError
+from gateway.core.requests import Body, Spot, Where
 from gateway.system.own_commands import how_to_add, pip_command
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")

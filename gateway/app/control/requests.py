@@ -13,12 +13,12 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from gateway.app.control import request_types
 from gateway.app.control.gather import collect_state
 from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
+from gateway.core import requests
 from gateway.core.errors import Busy, Fault, Invalid, Stopped
 from gateway.mount.controller import MountController
 from gateway.mount.motion.taps import holder
@@ -58,9 +58,9 @@ def title(request: object) -> str:
     return TITLES.get(name, name)
 
 
-async def of_date(controller: MountController, where: request_types.Where) -> op.Equatorial:
+async def of_date(controller: MountController, where: requests.Where) -> op.Equatorial:
     """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
-    if isinstance(where, request_types.Body):
+    if isinstance(where, requests.Body):
         reads: op.Read[op.Equatorial] = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
     elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
         raise Invalid("There is no such place on the sky.")
@@ -89,16 +89,16 @@ class RequestHandler:
     async def carry_out(self, line: str) -> str:
         """Return ``done WORDS``, ``under way WORDS`` or ``failed REASON``; for ``See`` a ``State`` as JSON."""
         try:
-            request = request_types.decode(line)
+            request = requests.decode(line)
         except ValueError:
             return f"{FAILED} the gateway does not understand this: it is of another version than the command"
-        if isinstance(request, request_types.See):
+        if isinstance(request, requests.See):
             if request.fresh:
                 await self._refresh()
             return msgspec.json.encode(self.state()).decode()
-        if isinstance(request, request_types.Follow):
+        if isinstance(request, requests.Follow):
             return await self._follow(request.number)
-        if isinstance(request, request_types.End):
+        if isinstance(request, requests.End):
             return await self._cancel(request.number)
         active = self._remember(request.number, request.who or f"mount-gateway {title(request).lower()}")
         try:
@@ -121,34 +121,34 @@ class RequestHandler:
 
     async def _do(self, request: Any, active: ActiveRequest) -> str:
         match request:
-            case request_types.Goto():
+            case requests.Goto():
                 active.goal = await of_date(self._controller, request.where)
                 await self._perform(op.Goto(active.goal.ra, active.goal.dec), active)
                 return f"it goes to {format_position(active.goal)}"
-            case request_types.Sync():
+            case requests.Sync():
                 goal = await of_date(self._controller, request.where)
                 await self._perform(op.Sync(goal.ra, goal.dec), active)
                 return f"it points to {format_position(goal)} from now on"
-            case request_types.Park():
+            case requests.Park():
                 active.is_park = True
                 await self._perform(op.Park(), active)
                 return "it goes to its park position"
-            case request_types.Home():
+            case requests.Home():
                 await self._perform(op.Home(), active)
                 return "it goes to its home position"
-            case request_types.Press():
+            case requests.Press():
                 return await self._press(request, active)
-            case request_types.LetGo():
+            case requests.LetGo():
                 return await self._let_go(request, active)
-            case request_types.Track():
+            case requests.Track():
                 return await self._track(request, active)
-            case request_types.TellTime():
+            case requests.TellTime():
                 await self._controller.perform(op.SetClock(request.unix, request.offset), None, active.activity)
                 return "the time is set"
-            case request_types.TellSite():
+            case requests.TellSite():
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return "the site is set"
-            case request_types.Unpark():
+            case requests.Unpark():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
                 return "it is in service again, and tracks"
         return await self._move(request, active)
@@ -163,7 +163,7 @@ class RequestHandler:
         except TimeoutError:
             raise Busy from None
 
-    async def _move(self, request: request_types.Move, active: ActiveRequest) -> str:
+    async def _move(self, request: requests.Move, active: ActiveRequest) -> str:
         """Begin a motion by hand, wait, and end it. Raises Fault."""
         controller, longest = self._controller, self._controller.policy.silence
         if not 0.0 < request.seconds <= longest or not 1 <= request.key <= 9:
@@ -183,7 +183,7 @@ class RequestHandler:
             raise Stopped
         return f"it was moved {request.direction.word} for {lasted:.1f} s"
 
-    async def _press(self, request: request_types.Press, active: ActiveRequest) -> str:
+    async def _press(self, request: requests.Press, active: ActiveRequest) -> str:
         """Begin a motion by hand, or keep it alive. Raises Fault."""
         if not 1 <= request.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
@@ -202,7 +202,7 @@ class RequestHandler:
                 raise
         return f"it is moved {request.direction.word}"
 
-    async def _let_go(self, request: request_types.LetGo, active: ActiveRequest) -> str:
+    async def _let_go(self, request: requests.LetGo, active: ActiveRequest) -> str:
         """End the motion that ``Press`` began, unless another arrow has replaced it. Raises Fault."""
         active.cancelled.set()
         if active.pressed is not None and self._holds(active):
@@ -217,7 +217,7 @@ class RequestHandler:
             and holder(self._controller.wanted.value, active.pressed[0].axis) is active.activity
         )
 
-    async def _track(self, request: request_types.Track, active: ActiveRequest) -> str:
+    async def _track(self, request: requests.Track, active: ActiveRequest) -> str:
         """Set the tracking rate if one is given, and turn tracking on or off. Raises Fault."""
         if request.rate is not None:
             await self._perform(op.TrackRate(request.rate), active)

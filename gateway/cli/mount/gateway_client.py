@@ -18,7 +18,7 @@ from gateway.core.errors import UserError
 from gateway.system import streams
 
 if TYPE_CHECKING:
-    from gateway.app.control.request_types import Request
+    from gateway.core.requests import Request
 
 #: Timeout in seconds for the answer to a request, not counting the time of a ``move`` itself.
 ANSWERED = 15.0
@@ -40,7 +40,7 @@ def add_which(command: argparse.ArgumentParser, which: str = "which one, where s
 def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """Return the running gateways that the flags choose, or ``all_of_them`` whatever ``--mount`` says."""
     from gateway.app.control.exchange import is_listening
-    from gateway.app.reach import scope_of, search
+    from gateway.app.control.reach import scope_of, search
 
     only = None if all_of_them else arguments.mount
     return [
@@ -77,7 +77,7 @@ def no_such_mount(mount: str, others: Iterable[str]) -> str:
 
 def report_no_gateway(arguments: argparse.Namespace) -> None:
     """Report that no gateway runs, or none with the mount that was named."""
-    from gateway.app.reach import scope_of, unreachable_gateways
+    from gateway.app.control.reach import scope_of, unreachable_gateways
     from gateway.system.runtime_folders import user_name
 
     others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
@@ -97,8 +97,8 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
 
 async def send_request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWERED) -> str:
     """Send a request and return the gateway's answer, or ``failed REASON`` if there is none."""
-    from gateway.app.control.request_types import encode
-    from gateway.app.reach import ask
+    from gateway.app.control.reach import ask
+    from gateway.core.requests import encode
 
     answer = await ask(endpoint, f"wish {encode(request)}", seconds)
     if answer is None:

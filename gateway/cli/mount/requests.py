@@ -14,19 +14,18 @@ import sys
 from collections.abc import Callable
 from typing import TypeAlias
 
-from gateway.app.control import request_types
 from gateway.app.control.exchange import ControlEndpoint, new_number
 from gateway.cli.command_line import Commands, Parser
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
+from gateway.core import requests
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
 #: Makes a request from the arguments and its number. Raises UserError.
 Make: TypeAlias = Callable[
-    [argparse.Namespace, str],
-    "request_types.Goto | request_types.Sync | request_types.Park | request_types.Unpark | request_types.Move",
+    [argparse.Namespace, str], "requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Move"
 ]
 
 GOTO = """\
@@ -61,7 +60,7 @@ def add_goto(commands: Commands) -> None:
     )  # fmt: skip
     add_place(goto)
     _add_wait(goto)
-    _add_request(goto, lambda arguments, number: request_types.Goto(number, place(arguments)))
+    _add_request(goto, lambda arguments, number: requests.Goto(number, place(arguments)))
 
 
 def add_sync(commands: Commands) -> None:
@@ -72,7 +71,7 @@ def add_sync(commands: Commands) -> None:
         epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
     )  # fmt: skip
     add_place(sync)
-    _add_request(sync, lambda arguments, number: request_types.Sync(number, place(arguments)))
+    _add_request(sync, lambda arguments, number: requests.Sync(number, place(arguments)))
 
 
 def add_move(commands: Commands) -> None:
@@ -107,7 +106,7 @@ def add_park(commands: Commands) -> None:
         epilog="Example:\n  mount-gateway park --wait\n",
     )  # fmt: skip
     _add_wait(park)
-    _add_request(park, lambda _, number: request_types.Park(number))
+    _add_request(park, lambda _, number: requests.Park(number))
 
 
 def add_unpark(commands: Commands) -> None:
@@ -116,7 +115,7 @@ def add_unpark(commands: Commands) -> None:
         description="Takes the mount of the gateway that runs here up again: it tracks from now on.",
         epilog="Example:\n  mount-gateway unpark\n",
     )  # fmt: skip
-    _add_request(unpark, lambda _, number: request_types.Unpark(number))
+    _add_request(unpark, lambda _, number: requests.Unpark(number))
 
 
 def _add_wait(command: Parser) -> None:
@@ -129,16 +128,16 @@ def _add_request(command: Parser, make: Make) -> None:
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
 
 
-def _move(arguments: argparse.Namespace, number: str) -> request_types.Move:
+def _move(arguments: argparse.Namespace, number: str) -> requests.Move:
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
-    return request_types.Move(number, Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
+    return requests.Move(number, Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
 
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
     """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
     request = make(arguments, new_number())
-    lasting = request.seconds if isinstance(request, request_types.Move) else 0.0
+    lasting = request.seconds if isinstance(request, requests.Move) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
         answer = await unless(done, gateway_client.send_request(endpoint, request, lasting + gateway_client.ANSWERED))
@@ -148,7 +147,7 @@ def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
             answer = await _follow(endpoint, request.number, done)
         if answer is not None:
             return gateway_client.report(answer)
-        gateway_client.report(await gateway_client.send_request(endpoint, request_types.End(request.number)))
+        gateway_client.report(await gateway_client.send_request(endpoint, requests.End(request.number)))
         return 1
 
     return gateway_client.run_with_gateway(arguments, work)
@@ -159,7 +158,7 @@ async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
-    request = request_types.Follow(number)
+    request = requests.Follow(number)
     try:
         while True:
             answer = await unless(done, gateway_client.send_request(endpoint, request))
@@ -178,7 +177,7 @@ def add_place(command: argparse.ArgumentParser) -> None:
     command.add_argument("--j2000", action="store_true", help="RA and DEC are of 2000, as catalogues have them")
 
 
-def place(arguments: argparse.Namespace) -> request_types.Where:
+def place(arguments: argparse.Namespace) -> requests.Where:
     """Return the target that the user typed. Raises UserError that says what would be right."""
     words = [word.strip() for word in arguments.place]
     if len(words) != 2 or not words[0][:1].isdecimal():
@@ -189,7 +188,7 @@ def place(arguments: argparse.Namespace) -> request_types.Where:
     degrees = ":" not in ra and "h" not in ra.lower()
     right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
     up = _angle(dec, "a declination", 90.0, -90.0)
-    return request_types.Spot(right if degrees else right * 15.0, up, arguments.j2000)
+    return requests.Spot(right if degrees else right * 15.0, up, arguments.j2000)
 
 
 def _angle(text: str, what: str, most: float, least: float) -> float:

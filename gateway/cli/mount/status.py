@@ -13,11 +13,11 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.control.request_types import See
 from gateway.app.status import OLD_AFTER, Rate, Served, State, activity, status, where
 from gateway.cli.command_line import Commands
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
+from gateway.core.requests import See
 from gateway.system import streams
 
 EXAMPLES = """\

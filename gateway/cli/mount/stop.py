@@ -46,8 +46,8 @@ def add_stop(commands: Commands) -> None:
 
 
 def _stop(arguments: argparse.Namespace) -> int:
-    from gateway.app.reach import scope_of
-    from gateway.app.stop_command import order_all
+    from gateway.app.control.reach import scope_of
+    from gateway.app.control.stop_command import order_all
 
     word = "hold" if arguments.hold else "release" if arguments.release else "stop"
     if arguments.mount and word != "stop":

@@ -77,7 +77,7 @@ def lasting_name(device: str, folder: Path = LASTING) -> str:
 
 def serving_gateway(url: str) -> int | None:
     """Return the process id of the gateway that has the mount on this port; None if none of this user's has it."""
-    from gateway.app.reach import Scope, search
+    from gateway.app.control.reach import Scope, search
     from gateway.system.files import directory
     from gateway.system.processes import is_gateway
 

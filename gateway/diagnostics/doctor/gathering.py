@@ -21,10 +21,10 @@ from pathlib import Path
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint, is_listening
-from gateway.app.control.request_types import See, encode
-from gateway.app.reach import Scope, ask, reachable, search, unreachable_gateways
+from gateway.app.control.reach import Scope, ask, reachable, search, unreachable_gateways
 from gateway.app.status import State
 from gateway.core.about import full_version
+from gateway.core.requests import See, encode
 from gateway.diagnostics.detect.ports import here, holder, is_usb_or_named
 from gateway.diagnostics.doctor import installed
 from gateway.diagnostics.doctor.checks import USUAL

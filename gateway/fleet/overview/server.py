@@ -16,7 +16,7 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.console.pages import Pages, from_own_page, guarded, same_token
+from gateway.app.pages import Pages, from_own_page, guarded, same_token
 from gateway.console.server import PAGE
 from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.request_types import Spot
 from gateway.astro.catalog import names, stars
 from gateway.astro.catalog.names import HIPPARCOS, OTHER_NAMES
 from gateway.astro.catalog.objects import NotInstalled
@@ -15,6 +14,7 @@ from gateway.astro.spherical import separation
 from gateway.cli.completion import script
 from gateway.cli.mount.requests import place
 from gateway.core.errors import UserError
+from gateway.core.requests import Spot
 from tests.support.each import each
 
 #: name, J2000 hours, minutes, degrees, minutes

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.reach import explain_no_answer
+from gateway.app.control.reach import explain_no_answer
 from gateway.cli import main
 from gateway.cli.serve.finding import port_advice
 from gateway.core.errors import UserError

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.control.request_types import Body, Spot
 from gateway.app.recording.format import read
 from gateway.astro.catalog.objects import NotInstalled
 from gateway.cli import main
 from gateway.cli.mount.requests import place
 from gateway.core.errors import UserError
+from gateway.core.requests import Body, Spot
 from gateway.diagnostics.replay.replaying import replay
 from tests.support.each import each
 from tests.support.process import PATIENCE, Running, ask

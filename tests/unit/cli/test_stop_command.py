@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.app import reach, stop_command
+from gateway.app.control import reach, stop_command
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.state.file import MarkerContent
 from gateway.cli import main

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.app.config import mount_names, parse_device, parse_endpoint, parse_site
 from gateway.app.config.endpoints import suggest_address
-from gateway.app.stop_command import Report
+from gateway.app.control.stop_command import Report
 from gateway.cli import main
 from gateway.cli.suggestions import plainly
 from gateway.core.errors import UserError
@@ -425,7 +425,7 @@ def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, 
         asked.append(mount)
         return Report([], [])
 
-    monkeypatch.setattr("gateway.app.stop_command.order_all", order_all)
+    monkeypatch.setattr("gateway.app.control.stop_command.order_all", order_all)
     for name in ("6se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"):
         assert main(["stop", "--state", str(tmp_path), "--mount", name]) == 0
     assert asked == ["nexstar:6-8se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"]

@@ -11,10 +11,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.app import reach
+from gateway.app.control import reach
 from gateway.app.control.exchange import ControlEndpoint, Parts, parts, read_endpoints, seal, unseal
+from gateway.app.control.reach import ask
 from gateway.app.control.server import Control
-from gateway.app.reach import ask
 from gateway.core.errors import NoAnswer
 
 

@@ -8,20 +8,21 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.control import gather, request_types
+from gateway.app.control import gather
 from gateway.app.control.requests import RequestHandler
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
 from gateway.clients.any_protocol.web import Web
+from gateway.core import requests
 from gateway.core.operations import Direction, Place
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.site_clock import CONFIGURED, MOUNT, Site, Time
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
-NORTH = request_types.Move("m", Direction.NORTH, 7, 3.0)
-CRAB = request_types.Spot(83.633, 22.014)
+NORTH = requests.Move("m", Direction.NORTH, 7, 3.0)
+CRAB = requests.Spot(83.633, 22.014)
 
 
 class Owner:
@@ -35,16 +36,16 @@ class Owner:
         self.request_handler = RequestHandler(bridge.controller, name, "nexstar@sim", serving)
         self._controller = bridge.controller
 
-    async def wish(self, wish: request_types.Request) -> str:
-        return await self.request_handler.carry_out(request_types.encode(wish))
+    async def wish(self, wish: requests.Request) -> str:
+        return await self.request_handler.carry_out(requests.encode(wish))
 
     async def see(self) -> State:
-        return msgspec.json.decode(await self.wish(request_types.See()), type=State)
+        return msgspec.json.decode(await self.wish(requests.See()), type=State)
 
     async def outcome(self, number: str) -> str:
         """What came of it in the end."""
         for _ in range(300):
-            answer = await self.wish(request_types.Follow(number))
+            answer = await self.wish(requests.Follow(number))
             if not answer.startswith("under way"):
                 return answer
             await asyncio.sleep(1)
@@ -59,7 +60,7 @@ def test_a_goto_arrives_and_says_so() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            assert await owner.wish(request_types.Goto("g", CRAB)) == "done it goes to 05:34:32 +22°00'50\""
+            assert await owner.wish(requests.Goto("g", CRAB)) == "done it goes to 05:34:32 +22°00'50\""
             state = await owner.see()
             assert state.wanted[0].startswith("a goto to 05:34:32 +22°00'50\", asked for 0 s ago by mount-gateway goto")
             assert state.look.slewing
@@ -72,7 +73,7 @@ def test_a_goto_arrives_and_says_so() -> None:
 def test_a_catalogue_s_place_is_brought_to_date() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            answer = await Owner(bridge).wish(request_types.Goto("g", request_types.Spot(83.633, 22.014, j2000=True)))
+            answer = await Owner(bridge).wish(requests.Goto("g", requests.Spot(83.633, 22.014, j2000=True)))
             assert answer == "done it goes to 05:36:06 +22°01'55\""
 
     run(program())
@@ -82,12 +83,12 @@ def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
     async def program() -> None:
         async with Bridge(config={"lowest": 15.0}) as bridge:
             owner = Owner(bridge)
-            answer = await owner.wish(request_types.Goto("g", request_types.Spot(83.6, -70.0)))
+            answer = await owner.wish(requests.Goto("g", requests.Spot(83.6, -70.0)))
             assert answer.startswith(
                 "failed Object Below Lower Limit. That is lower than the 15 degrees that are allowed"
             )
             assert not moves(bridge)
-            far = await owner.wish(request_types.Sync("s", request_types.Spot(200.0, 40.0)))
+            far = await owner.wish(requests.Sync("s", requests.Spot(200.0, 40.0)))
             assert far.startswith("failed Sync refused: ")
             assert "15 degrees at most" in far
             lately = (await owner.see()).lately
@@ -135,7 +136,7 @@ def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
 def test_no_move_is_longer_than_the_dead_man_lives() -> None:
     async def program() -> None:
         async with Bridge(config={"dead_man": 5.0}) as bridge:
-            answer = await Owner(bridge).wish(request_types.Move("m", Direction.NORTH, 7, 6.0))
+            answer = await Owner(bridge).wish(requests.Move("m", Direction.NORTH, 7, 6.0))
             assert answer == "failed An arrow may be pressed for up to 5 s (--dead-man) at a rate of 1 to 9."
             assert not moves(bridge)
 
@@ -146,16 +147,16 @@ def test_taken_back_it_ends_at_once() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            wish = asyncio.ensure_future(owner.wish(request_types.Move("m", Direction.WEST, 9, 20.0)))
+            wish = asyncio.ensure_future(owner.wish(requests.Move("m", Direction.WEST, 9, 20.0)))
             await asyncio.sleep(2)
-            assert (await owner.wish(request_types.End("m"))).startswith("done")
+            assert (await owner.wish(requests.End("m"))).startswith("done")
             assert (await wish).startswith("done it was moved west for 1.")
             await asyncio.sleep(2)
             assert not moves(bridge)
-            await owner.wish(request_types.Goto("g", CRAB))
+            await owner.wish(requests.Goto("g", CRAB))
             await asyncio.sleep(2)
             assert moves(bridge)
-            assert await owner.wish(request_types.End("g")) == "done the mount was stopped"
+            assert await owner.wish(requests.End("g")) == "done the mount was stopped"
             await asyncio.sleep(2)
             assert not moves(bridge)
 
@@ -166,11 +167,11 @@ def test_what_another_has_begun_since_is_not_ended() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner, client = Owner(bridge), bridge.client()
-            await owner.wish(request_types.Goto("g", CRAB))
+            await owner.wish(requests.Goto("g", CRAB))
             await asyncio.sleep(1)
             assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", until=b"110") == b"110"
             await asyncio.sleep(1)
-            assert await owner.wish(request_types.End("g")) == "done nothing that was begun here is under way"
+            assert await owner.wish(requests.End("g")) == "done nothing that was begun here is under way"
             assert bridge.controller.slewing
             assert (await owner.see()).wanted[0].startswith("a goto to 03:00:00 +60°00'00\"")
 
@@ -181,8 +182,8 @@ def test_taken_back_before_it_came_it_is_not_begun() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            await owner.wish(request_types.End("g"))
-            assert (await owner.wish(request_types.Goto("g", CRAB))).startswith("failed It was cancelled.")
+            await owner.wish(requests.End("g"))
+            assert (await owner.wish(requests.Goto("g", CRAB))).startswith("failed It was cancelled.")
             await asyncio.sleep(2)
             assert not moves(bridge)
 
@@ -193,11 +194,11 @@ def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner, client = Owner(bridge), bridge.client()
-            await owner.wish(request_types.Goto("g", CRAB))
+            await owner.wish(requests.Goto("g", CRAB))
             await asyncio.sleep(2)
             client.tell(b":Q#")
             assert await owner.outcome("g") == "failed it was stopped on the way"
-            wish = asyncio.ensure_future(owner.wish(request_types.Move("m", Direction.WEST, 9, 20.0)))
+            wish = asyncio.ensure_future(owner.wish(requests.Move("m", Direction.WEST, 9, 20.0)))
             await asyncio.sleep(2)
             client.tell(b":Q#")
             assert (await wish).startswith("failed Stopped.")  # twenty seconds are not waited for
@@ -209,10 +210,10 @@ def test_parked_and_taken_up_again() -> None:
     async def program() -> None:
         async with Bridge(config={"lowest": -5.0}) as bridge:
             owner = Owner(bridge)
-            assert (await owner.wish(request_types.Park("p"))).startswith("done it goes to its park position")
+            assert (await owner.wish(requests.Park("p"))).startswith("done it goes to its park position")
             assert await owner.outcome("p") == "done it is parked"
             assert not truth_of(bridge.sim).tracking
-            assert (await owner.wish(request_types.Unpark("u"))).startswith("done it is in service again")
+            assert (await owner.wish(requests.Unpark("u"))).startswith("done it is in service again")
             assert truth_of(bridge.sim).tracking
 
     run(program())
@@ -222,9 +223,9 @@ def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
     async def program() -> None:
         async with Bridge(aligned=False) as bridge:
             owner = Owner(bridge)
-            assert "align it at the hand control" in await owner.wish(request_types.Goto("g", CRAB))
+            assert "align it at the hand control" in await owner.wish(requests.Goto("g", CRAB))
             bridge.controller.hold.on = True
-            assert "mount-gateway stop --release" in await owner.wish(request_types.Goto("h", CRAB))
+            assert "mount-gateway stop --release" in await owner.wish(requests.Goto("h", CRAB))
             assert "held: nothing moves it until mount-gateway stop --release" in (await owner.see()).allowed
 
     run(program())
@@ -236,10 +237,8 @@ def test_nonsense_is_answered_in_words() -> None:
             request_handler = Owner(bridge).request_handler
             for line in ("", "{}", '{"type":"goto"}', '{"type":"fly","number":"1"}', "\0", '{"type":"see"}\n', "\xff"):
                 assert (await request_handler.carry_out(line)).startswith("failed the gateway does not understand this")
-            place = request_types.Spot(400.0, 0.0)
-            assert (await Owner(bridge).wish(request_types.Goto("g", place))).startswith(
-                "failed There is no such place"
-            )
+            place = requests.Spot(400.0, 0.0)
+            assert (await Owner(bridge).wish(requests.Goto("g", place))).startswith("failed There is no such place")
 
     run(program())
 
@@ -284,13 +283,11 @@ def test_a_meade_takes_the_same_wishes() -> None:
         async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
             owner = Owner(bridge)
             assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
-            assert (await owner.wish(request_types.Goto("g", CRAB))).startswith("done it goes to 05:34:32")
+            assert (await owner.wish(requests.Goto("g", CRAB))).startswith("done it goes to 05:34:32")
             assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
-            assert (await owner.wish(request_types.Goto("j", request_types.Body("Jupiter")))).startswith(
-                "done it goes to 07:"
-            )
-            assert (await owner.wish(request_types.End("j"))) == "done the mount was stopped"
-            assert (await owner.wish(request_types.Park("p"))).startswith("done it goes to its park position")
+            assert (await owner.wish(requests.Goto("j", requests.Body("Jupiter")))).startswith("done it goes to 07:")
+            assert (await owner.wish(requests.End("j"))) == "done the mount was stopped"
+            assert (await owner.wish(requests.Park("p"))).startswith("done it goes to its park position")
             assert await owner.outcome("p") == "done it is parked"
 
     run(program())
@@ -301,10 +298,10 @@ def test_many_wishes_leave_nothing_behind() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
             for number in range(200):
-                await owner.wish(request_types.End(str(number)))
+                await owner.wish(requests.End(str(number)))
             await asyncio.sleep(61)
             for number in range(200, 270):
-                await owner.wish(request_types.End(str(number)))
+                await owner.wish(requests.End(str(number)))
             assert sum(len(there) for there in bridge.controller.presence._hosts.values()) <= 64 + 70 + 2
 
     run(program())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from gateway.console import pages
+from gateway.app import pages
 from gateway.system.own_names import known_host
 from tests.support.console.browser import node
 from tests.support.each import each

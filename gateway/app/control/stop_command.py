@@ -16,7 +16,7 @@ from msgspec import Struct, field
 
 from gateway.app.control.exchange import ControlEndpoint, is_listening
 from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
-from gateway.app.reach import Scope, ask, explain_unreachable, reachable, search, unreachable_gateways
+from gateway.app.control.reach import Scope, ask, explain_unreachable, reachable, search, unreachable_gateways
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
 from gateway.mount.readings.rest import come_to_rest

@@ -1,4 +1,4 @@
-"""The requests that commands such as ``mount-gateway goto`` send to a running gateway.
+"""What people and programs ask of a gateway: from a page, a broker, a shell or Python, in one vocabulary.
 
 A request is one line of plain ASCII JSON, so that a recording can hold it. Angles are in degrees. The sender draws
 ``number`` at random; with it, it follows the request later, or cancels it.
