@@ -187,7 +187,7 @@ class Gateway:
             self.store.name,
             str(self.mount),
             orders(self.controller, self.store, self.entrance),
-            lambda line: self.entrance.handle_request(line, self.request_handler.carry_out),
+            lambda line: self.request_handler.take_line(line),
             self.config.name or "",
         )
         try:
@@ -214,10 +214,10 @@ class Gateway:
 
     @cached_property
     def request_handler(self) -> RequestHandler:
-        """Carries out requests from the command line; made at the first request, so that the start is faster."""
+        """Carries out requests of people; made at the first request, so that the start is faster."""
         from gateway.app.control.requests import RequestHandler
 
-        return RequestHandler(self.controller, self.config.name or "", str(self.mount), self)
+        return RequestHandler(self.controller, self.config.name or "", str(self.mount), self, self.entrance)
 
     def programs(self) -> list[str]:
         """Return the hosts of the connected programs."""

@@ -11,11 +11,9 @@ import asyncio
 from collections.abc import Set
 from typing import NamedTuple
 
-from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
-from gateway.console import actions
-from gateway.core import requests
 from gateway.core.operations import Direction
+from gateway.core.requests import FAILED, Answer, LetGo, Press, new_number
 
 
 class Held(NamedTuple):
@@ -31,9 +29,9 @@ class Held(NamedTuple):
     ends: tuple[int, int]
 
 
-async def _over() -> tuple[bool, str]:
+async def _over() -> Answer:
     """Answer to another rate for an arrow that something else has ended."""
-    return False, "This arrow is not held any more."
+    return Answer(FAILED, "This arrow is not held any more.")
 
 
 class Arrows:
@@ -51,10 +49,10 @@ class Arrows:
         """Whether an arrow is held down."""
         return bool(self._held)
 
-    def press(self, direction: Direction, rate: int, press: int = 0) -> asyncio.Task[tuple[bool, str]]:
+    def press(self, direction: Direction, rate: int, press: int = 0) -> asyncio.Task[Answer]:
         """Press an arrow and release the opposite one, or change the rate of this ``press``.
 
-        A press without a number is a new one. The outcome is success and words.
+        A press without a number is a new one.
         """
         held = self._held.get(direction)
         if held is not None and 0 < press == held.press:
@@ -69,17 +67,17 @@ class Arrows:
         self._held[direction] = held
         return self._controller.spawn(self._move(direction, held))
 
-    async def _move(self, direction: Direction, held: Held) -> tuple[bool, str]:
-        request = requests.Press(held.request, direction, held.rate, who=self._who)
-        done, words = await actions.carry_out(self._gateway, request)
-        if not done and (now := self._held.get(direction)) is not None and now.request == held.request:
+    async def _move(self, direction: Direction, held: Held) -> Answer:
+        request = Press(held.request, direction, held.rate, who=self._who)
+        answer = await self._gateway.request_handler.take(request)
+        if not answer.done and (now := self._held.get(direction)) is not None and now.request == held.request:
             del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
             self._let_go(held, lost=True)
-        return done, words
+        return answer
 
     def _let_go(self, held: Held, lost: bool) -> None:
-        request = requests.LetGo(held.request, lost, who=self._who)
-        self._controller.spawn(actions.carry_out(self._gateway, request))
+        request = LetGo(held.request, lost, who=self._who)
+        self._controller.spawn(self._gateway.request_handler.take(request))
 
     async def repeat(self) -> None:
         """Repeat the orders of all arrows that are held down, so that their motion does not time out."""

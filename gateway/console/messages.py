@@ -1,27 +1,23 @@
-"""The requests of a page over its WebSocket: one struct for each, distinguished by ``do``.
+"""The messages of a page over its WebSocket: what it asks of the gateway, like everybody, and what only pages ask.
 
-The page chooses ``id``, and the answer has the same one. Angles are degrees, longitudes east positive, times Unix
-seconds.
+A message is a JSON object: ``do`` names what is asked, ``mount`` is the number of the mount, ``id`` that of the answer,
+which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a ``name``, or
+``ra`` and ``dec``. Angles are degrees, longitudes east positive, times Unix seconds.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 from msgspec import Meta, Struct
+
+from gateway.core import requests
 
 _Angle = Annotated[float, Meta(ge=0.0, le=360.0)]
 _Height = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Text = Annotated[str, Meta(max_length=200)]
 Arrow = Literal["north", "south", "east", "west"]
-
-
-class Request(Struct, frozen=True, tag_field="do"):
-    """Base class: the number of the mount, and the number of the answer (0: no answer is wanted)."""
-
-    id: int = 0
-    mount: Annotated[int, Meta(ge=-1, lt=1000)] = 0
 
 
 class HeldArrow(Struct, frozen=True):
@@ -32,31 +28,31 @@ class HeldArrow(Struct, frozen=True):
     press: Annotated[int, Meta(ge=0)]
 
 
-class Beat(Request, frozen=True, tag="beat"):
+class Beat(Struct, frozen=True, tag="beat"):
     """The page is alive, and holds these arrows. What it does not name is released; without these messages all is."""
 
     held: Annotated[list[HeldArrow], Meta(max_length=1000)] = []
 
 
-class Talk(Request, frozen=True, tag="talk"):
+class Talk(Struct, frozen=True, tag="talk"):
     """Begin or end sending the conversation with clients and mount."""
 
     on: bool = True
 
 
-class Pin(Request, frozen=True, tag="pin"):
+class Pin(Struct, frozen=True, tag="pin"):
     """The pin that allows a view-only page to act."""
 
     pin: _Text = ""
 
 
-class LookUp(Request, frozen=True, tag="look_up"):
+class LookUp(Struct, frozen=True, tag="look_up"):
     """Return what is known of an object, and whether the mount may go there."""
 
     name: _Text = ""
 
 
-class Ask(Request, frozen=True, tag="ask"):
+class Ask(Struct, frozen=True, tag="ask"):
     """Like ``LookUp``, but for a position on the sky."""
 
     ra: _Angle = 0.0
@@ -64,36 +60,26 @@ class Ask(Request, frozen=True, tag="ask"):
     j2000: bool = True
 
 
-class Search(Request, frozen=True, tag="search"):
+class Search(Struct, frozen=True, tag="search"):
     """Return objects whose names begin with this text."""
 
     text: _Text = ""
 
 
-class Explain(Request, frozen=True, tag="explain"):
+class Explain(Struct, frozen=True, tag="explain"):
     """Explain what happens with one command on this mount."""
 
     surface: _Text = ""
     command: _Text = ""
 
 
-class Act(Request, frozen=True):
-    """Base class of requests that change something; view-only pages may send none of them but a stop."""
+class Record(Struct, frozen=True, tag="record"):
+    """Begin or end a recording."""
+
+    on: bool = True
 
 
-class Stop(Act, frozen=True, tag="stop"):
-    """End every motion; on all mounts if ``mount`` is -1."""
-
-
-class Hold(Act, frozen=True, tag="hold"):
-    """Stop, and let nothing move the mount until it is released."""
-
-
-class Release(Act, frozen=True, tag="release"):
-    """End the hold."""
-
-
-class Jog(Act, frozen=True, tag="jog", kw_only=True):
+class Jog(Struct, frozen=True, tag="jog"):
     """Press a direction key: the mount moves until the key is released or the page disappears.
 
     ``press`` numbers the presses of a page from 1; with the number of a key that is held the rate is changed.
@@ -104,82 +90,46 @@ class Jog(Act, frozen=True, tag="jog", kw_only=True):
     press: Annotated[int, Meta(ge=0)] = 0
 
 
-class LetGo(Act, frozen=True, tag="let_go"):
+class LetGo(Struct, frozen=True, tag="let_go"):
     """Release one direction key, or all of them; with ``press``, only if that press is the one that is held."""
 
     direction: Arrow | None = None
     press: Annotated[int, Meta(ge=0)] = 0
 
 
-class Aimed(Act, frozen=True):
-    """Base class of requests with a target: a name, or right ascension and declination."""
-
-    name: _Text | None = None
-    ra: _Angle | None = None
-    dec: _Height | None = None
-    j2000: bool = True
-
-
-class Goto(Aimed, frozen=True, tag="goto"):
-    """Slew to the target and track it."""
-
-
-class Sync(Aimed, frozen=True, tag="sync"):
-    """The mount points at the target now."""
+#: What a view-only page may ask for, besides a stop.
+Looks = Beat | Talk | Pin | LookUp | Ask | Search | Explain | LetGo
+#: What of the common requests a page may ask for.
+Common = (
+    requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Home | requests.Track
+    | requests.TellTime | requests.TellSite | requests.Halt
+)  # fmt: skip
+Wish = Looks | Record | Jog | Common
+#: What a page calls otherwise than ``core/requests.py``.
+_NAMES = {"wake": "unpark"}
 
 
-class Park(Act, frozen=True, tag="park"):
-    """Slew to the park position and turn tracking off."""
+class _Head(Struct):
+    do: str
+    id: int = 0
+    #: -1: every mount.
+    mount: Annotated[int, Meta(ge=-1, lt=1000)] = 0
 
 
-class Unpark(Act, frozen=True, tag="unpark"):
-    """End the parked state."""
+class Message(NamedTuple):
+    """A message: the number of the answer, the number of the mount, and what is asked."""
+
+    id: int
+    mount: int
+    wish: Wish
 
 
-class Home(Act, frozen=True, tag="home"):
-    """Slew to the home position."""
-
-
-class Wake(Act, frozen=True, tag="wake"):
-    """Wake a mount that hibernates."""
-
-
-class Track(Act, frozen=True, tag="track"):
-    """Turn tracking on or off, or change its rate."""
-
-    on: bool = True
-    rate: Literal["sidereal", "lunar", "solar"] | None = None
-
-
-class Time(Act, frozen=True, tag="time", kw_only=True):
-    """Set the clock to the browser's: UTC, and local time minus UTC in hours."""
-
-    unix: Annotated[float, Meta(ge=0.0, le=4e9)]
-    offset: Annotated[float, Meta(ge=-14.0, le=14.0)] = 0.0
-
-
-class Site(Act, frozen=True, tag="site", kw_only=True):
-    """Set the site of the mount."""
-
-    latitude: _Height
-    longitude: Annotated[float, Meta(ge=-180.0, le=360.0)]
-
-
-class Record(Act, frozen=True, tag="record"):
-    """Begin or end a recording."""
-
-    on: bool = True
-
-
-#: Requests that become an order to the mount unchanged.
-Command = Goto | Sync | Park | Unpark | Home | Wake | Track | Time | Site
-#: Requests that are carried out and answered.
-Asked = Talk | Pin | LookUp | Ask | Search | Explain | Stop | Hold | Release | Jog | LetGo | Record | Command
-Any = Beat | Asked
-_DECODER = msgspec.json.Decoder(Any)
-
-
-def read(text: str | bytes) -> Any:
-    """Decode a request of a page. Raises ValueError."""
-    request: Any = _DECODER.decode(text)
-    return request
+def read(text: str | bytes, who: str) -> Message:
+    """Decode a message of a page; ``who`` asks. Raises ValueError."""
+    fields: dict[str, Any] = msgspec.json.decode(text, type=dict[str, Any])
+    head = msgspec.convert(fields, _Head)
+    fields |= {"type": _NAMES.get(head.do, head.do), "number": requests.new_number(), "who": who}
+    if head.do in ("goto", "sync"):
+        kind = "spot" if fields.get("name") is None else "named"
+        fields["where"] = {"j2000": True, **fields, "type": kind}
+    return Message(head.id, head.mount, msgspec.convert(fields, Wish))

@@ -14,15 +14,16 @@ from typing import Any, Protocol
 import msgspec
 
 from gateway.app.control.requests import of_date
-from gateway.console import actions, messages
+from gateway.console import messages
 from gateway.console.arrows import Arrows
+from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, suggestions, verdict
 from gateway.console.shown.frame import Frame, talk
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
-from gateway.core.requests import Spot
+from gateway.core.requests import Answer, Spot, Stop
 from gateway.core.waiting import BackgroundTasks
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
@@ -125,83 +126,84 @@ class PageSession:
         """
         self._heard = self._loop.time()
         try:
-            request = messages.read(text)
+            message = messages.read(text, self._who)
         except ValueError as error:
             self._tasks.spawn(self._answer(0, False, f"the console does not understand this: {error}"))
             return False
-        if isinstance(request, messages.Beat):
+        wish = message.wish
+        if isinstance(wish, messages.Beat):
             for number, arrows in enumerate(self._arrows):
-                arrows.keep({(_direction(one.direction), one.press) for one in request.held if one.mount == number})
-            return bool(request.held)
-        if len(self._tasks) >= AT_ONCE and not isinstance(request, messages.Stop | messages.LetGo):
-            self._tasks.spawn(self._answer(request.id, False, "too many requests at once; wait a moment"))
+                arrows.keep({(_direction(one.direction), one.press) for one in wish.held if one.mount == number})
+            return bool(wish.held)
+        if len(self._tasks) >= AT_ONCE and not isinstance(wish, Stop | messages.LetGo):
+            self._tasks.spawn(self._answer(message.id, False, "too many requests at once; wait a moment"))
         else:
-            self._tasks.spawn(self._carry_out(request, self._press_or_release(request)))
-        return not isinstance(request, messages.Search) or bool(request.text)
+            self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
+        return not isinstance(wish, messages.Search) or bool(wish.text)
 
-    def _press_or_release(self, request: messages.Asked) -> asyncio.Task[tuple[bool, str]] | None:
+    def _press_or_release(self, message: Message) -> asyncio.Task[Answer] | None:
         """Press or release an arrow at once, in the order of the messages. Return the outcome of a press."""
-        if not 0 <= request.mount < len(self._arrows):
+        if not 0 <= message.mount < len(self._arrows):
             return None
-        arrows = self._arrows[request.mount]
-        if isinstance(request, messages.LetGo):
-            arrows.release(None if request.direction is None else _direction(request.direction), request.press)
-        elif isinstance(request, messages.Jog) and self._acts:
-            return arrows.press(_direction(request.direction), request.rate, request.press)
+        arrows, wish = self._arrows[message.mount], message.wish
+        if isinstance(wish, messages.LetGo):
+            arrows.release(None if wish.direction is None else _direction(wish.direction), wish.press)
+        elif isinstance(wish, messages.Jog) and self._acts:
+            return arrows.press(_direction(wish.direction), wish.rate, wish.press)
         return None
 
-    async def _carry_out(self, request: messages.Asked, pressed: asyncio.Task[tuple[bool, str]] | None = None) -> None:
+    async def _carry_out(self, message: Message, pressed: asyncio.Task[Answer] | None = None) -> None:
         try:
-            await (self._do(request) if pressed is None else self._answer(request.id, *await pressed))
+            if pressed is None:
+                await self._do(message)
+            else:
+                await self._tell(message, await pressed)
         except (UserError, Fault) as error:
-            await self._answer(request.id, False, str(error))
+            await self._answer(message.id, False, str(error))
         except ConnectionError:
             pass
         except Exception as error:  # a defect must not leave the user without an answer
             self._mounts.gateways[0].wire_log.note("console", f"internal error, please report it: {error!r}")
-            await self._answer(request.id, False, f"internal error, please report it: {error!r}")
+            await self._answer(message.id, False, f"internal error, please report it: {error!r}")
 
-    async def _do(self, request: messages.Asked) -> None:
-        mounts, gateways = self._mounts, self._mounts.gateways
-        if isinstance(request, messages.Stop):
-            chosen = gateways if request.mount == -1 else [mounts.gateway(request.mount)]
-            outcomes = await asyncio.gather(*(actions.order(gateway, "stop") for gateway in chosen))
-            words = "; ".join(dict.fromkeys(words for _, words in outcomes))
-            await self._answer(request.id, all(done for done, _ in outcomes), words)
+    async def _do(self, message: Message) -> None:
+        mounts, wish = self._mounts, message.wish
+        if isinstance(wish, Stop):
+            chosen = mounts.gateways if message.mount == -1 else [mounts.gateway(message.mount)]
+            answers = await asyncio.gather(*(gateway.request_handler.take(wish) for gateway in chosen))
+            words = "; ".join(dict.fromkeys(answer.words for answer in answers))
+            await self._answer(message.id, all(answer.done for answer in answers), words)
             return
-        gateway = mounts.gateway(request.mount)
-        if isinstance(request, messages.Act) and not self._acts and not isinstance(request, messages.LetGo):
-            await self._answer(request.id, False, LOOKS_ONLY)
+        gateway = mounts.gateway(message.mount)
+        if not self._acts and not isinstance(wish, messages.Looks):
+            await self._answer(message.id, False, LOOKS_ONLY)
             return
         controller = gateway.controller
-        match request:
+        match wish:
             case messages.Talk():
-                self._listen(request.on)
+                self._listen(wish.on)
             case messages.Pin():
-                self._acts = self._acts or mounts.pin.admits(request.pin, self._host)
+                self._acts = self._acts or mounts.pin.admits(wish.pin, self._host)
                 words = "this page may act now" if self._acts else "this is not the pin"
-                await self._answer(request.id, self._acts, words)
+                await self._answer(message.id, self._acts, words)
             case messages.LetGo() | messages.Jog():  # the outcome of a press is answered elsewhere
-                await self._answer(request.id, True, "let go")
-            case messages.Hold() | messages.Release():
-                word = "hold" if isinstance(request, messages.Hold) else "release"
-                await self._answer(request.id, *await actions.order(gateway, word))
+                await self._answer(message.id, True, "let go")
             case messages.LookUp():
-                found = await look_up(controller, request.name)
-                await self._answer(request.id, True, "", found)
+                await self._answer(message.id, True, "", await look_up(controller, wish.name))
             case messages.Ask():
-                goal = await of_date(controller, Spot(request.ra, request.dec, request.j2000))
-                await self._answer(request.id, True, "", verdict(controller, goal))
+                goal = await of_date(controller, Spot(wish.ra, wish.dec, wish.j2000))
+                await self._answer(message.id, True, "", verdict(controller, goal))
             case messages.Search():
-                await self._answer(request.id, True, "", {"found": await suggestions(request.text)})
+                await self._answer(message.id, True, "", {"found": await suggestions(wish.text)})
             case messages.Explain():
-                done, text = await mounts.explain(gateway, request.surface, request.command)
-                await self._answer(request.id, done, "" if done else text, {"text": text} if done else {})
+                done, text = await mounts.explain(gateway, wish.surface, wish.command)
+                await self._answer(message.id, done, "" if done else text, {"text": text} if done else {})
             case messages.Record():
-                await self._record(request)
+                await self._record(message, wish.on)
+            case messages.Beat():
+                pass  # ``take`` has done it
             case _:
-                command = await actions.command(request, self._who)
-                await self._answer(request.id, *await actions.carry_out(gateway, command))
+                await self._tell(message, await gateway.request_handler.take(wish))
 
     def _listen(self, on: bool) -> None:
         if on != (self._row is not None):
@@ -209,14 +211,17 @@ class PageSession:
             publisher.listen(1 if on else -1)
             self._row = publisher.count if on else None
 
-    async def _record(self, request: messages.Record) -> None:
-        recording = self._mounts.recordings[request.mount]
-        if request.on:
-            await self._answer(request.id, True, recording.begin())
+    async def _record(self, message: Message, on: bool) -> None:
+        recording = self._mounts.recordings[message.mount]
+        if on:
+            await self._answer(message.id, True, recording.begin())
             return
         path = recording.end()
-        more = {"download": f"/recording/{request.mount}/{path.name}"}
-        await self._answer(request.id, True, f"the recording is in {path}", more)
+        more = {"download": f"/recording/{message.mount}/{path.name}"}
+        await self._answer(message.id, True, f"the recording is in {path}", more)
+
+    async def _tell(self, message: Message, answer: Answer) -> None:
+        await self._answer(message.id, answer.done, answer.words)
 
     async def _answer(self, number: int, done: bool, words: str, more: dict[str, Any] | None = None) -> None:
         if number:

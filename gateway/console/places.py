@@ -14,29 +14,13 @@ from gateway.app.control import objects
 from gateway.app.control.refusals import explain
 from gateway.app.control.requests import of_date
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
-from gateway.console.messages import Aimed
 from gateway.console.shown.view import coordinates
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned, UserError
-from gateway.core.requests import Spot, Where
+from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned
 from gateway.mount.controller import MountController
 
 #: How many names are suggested while the user types.
 SUGGESTED = 12
-
-
-async def target_of(aimed: Aimed) -> Where:
-    """Return the target of a request. Raises UserError."""
-    if aimed.name is not None:
-        return await find(aimed.name)
-    if aimed.ra is None or aimed.dec is None:
-        raise UserError("no target: give a name, or a right ascension and a declination in degrees")
-    return Spot(aimed.ra, aimed.dec, aimed.j2000)
-
-
-async def find(name: str) -> Where:
-    """Return the position of an object. Raises UserError with similar names if it is unknown."""
-    return await asyncio.to_thread(objects.find, name)
 
 
 async def look_up(controller: MountController, name: str) -> dict[str, Any]:

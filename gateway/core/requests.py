@@ -1,15 +1,18 @@
 """What people and programs ask of a gateway: from a page, a broker, a shell or Python, in one vocabulary.
 
-A request is one line of plain ASCII JSON, so that a recording can hold it. Angles are in degrees. The sender draws
-``number`` at random; with it, it follows the request later, or cancels it.
+Every door (the page's socket, MQTT, the control endpoint) decodes what comes in once, and inside the gateway a request
+is one of these values. Recordings and the control endpoint hold it as one line of plain ASCII JSON. Angles are in
+degrees, north and east positive. Whoever asks draws ``number`` at random, to follow or to cancel the request with it.
 """
 
 from __future__ import annotations
 
 import json
+import secrets
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from gateway.core.operations import Direction
 
@@ -28,7 +31,14 @@ class Body(Struct, frozen=True, tag="body"):
     name: str
 
 
+class Named(Struct, frozen=True, tag="named"):
+    """An object by the name that somebody has typed; it becomes a position before the request is carried out."""
+
+    name: Annotated[str, Meta(max_length=200)]
+
+
 Where = Spot | Body
+Target = Where | Named
 
 
 class Numbered(Struct, frozen=True):
@@ -46,13 +56,13 @@ class Base(Numbered, frozen=True, kw_only=True):
 class Goto(Base, frozen=True, tag="goto"):
     """Slew to a target and track it."""
 
-    where: Where
+    where: Target
 
 
 class Sync(Base, frozen=True, tag="sync"):
     """Tell the mount that it points at this target now."""
 
-    where: Where
+    where: Target
 
 
 class Park(Base, frozen=True, tag="park"):
@@ -92,21 +102,21 @@ class Track(Base, frozen=True, tag="track"):
     """Turn tracking on or off; optionally set the rate: ``sidereal``, ``lunar`` or ``solar``."""
 
     on: bool = True
-    rate: str | None = None
+    rate: Literal["sidereal", "lunar", "solar"] | None = None
 
 
 class TellTime(Base, frozen=True, tag="time"):
     """Set the mount's clock: UTC as Unix seconds, and local time minus UTC in hours."""
 
-    unix: float
-    offset: float
+    unix: Annotated[float, Meta(ge=0.0, le=4e9)]
+    offset: Annotated[float, Meta(ge=-14.0, le=14.0)]
 
 
 class TellSite(Base, frozen=True, tag="site"):
-    """Set the mount's site in degrees, north and east positive."""
+    """Set the mount's site."""
 
-    latitude: float
-    longitude: float
+    latitude: Annotated[float, Meta(ge=-90.0, le=90.0)]
+    longitude: Annotated[float, Meta(ge=-180.0, le=360.0)]
 
 
 class Follow(Base, frozen=True, tag="follow"):
@@ -123,9 +133,50 @@ class See(Struct, frozen=True, tag="see"):
     fresh: bool = True
 
 
+class Stop(Struct, frozen=True, tag="stop"):
+    """End every motion; done when the mount is seen at rest."""
+
+
+class Hold(Struct, frozen=True, tag="hold"):
+    """Stop, and let nothing move the mount until ``Release``, over restarts too."""
+
+
+class Release(Struct, frozen=True, tag="release"):
+    """End the hold."""
+
+
+Halt = Stop | Hold | Release
 Request = (
-    Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Track | TellTime | TellSite | Follow | End | See
+    Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Track | TellTime | TellSite | Follow | End | See | Halt
 )  # fmt: skip
+
+#: The outcome of a request: carried out, still in progress, not carried out.
+DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
+
+
+class Answer(NamedTuple):
+    """What became of a request, and words for whoever asked; of ``See`` they are a ``State`` as JSON."""
+
+    outcome: str
+    words: str
+
+    @property
+    def done(self) -> bool:
+        return self.outcome == DONE
+
+    def __str__(self) -> str:
+        return f"{self.outcome} {self.words}"
+
+
+def read_answer(text: str) -> Answer:
+    """Return an answer of the control endpoint. Without an outcome (``stopped``, a ``State``) the request was done."""
+    outcome = next((one for one in (DONE, UNDER_WAY, FAILED) if text.startswith(f"{one} ")), None)
+    return Answer(DONE, text) if outcome is None else Answer(outcome, text[len(outcome) + 1 :])
+
+
+def new_number() -> str:
+    """Return a random number for a request, which is unique."""
+    return secrets.token_hex(8)
 
 
 def encode(request: Request) -> str:

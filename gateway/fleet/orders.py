@@ -10,12 +10,8 @@ import asyncio
 from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import ALL
-from gateway.app.control.exchange import new_number
 from gateway.app.gateway import Gateway
-from gateway.console import actions
-from gateway.console.places import find
-from gateway.core import requests
-from gateway.core.errors import UserError
+from gateway.core.requests import Goto, Home, Named, Park, Stop, Unpark, new_number
 from gateway.core.waiting import BackgroundTasks
 from gateway.fleet.client import LARGEST
 
@@ -23,11 +19,7 @@ WHO = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 LONGEST, BETWEEN = 100, 0.25
 #: The orders of one word, besides stop.
-PLAIN: dict[str, type[requests.Park | requests.Unpark | requests.Home]] = {
-    "park": requests.Park,
-    "wake": requests.Unpark,
-    "home": requests.Home,
-}
+PLAIN: dict[str, type[Park | Unpark | Home]] = {"park": Park, "wake": Unpark, "home": Home}
 GOTO = "goto"
 
 #: Called with the result of an order: ``done`` or ``failed``, and words.
@@ -93,17 +85,15 @@ class Orders:
         self._tasks.spawn(self._stopped())
 
     async def _stopped(self) -> None:
-        done, words = await actions.order(self._gateway, "stop")
-        self._report("done" if done else "failed", f"stop: {words}")
+        answer = await self._gateway.request_handler.take(Stop())
+        self._report(answer.outcome, f"stop: {answer.words}")
 
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
             number = new_number()
-            request = requests.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
-            done, words = await actions.carry_out(self._gateway, request)
-        except UserError as error:
-            done, words = False, str(error)
+            request = Goto(number, Named(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
+            answer = await self._gateway.request_handler.take(request)
         finally:
             self._busy = False
-        self._report("done" if done else "failed", f"{text}: {words}")
+        self._report(answer.outcome, f"{text}: {answer.words}")

@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import hmac
 import os
-import secrets
 import socket
 import stat
 from pathlib import Path
@@ -87,11 +86,6 @@ def remove_stale(folder: Path) -> None:
         if not is_listening(endpoint):
             with contextlib.suppress(OSError):
                 path.unlink()
-
-
-def new_number() -> str:
-    """Return a random number for a request, which is unique."""
-    return secrets.token_hex(8)
 
 
 def seal(secret: str, number: str, text: str) -> bytes:

@@ -18,6 +18,8 @@ from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
 STOPPED, HELD, RELEASED = "stopped", "held", "released"
+#: What people read instead of an answer.
+IN_WORDS = {HELD: "stopped and held"}
 #: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
 ACKNOWLEDGED = 5.0
 #: Seconds for which the command waits for the answer.

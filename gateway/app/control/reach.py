@@ -14,8 +14,9 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.app.control.exchange import ControlEndpoint, Parts, new_number, read_endpoints, seal, unseal
+from gateway.app.control.exchange import ControlEndpoint, Parts, read_endpoints, seal, unseal
 from gateway.app.state.file import MarkerContent, read_marker
+from gateway.core.requests import new_number
 from gateway.system import processes
 from gateway.system.files import directory
 from gateway.system.runtime_folders import folders, folders_of_others, user, user_name

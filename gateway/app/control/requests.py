@@ -1,4 +1,4 @@
-"""Carries out requests from the command line, under the same limits and rules as the commands of programs.
+"""Carries out requests of people, from every door, under the same limits and rules as the commands of programs.
 
 A motion belongs to the request that began it: cancelling the request ends that motion, and no other that a program or
 another request has begun since. A timer here ends a ``move``, even if the command that asked for it was killed.
@@ -14,20 +14,21 @@ import msgspec
 from msgspec.structs import replace
 
 from gateway.app.control.gather import collect_state
+from gateway.app.control.orders import IN_WORDS, orders
 from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
+from gateway.app.recording.entrance import Entrance
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core import requests
-from gateway.core.errors import Busy, Fault, Invalid, Stopped
+from gateway.core.errors import Busy, Fault, Invalid, Stopped, UserError
+from gateway.core.requests import DONE, FAILED, UNDER_WAY, Answer
 from gateway.mount.controller import MountController
 from gateway.mount.motion.taps import holder
 from gateway.mount.motion.wanted import ByHand, Slew
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
 
-#: The first word of an answer: carried out, still in progress, not carried out.
-DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
 #: A motion that could not be begun within so many seconds is dropped: the command does not wait longer.
 PATIENCE = 10.0
 #: Seconds for fresh readings of the mount, before cached ones are shown.
@@ -58,8 +59,10 @@ def title(request: object) -> str:
     return TITLES.get(name, name)
 
 
-async def of_date(controller: MountController, where: requests.Where) -> op.Equatorial:
+async def of_date(controller: MountController, where: requests.Target) -> op.Equatorial:
     """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
+    if isinstance(where, requests.Named):
+        raise Invalid(f"The position of {where.name} has not been looked up.")
     if isinstance(where, requests.Body):
         reads: op.Read[op.Equatorial] = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
     elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
@@ -74,8 +77,11 @@ async def of_date(controller: MountController, where: requests.Where) -> op.Equa
 class RequestHandler:
     """Carries out requests for a gateway; ``name`` is the mount's, or empty."""
 
-    def __init__(self, controller: MountController, name: str, mount: str, gateway: Serving) -> None:
+    def __init__(
+        self, controller: MountController, name: str, mount: str, gateway: Serving, entrance: Entrance = Entrance()
+    ) -> None:
         self._controller, self._name, self._mount, self._gateway = controller, name, mount, gateway
+        self._entrance = entrance
         self._active: dict[str, ActiveRequest] = {}
 
     def state(self) -> State:
@@ -86,27 +92,50 @@ class RequestHandler:
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
         return replace(state, served=told, folder=folder)
 
-    async def carry_out(self, line: str) -> str:
-        """Return ``done WORDS``, ``under way WORDS`` or ``failed REASON``; for ``See`` a ``State`` as JSON."""
+    async def take_line(self, line: str) -> str:
+        """Carry out a request that the control endpoint got, and return the answer as it is sent there."""
         try:
             request = requests.decode(line)
         except ValueError:
             return f"{FAILED} the gateway does not understand this: it is of another version than the command"
-        if isinstance(request, requests.See):
-            if request.fresh:
-                await self._refresh()
-            return msgspec.json.encode(self.state()).decode()
-        if isinstance(request, requests.Follow):
-            return await self._follow(request.number)
-        if isinstance(request, requests.End):
-            return await self._cancel(request.number)
+        answer = await self.take(request)
+        return answer.words if isinstance(request, requests.See) else str(answer)
+
+    async def take(self, request: requests.Request) -> Answer:
+        """Let a request enter and carry it out. A name becomes a position before: what is recorded is decided."""
+        if isinstance(request, requests.Halt):
+            assert self._gateway.store is not None
+            words = orders(self._controller, self._gateway.store, self._entrance)
+            answer = await words[str(request.__struct_config__.tag)]()
+            return requests.read_answer(IN_WORDS.get(answer, answer))
+        if isinstance(request, requests.Goto | requests.Sync) and isinstance(request.where, requests.Named):
+            from gateway.app.control import objects  # loads the catalogues, which only names of objects need
+
+            try:
+                request = replace(request, where=await asyncio.to_thread(objects.find, request.where.name))
+            except UserError as error:
+                return Answer(FAILED, str(error))
+        return await self._entrance.handle_request(request, self.carry_out)
+
+    async def carry_out(self, request: requests.Request) -> Answer:
+        """Carry out a request that has entered, and is recorded if anything is."""
+        match request:
+            case requests.See():
+                if request.fresh:
+                    await self._refresh()
+                return Answer(DONE, msgspec.json.encode(self.state()).decode())
+            case requests.Follow():
+                return await self._follow(request.number)
+            case requests.End():
+                return await self._cancel(request.number)
+        assert isinstance(request, requests.Base)
         active = self._remember(request.number, request.who or f"mount-gateway {title(request).lower()}")
         try:
-            return f"{DONE} {await self._do(request, active)}"
+            return Answer(DONE, await self._do(request, active))
         except Fault as fault:
             controller = self._controller
             controller.wire_log.refused(active.activity.who, f"{title(request)}: {fault}")
-            return f"{FAILED} {explain(fault, controller.policy.limits)}"
+            return Answer(FAILED, explain(fault, controller.policy.limits))
 
     def _remember(self, number: str, who: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
@@ -234,32 +263,32 @@ class RequestHandler:
             moving = [motion.by for _, motion in wanted.motion]
         return any(by is active.activity for by in (*moving, *(order.by for order in wanted.pending)))
 
-    async def _follow(self, number: str) -> str:
+    async def _follow(self, number: str) -> Answer:
         active, controller = self._active.get(number), self._controller
         if active is None:
-            return f"{FAILED} the gateway does not know this request: it may have been restarted meanwhile"
+            return Answer(FAILED, "the gateway does not know this request: it may have been restarted meanwhile")
         await self._refresh()
         seen = self.state().look
         follows = active.is_park and any(
             order.follow_up for order in controller.wanted.value.pending
         )  # after parking, its tracking is still to be turned off
         if self._in_motion(active) or follows:
-            return f"{UNDER_WAY} {format_position(seen.position) if seen.position else ''}"
+            return Answer(UNDER_WAY, format_position(seen.position) if seen.position else "")
         if controller.wanted.value.short:
-            return f"{FAILED} {controller.wanted.value.short}"
+            return Answer(FAILED, controller.wanted.value.short)
         if controller.stops != active.stops:
-            return f"{FAILED} it was stopped on the way"
+            return Answer(FAILED, "it was stopped on the way")
         if active.goal is not None and seen.position is not None and (words := missed(active.goal, seen.position)):
-            return f"{FAILED} {words}, or another goto came"
+            return Answer(FAILED, f"{words}, or another goto came")
         if active.is_park:
-            return f"{DONE} it is parked"
-        return f"{DONE} it is there{': ' + format_position(seen.position) if seen.position else ''}"
+            return Answer(DONE, "it is parked")
+        return Answer(DONE, f"it is there{': ' + format_position(seen.position) if seen.position else ''}")
 
-    async def _cancel(self, number: str) -> str:
+    async def _cancel(self, number: str) -> Answer:
         controller, active = self._controller, self._remember(number, "mount-gateway stop")
         active.cancelled.set()  # if the request arrives later than its cancellation, it is not begun
         if not self._in_motion(active):
-            return f"{DONE} nothing that was begun here is under way"
+            return Answer(DONE, "nothing that was begun here is under way")
         wanted = controller.wanted.value
         halts: list[op.Operation] = (
             [op.StopAxis(axis) for axis, motion in wanted.motion if motion.by is active.activity]
@@ -273,8 +302,10 @@ class RequestHandler:
             for halt in halts:
                 await controller.perform(halt, None, active.activity)
         except Fault as fault:
-            return f"{FAILED} the mount has not acknowledged the stop: {explain(fault, controller.policy.limits)}"
-        return f"{DONE} the mount was stopped"
+            return Answer(
+                FAILED, f"the mount has not acknowledged the stop: {explain(fault, controller.policy.limits)}"
+            )
+        return Answer(DONE, "the mount was stopped")
 
     async def _refresh(self) -> None:
         """Refresh position and status, unless the mount does not answer soon."""

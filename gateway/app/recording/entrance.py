@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Protocol, TypeVar
 
+from gateway.core.requests import Answer, Request
 from gateway.mount.motion.order_runner import Announce
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Accept, Connected
@@ -18,6 +19,7 @@ from gateway.transport.wires import Transport
 _T = TypeVar("_T")
 #: Work that a request asks for, begun when the request enters.
 Work = Callable[[], Coroutine[object, object, _T]]
+CarryOut = Callable[[Request], Coroutine[object, object, Answer]]
 
 
 class Admitting(Protocol):
@@ -54,6 +56,6 @@ class Entrance:
         """Carry out a request; ``arrow`` is its letter in a recording. Raises what the work raises."""
         return await work()
 
-    async def handle_request(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
-        """Carry out a request from the command line, written on one line, and return the answer."""
-        return await carry_out(line)
+    async def handle_request(self, request: Request, carry_out: CarryOut) -> Answer:
+        """Carry out a request from a door of the gateway, and return the answer."""
+        return await carry_out(request)

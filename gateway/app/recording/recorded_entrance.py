@@ -7,16 +7,17 @@ so a replay repeats it.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from itertools import chain, count
 from typing import TypeVar
 
 from msgspec.structs import replace
 
-from gateway.app.recording.entrance import Admitting, Entrance, Work
+from gateway.app.recording.entrance import Admitting, CarryOut, Entrance, Work
 from gateway.app.recording.format import escape
 from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop
+from gateway.core.requests import Answer, Request, encode
 from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
 from gateway.mount.motion.order_runner import Announce
@@ -83,10 +84,8 @@ class RecordedEntrance(Entrance):
     async def carry_out(self, arrow: str, work: Work[_T]) -> _T:
         return await result_of(await self._task(arrow, work))  # a caller that gives up waiting does not cancel a stop
 
-    async def handle_request(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
-        if not (line.isascii() and line.isprintable()):
-            return await carry_out("")  # is answered like a request that the gateway does not understand
-        return await asyncio.shield(await self._task("c", lambda: carry_out(line), line))
+    async def handle_request(self, request: Request, carry_out: CarryOut) -> Answer:
+        return await asyncio.shield(await self._task("c", lambda: carry_out(request), encode(request)))
 
     async def _task(self, arrow: str, work: Work[_T], text: str = "") -> asyncio.Task[_T]:
         begun: asyncio.Future[asyncio.Task[_T]] = self._loop.create_future()

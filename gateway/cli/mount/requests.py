@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable
 from typing import TypeAlias
 
-from gateway.app.control.exchange import ControlEndpoint, new_number
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.cli.command_line import Commands, Parser
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
@@ -136,7 +136,7 @@ def _move(arguments: argparse.Namespace, number: str) -> requests.Move:
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
     """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
-    request = make(arguments, new_number())
+    request = make(arguments, requests.new_number())
     lasting = request.seconds if isinstance(request, requests.Move) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:

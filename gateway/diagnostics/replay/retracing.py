@@ -8,12 +8,14 @@ replay advances, and outputs are only kept until they have been compared.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections import deque
 
 from gateway.app.control.orders import stopped
 from gateway.app.gateway import Gateway
 from gateway.app.recording.format import Event, Recording
 from gateway.app.recording.turns import BASE
+from gateway.core.requests import decode
 from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
 from gateway.diagnostics.replay.told import Difference, Told, surface_and_host
@@ -141,8 +143,10 @@ class Retracing:
             case "o":
                 self._tasks.append(self._loop.create_task(stopped(gateway.controller)))
             case "c":
-                wish = gateway.request_handler.carry_out(event.data.decode("latin-1"))
-                self._tasks.append(self._loop.create_task(wish))
+                with contextlib.suppress(ValueError):  # an unknown request had no effect
+                    request = decode(event.data.decode("latin-1"))
+                    carried_out = gateway.request_handler.carry_out(request)
+                    self._tasks.append(self._loop.create_task(carried_out))
             case "h" | "u":
                 gateway.controller.hold.on = event.arrow == "h"
             case "d":

@@ -7,9 +7,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import msgspec
+import pytest
 
 from gateway.app.control import gather
 from gateway.app.control.requests import RequestHandler
+from gateway.app.recording.entrance import CarryOut, Entrance
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
@@ -28,16 +30,16 @@ CRAB = requests.Spot(83.633, 22.014)
 class Owner:
     """Somebody at the keyboard of a bridge's gateway."""
 
-    def __init__(self, bridge: Any, name: str = "") -> None:
+    def __init__(self, bridge: Any, name: str = "", entrance: Entrance = Entrance()) -> None:
         surfaces = ["lx200:autostar@tcp://127.0.0.1:4030", "nexstar:6-8se@pty:/tmp/nexstar pier"]
         serving: Any = SimpleNamespace(
             programs=lambda: bridge.acceptor.present_hosts(), names=lambda: surfaces, web=Web(), store=None
         )
-        self.request_handler = RequestHandler(bridge.controller, name, "nexstar@sim", serving)
+        self.request_handler = RequestHandler(bridge.controller, name, "nexstar@sim", serving, entrance)
         self._controller = bridge.controller
 
     async def wish(self, wish: requests.Request) -> str:
-        return await self.request_handler.carry_out(requests.encode(wish))
+        return await self.request_handler.take_line(requests.encode(wish))
 
     async def see(self) -> State:
         return msgspec.json.decode(await self.wish(requests.See()), type=State)
@@ -77,6 +79,32 @@ def test_a_catalogue_s_place_is_brought_to_date() -> None:
             assert answer == "done it goes to 05:36:06 +22°01'55\""
 
     run(program())
+
+
+def test_a_name_is_a_position_before_it_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    entered: list[requests.Request] = []
+
+    async def at_once(function: Any, *arguments: Any) -> Any:
+        return function(*arguments)  # virtual time waits for no thread
+
+    monkeypatch.setattr(asyncio, "to_thread", at_once)
+
+    class Recorded(Entrance):
+        async def handle_request(self, request: requests.Request, carry_out: CarryOut) -> requests.Answer:
+            entered.append(request)
+            return await carry_out(request)
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            take = Owner(bridge, entrance=Recorded()).request_handler.take
+            answer = await take(requests.Goto("g", requests.Named("Aldebaran")))
+            assert answer.done and answer.words.startswith("it goes to 04:37:")
+            unknown = await take(requests.Goto("h", requests.Named("Aldebarran")))
+            assert not unknown.done and "did you mean Aldebaran" in unknown.words
+
+    run(program())
+    [goto] = entered
+    assert isinstance(goto, requests.Goto) and isinstance(goto.where, requests.Spot) and goto.where.j2000
 
 
 def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
@@ -236,7 +264,7 @@ def test_nonsense_is_answered_in_words() -> None:
         async with Bridge() as bridge:
             request_handler = Owner(bridge).request_handler
             for line in ("", "{}", '{"type":"goto"}', '{"type":"fly","number":"1"}', "\0", '{"type":"see"}\n', "\xff"):
-                assert (await request_handler.carry_out(line)).startswith("failed the gateway does not understand this")
+                assert (await request_handler.take_line(line)).startswith("failed the gateway does not understand this")
             place = requests.Spot(400.0, 0.0)
             assert (await Owner(bridge).wish(requests.Goto("g", place))).startswith("failed There is no such place")
 

@@ -1,0 +1,60 @@
+"""What a page sends becomes one of the requests that everybody has, in its own name and under a number of its own."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from gateway.console import messages
+from gateway.core import requests
+from tests.support.each import each
+
+ME = "the console at 10.0.0.9"
+
+
+def read(do: str, **fields: Any) -> Any:
+    return messages.read(json.dumps({"do": do, **fields}), ME).wish
+
+
+@each(
+    ("sent", "wish"),
+    [
+        ({"do": "goto", "name": "M42"}, requests.Goto("n", requests.Named("M42"), who=ME)),
+        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.Goto("n", requests.Spot(83.0, 22.0, j2000=True), who=ME)),
+        ({"do": "sync", "ra": 1, "dec": 2, "j2000": False}, requests.Sync("n", requests.Spot(1.0, 2.0), who=ME)),
+        ({"do": "wake"}, requests.Unpark("n", who=ME)),
+        ({"do": "track", "on": False}, requests.Track("n", on=False, who=ME)),
+        ({"do": "site", "latitude": 48, "longitude": 11}, requests.TellSite("n", 48.0, 11.0, who=ME)),
+        ({"do": "stop"}, requests.Stop()),
+        ({"do": "let_go", "direction": "north", "press": 3}, messages.LetGo("north", 3)),
+    ],
+)
+def test_a_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(requests, "new_number", lambda: "n")
+    assert messages.read(json.dumps({"id": 7, "mount": 2, **sent}), ME) == (7, 2, wish)
+
+
+def test_a_page_speaks_for_nobody_else() -> None:
+    park = read("park", who="mqtt", number="1", type="home")
+    assert isinstance(park, requests.Park) and park.who == ME and len(park.number) == 16
+
+
+@each(
+    "sent",
+    [
+        {"do": "goto"},
+        {"do": "goto", "ra": 83.0},
+        {"do": "site", "latitude": 91.0, "longitude": 0.0},
+        {"do": "track", "rate": "king"},
+        {"do": "press", "direction": "north", "key": 9},
+        {"do": "end"},
+        {"do": "see"},
+        {"do": "park", "mount": -2},
+        {},
+    ],
+)
+def test_what_no_page_may_ask_is_no_request(sent: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"\$|required field|Invalid"):
+        messages.read(json.dumps(sent), ME)
