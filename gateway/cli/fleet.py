@@ -59,6 +59,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
 
 async def _serve(access: Access, prefix: str, port: int) -> int:
     from gateway.cli.serve.signals import until_signal
+    from gateway.console.server import PAGE
     from gateway.fleet.overview.server import Overview
     from gateway.system import streams
 
@@ -71,7 +72,7 @@ async def _serve(access: Access, prefix: str, port: int) -> int:
             streams.warn(f"the broker {access.broker} {words}", streams.WARNING)
         was_there = there
 
-    page = Overview(access, prefix, time.time, on_connection)
+    page = Overview(access, prefix, PAGE, time.time, on_connection)
     try:
         await page.open(port)
     except OSError as error:

@@ -17,7 +17,6 @@ from aiohttp import web
 from msgspec import Struct
 
 from gateway.app.pages import Pages, from_own_page, guarded, same_token
-from gateway.console.server import PAGE
 from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
@@ -25,7 +24,7 @@ from gateway.fleet.topics import Message, Received, Topics
 from gateway.transport.http_server import HttpServer, addressed_here
 
 OWN = Path(__file__).parent / "page"
-#: Files that are shared with the console's page.
+#: Files of the console's page that are served here as well.
 SHARED = ("css/tokens.css", "css/base.css", "js/first.js", "js/core/dom.js", "icon.svg")
 #: Seconds within which a broker passes a message on; messages per second, more than 1,000 mounts send.
 ECHO_TIMEOUT, FLOOD = 3.0, 5000
@@ -41,12 +40,16 @@ class Stop(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Overview:
-    """Serves the page until it is closed. ``told`` is called when the broker is connected, and when it is lost."""
+    """Serves the page until it is closed. ``told`` is called when the broker is connected, and when it is lost.
+
+    ``look`` is the folder of the console's page, after which this one looks.
+    """
 
     def __init__(
         self,
         access: Access,
         prefix: str,
+        look: Path,
         clock: Callable[[], float],
         told: Callable[[bool, str], None],
         connect: Connect | None = None,
@@ -59,7 +62,7 @@ class Overview:
         )
         self._token = secrets.token_urlsafe(24)
         own = {path.name: path for path in OWN.iterdir()}
-        self._files = Pages(own | {name: PAGE / name for name in SHARED})
+        self._files = Pages(own | {name: look / name for name in SHARED})
         self._connected, self._why = False, "the broker has not answered yet"
         self._waiting_for_echo: dict[str, asyncio.Event] = {}
         self._server: HttpServer | None = None
