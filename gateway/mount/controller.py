@@ -27,8 +27,6 @@ from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
 from gateway.mount.presence import NOBODY, Presence, Program
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
-from gateway.mount.readings.client_readings import ClientReadings
-from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import Admission
@@ -65,13 +63,10 @@ class MountController:
         runner = DriverRunner(context, self.verifier, gate)
         self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
         # Readings.
-        client_readings = self.client_readings = ClientReadings(context)
-        reader = self.reader = Reader(context, runner, self.fair_scheduler, client_readings)
+        reader = self.reader = Reader(context, runner, self.fair_scheduler)
         self.read, self.read_now = reader.read, reader.read_now
-        self.touch, self.fresh_until = cache.touch, client_readings.fresh_until
-        runner.may_move.connect(client_readings.may_move)
+        self.touch, self.fresh_until = cache.touch, reader.fresh_until
         context.run_on.sent = runner.may_move
-        self.own = OwnAnswers(context, runner, self.fair_scheduler)
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
         # Limits and motion.
@@ -90,7 +85,7 @@ class MountController:
         reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
         #: Emitted when the state that is saved to disk may have changed.
         self.changed = reconciler.lasting
-        consequences = Consequences(context, gate, client_readings, watch, self.ends)
+        consequences = Consequences(context, gate, reader, watch, self.ends)
         reconciler.begins.connect(consequences.begins)
         reconciler.done.connect(consequences.done)
         reconciler.stop_sent.connect(consequences.stop_sent)
@@ -100,20 +95,20 @@ class MountController:
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
         reader.goto_missed.connect(lambda words: reconciler.want(ended_short(reconciler.wanted, words)))
-        reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=client_readings.latest()))
+        reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=reader.latest()))
         # Orders of clients, supervision of the motions that they begin, identification, polling.
-        self.orders = Orders(context, runner, reader, self.own, self.settings, reconciler)
+        self.orders = Orders(context, runner, reader, self.settings, reconciler)
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
         TrackingAtLimit(context, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
         self.supervisor = Supervisor(context, self.presence, self.orders.perform)
         reconciler.done.connect(self.supervisor.start_watching)
-        self.identification = Identification(context, runner, gate, reader, self.own, sync, reconciler, self.ends)
+        self.identification = Identification(context, runner, gate, reader, sync, reconciler, self.ends)
         self.identification.identified.connect(self._on_identified)
         self.identified, self.settled = context.known, context.settled
         self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
-        #: The signals that make earlier answers outdated.
-        self._changes = cache.changed, wanted.changed, site_clock.changed, client_readings.changed
+        #: The signals that make earlier answers outdated, besides the cache.
+        self._changes = wanted.changed, site_clock.changed
 
     def _on_status(self, status: op.Status) -> None:
         """Forget the sum of syncs if the mount is not aligned."""
@@ -148,7 +143,6 @@ class MountController:
         self.context.known.set()
         self.reconciler.close()
         self.supervisor.close()
-        self.reader.close()
         await self.context.tasks.close()
         await self.line.close()
 
@@ -170,8 +164,8 @@ class MountController:
     @property
     def version(self) -> int:
         """A number that grows whenever an answer may have changed, so that cached replies are outdated."""
-        answers, wanted, site_clock, readings = self._changes
-        return answers.count + wanted.count + site_clock.count + readings.count
+        wanted, site_clock = self._changes
+        return self.cache.version + wanted.count + site_clock.count
 
     @property
     def stops(self) -> int:
@@ -182,9 +176,9 @@ class MountController:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         answer: object
         if isinstance(operation, op.Own):
-            answer = self.own.peek(operation, program)
+            answer = self.reader.peek_own(operation, program)
         elif type(operation) in MAX_AGE:
-            answer = self.client_readings.peek(operation)
+            answer = self.reader.peek(type(operation))
         elif (answer := ReadBy(self.site_clock, program).answer(type(operation))) is None:
             answer = NOT_CACHED
         return cast(_T, answer)

@@ -25,7 +25,6 @@ from gateway.mount.motion.left_moving import APART, LONGEST, RECENT, LeftMotion,
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
 from gateway.mount.motion.wanted import Order
-from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import contradiction_warning
 from gateway.mount.safety.hour_angle import told_by_axes
@@ -50,14 +49,13 @@ class Identification:
         runner: DriverRunner,
         gate: HibernationGate,
         reader: Reader,
-        own: OwnAnswers,
         sync: SyncSettings,
         reconciler: Reconciler,
         ends: EndWatch,
     ) -> None:
         self._context, self._driver = context, context.driver
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
-        self._reader, self._own, self._sync, self._reconciler, self._ends = reader, own, sync, reconciler, ends
+        self._reader, self._sync, self._reconciler, self._ends = reader, sync, reconciler, ends
         self._asking: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
         #: Whether something moved when the port was lost, when that was, and what moved; None if it cannot be judged.
@@ -99,7 +97,6 @@ class Identification:
 
     def _on_up(self, _: None) -> None:
         self._cache.clear()
-        self._own.forget(everything=True)
         self._driver.line_was_lost()
         if self._driver.goto_unconfirmed:  # poll the goto until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())

@@ -24,7 +24,6 @@ from gateway.mount.motion.taps import LENGTHENED, at_guide_rate, stopped_at_once
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, ByHand, Order, Slew
 from gateway.mount.presence import NOBODY, HostActivity
 from gateway.mount.readings.cache import MAX_AGE
-from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site.places import PLACES
 from gateway.mount.site.settings import SiteAndClock
@@ -36,17 +35,11 @@ class Orders:
     """``perform`` carries out an operation, ``begin`` does not wait, ``impossible`` refuses without a request."""
 
     def __init__(
-        self,
-        context: Context,
-        runner: DriverRunner,
-        reader: Reader,
-        own: OwnAnswers,
-        settings: SiteAndClock,
-        reconciler: Reconciler,
+        self, context: Context, runner: DriverRunner, reader: Reader, settings: SiteAndClock, reconciler: Reconciler
     ) -> None:
         self._context, self._link, self._wanted, self._movement = (
             context, context.link, context.wanted, context.movement)  # fmt: skip
-        self._runner, self._reader, self._own, self._reconciler = runner, reader, own, reconciler
+        self._runner, self._reader, self._reconciler = runner, reader, reconciler
         self._settings = settings
         self._handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             op.GetActivity: self._activity,
@@ -110,12 +103,9 @@ class Orders:
                 await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
             return cast(_T, await self._reader.answer(operation))
         if isinstance(operation, op.Own):
-            return cast(_T, await self._own.read(operation, activity.program if activity is not None else NOBODY))
-        try:
-            return cast(_T, await self._order(operation, stops, activity, patience, asked))
-        finally:
-            if not isinstance(operation, op.Read):
-                self._own.forget()
+            program = activity.program if activity is not None else NOBODY
+            return cast(_T, await self._reader.answer_own(operation, program))
+        return cast(_T, await self._order(operation, stops, activity, patience, asked))
 
     async def _order(
         self,

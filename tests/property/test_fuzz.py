@@ -91,7 +91,7 @@ def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
 
             bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
             with pytest.raises(Fault):
-                await bridge.controller.own._runner.drive(bridge.driver.perform(op.GetSite()), READ)
+                await bridge.controller.reader._runner.drive(bridge.driver.perform(op.GetSite()), READ)
             await asyncio.sleep(60)
             assert bridge.controller.line.state == "up"
 

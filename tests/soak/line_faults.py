@@ -293,7 +293,7 @@ class Trial:
     def _oldest(self, now: float) -> float:
         """Return the time before which nothing that is reported now may come from."""
         line = self.line
-        old = line.state != "up" or self.bridge.controller.client_readings.gives_last_position  # and the log says so
+        old = line.state != "up" or self.bridge.controller.reader.gives_last_position  # and the log says so
         allowed = 10.0 if old else max(AGE, 2.5 * line.typical_rtt)
         return now - allowed - EXCHANGE
 

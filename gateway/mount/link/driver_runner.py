@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Generator, Mapping
 from typing import Any, TypeVar
 
 from gateway.core.errors import Asleep, Busy, Fault, Refused
-from gateway.core.operations import Operation
+from gateway.core.operations import Operation, Read
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_TOO_LATE, STOP
@@ -89,17 +89,25 @@ class DriverRunner:
 
     async def perform(self, operation: Operation, priority: int) -> Any:
         """Have the driver carry out an operation and return its answer. Raises Fault."""
-        return await self.drive(self._context.driver.perform(operation), priority)
+        steps = self._context.driver.perform(operation)
+        return await self.drive(steps, priority, changes=not isinstance(operation, Read))
 
     async def drive(
-        self, steps: Steps, priority: int, since: float | None = None, may_begin: Callable[[], None] = lambda: None
+        self,
+        steps: Steps,
+        priority: int,
+        since: float | None = None,
+        may_begin: Callable[[], None] = lambda: None,
+        changes: bool = True,
     ) -> Any:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
         ``MAX_START_DELAY`` seconds after ``since`` (loop time), or if the line delayed a motion by hand as long.
-        ``may_begin`` is called before a motion by hand begins, and may raise a Fault instead.
+        ``may_begin`` is called before a motion by hand begins, and may raise a Fault instead. What ``changes`` the
+        mount outdates its replies of before and those that come meanwhile.
         """
         now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
         self.exchanges = exchanges = 0
+        self._context.cache.orders += changes
         asked, sent = list[float](), list[float]()
         late = since is not None and now() - since > MAX_START_DELAY
         if priority == MOTION:
@@ -136,6 +144,8 @@ class DriverRunner:
             if priority != STOP:  # a failed stop is retried anyway
                 self.broken.emit(None)
             raise Refused(f"Internal error: {error!r}") from error
+        finally:
+            self._context.cache.orders += changes
 
 
 async def run_driver(

@@ -22,7 +22,7 @@ from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.outcomes import Done, PulseEnded
 from gateway.mount.motion.taps import LONGEST_WAIT, TapDropped
 from gateway.mount.motion.wanted import IN_ORDER, Order, Slew
-from gateway.mount.readings.client_readings import ClientReadings
+from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.watch import LimitWatch
 from gateway.protocols.base.driver import FollowUps
@@ -129,15 +129,10 @@ class Consequences:
     """Updates the cache and the watches once the mount has acknowledged an order. Listens to the reconciler."""
 
     def __init__(
-        self,
-        context: Context,
-        gate: HibernationGate,
-        client_readings: ClientReadings,
-        watch: LimitWatch,
-        ends: EndWatch,
+        self, context: Context, gate: HibernationGate, reader: Reader, watch: LimitWatch, ends: EndWatch
     ) -> None:
         self._context, self._now, self._cache = context, context.now, context.cache
-        self._gate, self._client_readings, self._watch, self._ends = gate, client_readings, watch, ends
+        self._gate, self._reader, self._watch, self._ends = gate, reader, watch, ends
 
     def stop_sent(self, _: None) -> None:
         self._ends.sent((1, 2), self._watch.fastest)
@@ -146,13 +141,13 @@ class Consequences:
         """Handle a stop that the mount has acknowledged: it may run on."""
         slewing, by_others = self._context.movement.slewing, self._watch.moved_by_others
         self._context.run_on.ended(goto=slewing, by_others=by_others)
-        self._client_readings.ordered(op.AbortMotion(), self._watch.moved_by_others)
+        self._reader.ordered(op.AbortMotion(), self._watch.moved_by_others)
         self._watch.motion_ended()
         self._cache.put(op.Slewing, False, self._now())
 
     def begins(self, operation: op.Operation) -> None:
         """Handle an operation that the mount has acknowledged, before ``Wanted`` shows it."""
-        self._client_readings.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
+        self._reader.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.began(operation)
 
@@ -169,7 +164,7 @@ class Consequences:
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
             self._ends.superseded((operation.axis,))
-            cache.changed.emit(op.Position)  # no new position, but it must be polled more often from now on
+            cache.look_again(op.Position)  # no new position, but it must be polled more often from now on
         elif isinstance(operation, op.StopAxis):
             self._halted(operation.axis, done.before.by_hand.get(operation.axis))
         elif isinstance(operation, op.AbortMotion):  # of an arrow that was stopped at once

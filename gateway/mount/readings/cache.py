@@ -1,16 +1,24 @@
-"""The cache of the mount's last readings, with the time of each, and of when clients asked for them."""
+"""The one cache of what the mount has answered, with the time of each answer, and of when clients asked for it.
+
+Whether an answer is still good is found when it is asked for: by its age, by the time of its request (a position that
+was requested before the last motion order is none for clients), and by the number of orders and settings that the mount
+had been sent by then (``orders``: its replies in its own words are shared until the next one only).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import inf, isinf
 from typing import Any
 
 from msgspec import Struct
 
 from gateway.core import operations as op
-from gateway.core.signals import Signal
+from gateway.core.errors import Fault
+from gateway.core.waiting import TimedEvent
 
 Kind = type[op.Operation]
+Pair = tuple[float, float]
 
 #: Returned for a reading that is not cached or no longer fresh: it must be requested from the mount.
 NOT_CACHED: Any = object()
@@ -20,45 +28,109 @@ MAX_AGE: dict[Kind, float] = {
     op.Position: 0.5, op.HorizontalPosition: 0.5, op.AxisPosition: 0.5, op.Slewing: 1.0, op.GetStatus: 6.0,
     op.GetIdentity: 1e9, op.PierSide: 5.0,
 }  # fmt: skip
+#: The same for replies in the mount's own words; others are not cached.
+OWN_AGE = {"fixed": inf, "state": 1.0, "site": 1.0}
+#: How many of these are cached: clients may ask for any number of devices.
+REMEMBERED = 200
 #: The period in seconds at which a reading is renewed while clients poll it.
 POLL_PERIOD: dict[Kind, float] = {
     op.Position: 0.4, op.HorizontalPosition: 0.45, op.AxisPosition: 0.45, op.Slewing: 0.5, op.GetStatus: 2.5,
 }  # fmt: skip
+#: The kinds that are polled at another pace after a reading of a kind: while the mount slews, and with each position.
+WAKES: dict[Kind, tuple[Kind, ...]] = {
+    **{kind: (kind,) for kind in POLL_PERIOD},
+    op.Slewing: (op.Slewing, op.Position),
+    op.Position: (op.Position, op.AxisPosition),
+}
 #: A reading counts as polled if a client asked for it within this many seconds.
 POLLING = 3.0
 #: Seconds for which clients still get the last position after the line went down.
 LAST_POSITION = 10.0
 
 
-class CachedValue(Struct):
-    """A reading and the loop time at which it arrived."""
+class Reading(Struct, frozen=True):
+    """A longitude and a latitude, or the readings of two axes, and the time of each of them."""
+
+    place: Pair
+    at: Pair
+
+    @property
+    def complete(self) -> float:
+        """The later of the two times."""
+        return max(self.at)
+
+
+def angles(value: op.Equatorial | op.Horizontal) -> Pair:
+    """Return the two angles of a position."""
+    return (value.az, value.alt) if isinstance(value, op.Horizontal) else (value.ra, value.dec)
+
+
+class Entry(Struct):
+    """An answer (or the Fault that it was), the loop time at which it arrived, and the seconds for which it is fresh.
+
+    It was ``asked`` for at this loop time, after so many ``orders``. A position has its ``reading`` as it was reported,
+    the entry ``before``, and its ``course`` once that was calculated; or the ``source`` from which it was calculated.
+    One that is ``forgotten`` is no longer true, and only clients of a silent mount may get it.
+    """
 
     value: Any
-    at: float
+    at: float = 0.0
+    lasts: float = 0.0
+    asked: float = 0.0
+    orders: int = 0
+    reading: Reading | None = None
+    before: Entry | None = None
+    course: Any = None
+    source: Kind | None = None
+    forgotten: bool = False
 
 
 class ReadingsCache:
-    """The last readings by kind. ``changed`` is emitted with the kind whose reading was stored or forgotten."""
+    """The last readings by kind, and the mount's own replies by request."""
 
     def __init__(self) -> None:
-        self._values: dict[Kind, CachedValue] = {}
+        self.entries: dict[Kind, Entry] = {}
+        self._own: dict[op.Own, Entry] = {}
         self._asked: dict[Kind, float] = {}
-        self.changed: Signal[Kind] = Signal()
+        #: A number that grows whenever an answer may have changed, and that of the orders and settings sent so far.
+        self.version = self.orders = 0
+        #: Positions that were requested before this loop time are outdated for clients.
+        self.outdated = -1e9
+        #: Set when the next read of a kind may be due earlier than it was.
+        self.due = {kind: TimedEvent() for kind in POLL_PERIOD}
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
         """Store a reading that the mount reported, or that follows from a command that it acknowledged."""
-        self._values[kind] = CachedValue(value, now)
-        self.changed.emit(kind)
+        self.store(kind, Entry(value), now)
+
+    def store(self, kind: Kind, entry: Entry, now: float) -> None:
+        """Store an answer that has just arrived."""
+        entry.at, entry.lasts = now, MAX_AGE.get(kind, 0.0)
+        self.entries[kind] = entry
+        self.look_again(kind)
 
     def forget(self, *kinds: Kind) -> None:
         """Forget the readings of these kinds: they are no longer true."""
         for kind in kinds:
-            self._values.pop(kind, None)
-            self.changed.emit(kind)
+            if kind in self.entries:
+                self.entries[kind].forgotten = True
+            self.look_again(kind)
 
     def clear(self) -> None:
         """Forget everything: after a reconnect it may be another mount."""
-        self.forget(*self._values)
+        self.forget(*self.entries)
+        self._own.clear()
+
+    def look_again(self, kind: Kind) -> None:
+        """Replies of before are outdated, and the next read may be due: a reading has changed, a motion has begun."""
+        self.version += 1
+        for woken in WAKES.get(kind, ()):
+            self.due[woken].set()
+
+    def outdate(self, now: float) -> None:
+        """Positions that were requested before now are outdated for clients."""
+        self.outdated = now
+        self.version += 1
 
     def touch(self, kinds: Iterable[Kind], now: float) -> None:
         for kind in kinds:
@@ -66,30 +138,50 @@ class ReadingsCache:
 
     def value(self, kind: Kind) -> Any:
         """Return the last reading, however old; None before the first."""
-        cached = self._values.get(kind)
-        return None if cached is None else cached.value
+        entry = self.entries.get(kind)
+        return None if entry is None or entry.forgotten else entry.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
         """Return the reading if fresh, else NOT_CACHED; ``patience`` (seconds) or a line ``down`` extend its life."""
-        cached = self._values.get(kind)
-        if cached is None or now - cached.at > (LAST_POSITION if down else max(MAX_AGE[kind], patience)):
+        entry = self.entries.get(kind)
+        if entry is None or entry.forgotten or now - entry.at > (LAST_POSITION if down else max(entry.lasts, patience)):
             return NOT_CACHED
-        return cached.value
+        return entry.value
 
     def poll(self, kind: Kind, now: float) -> Any:
         """Note that a client asks, and return the reading if it is fresh whatever the line, else NOT_CACHED."""
         self._asked[kind] = now
-        cached = self._values.get(kind)
-        return NOT_CACHED if cached is None or now - cached.at > min(MAX_AGE[kind], LAST_POSITION) else cached.value
+        entry = self.entries.get(kind)
+        if entry is None or entry.forgotten or now - entry.at > min(entry.lasts, LAST_POSITION):
+            return NOT_CACHED
+        return entry.value
 
     def until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the readings of these kinds are fresh."""
-        return min(self._values[kind].at + MAX_AGE[kind] if kind in self._values else 0.0 for kind in kinds)
+        entries = [self.entries.get(kind) for kind in kinds]
+        return min(0.0 if entry is None or entry.forgotten else entry.at + entry.lasts for entry in entries)
 
     def age(self, kind: Kind, now: float) -> float:
         """Return the seconds since the last reading."""
-        cached = self._values.get(kind)
-        return 1e9 if cached is None else now - cached.at
+        entry = self.entries.get(kind)
+        return 1e9 if entry is None or entry.forgotten else now - entry.at
 
     def polled(self, kind: Kind, now: float) -> bool:
         return now - self._asked.get(kind, -1e9) <= POLLING
+
+    # --- replies in the mount's own words -----------------------------------------------------------------------------
+
+    def own(self, operation: op.Own, now: float) -> Any:
+        """Return the mount's reply to a request, or the Fault that it was, if fresh, else NOT_CACHED."""
+        entry = self._own.get(operation)
+        if entry is None or now - entry.at >= entry.lasts:
+            return NOT_CACHED
+        return entry.value if entry.orders == self.orders or isinf(entry.lasts) else NOT_CACHED
+
+    def keep_own(self, operation: op.Own, answer: bytes | Fault, lasts: float, orders: int, now: float) -> None:
+        """Store the reply to a request that was sent after so many ``orders``; of too many, the oldest is dropped."""
+        self._own.pop(operation, None)
+        if lasts:
+            self._own[operation] = Entry(answer, now, lasts, orders=orders)
+        if len(self._own) > REMEMBERED:
+            del self._own[next(iter(self._own))]

@@ -15,12 +15,14 @@ from msgspec import Struct
 
 from gateway.astro.spherical import separation, wrap180, wrap360
 from gateway.core import operations as op
+from gateway.core.errors import Unsupported
 from gateway.mount.context import Context
+from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits
+from gateway.mount.readings.cache import Entry, Kind, Pair, Reading, angles
 from gateway.mount.safety.hour_angle import meridian_known, past_meridian
 
-Pair = tuple[float, float]
 Inside = Callable[[float, float], bool]
 
 #: Seconds after the last reading for which the position is extrapolated.
@@ -37,18 +39,6 @@ DIGITS = 3.0
 NEARER = 0.5
 #: Bisection steps: a limit is found to a 256th of the extrapolated time.
 HALVINGS = 8
-
-
-class Reading(Struct, frozen=True):
-    """A longitude and a latitude, or the readings of two axes, and the time of each of them."""
-
-    place: Pair
-    at: Pair
-
-    @property
-    def complete(self) -> float:
-        """The later of the two times."""
-        return max(self.at)
 
 
 class Course(Struct, frozen=True):
@@ -151,8 +141,64 @@ def _within(going: Course, inside: Inside) -> Course:
     return Course(begins, going.rates, going.rooms, good)
 
 
-# --- the limits as a test of one position: may a client see the mount there? ------------------------------------------
+# --- the course of a mount: its goal, and the limits as a test of one position ---------------------------------------
 # Whether the mount is stopped at a limit is decided elsewhere, from real readings.
+
+
+def course_of(context: Context, kind: Kind, entry: Entry) -> Course:
+    """Return the course after the last reading of a kind, calculated once."""
+    if entry.course is None:
+        assert entry.reading is not None
+        before = entry.before if entry.before is not None and entry.before.asked >= context.cache.outdated else None
+        entry.course = course(
+            None if before is None else before.reading,
+            entry.reading,
+            fastest=FASTEST * context.driver.speed_factor,
+            digit=context.driver.resolution,
+            goal=_goal(context, kind),
+            polar=kind is not op.AxisPosition,
+            inside=_inside(context, kind),
+        )
+    result: Course = entry.course
+    return result
+
+
+def equatorial(context: Context) -> bool:
+    """Whether the mount has told that it is equatorial."""
+    status = context.cache.value(op.GetStatus)
+    return status is not None and bool(status.equatorial)
+
+
+def _goal(context: Context, kind: Kind) -> Pair | None:
+    """Return the goal of the goto under way in the coordinates of this read; None if it is unknown."""
+    motion, astrometry, driver = context.wanted.value.motion, context.astrometry, context.driver
+    if not isinstance(motion, Slew):
+        return None
+    goto, polar = motion.operation, equatorial(context)
+    axes = goto if isinstance(goto, op.GotoAxes) else driver.destination(goto)
+    try:
+        if isinstance(goto, op.Goto):
+            sky = astrometry.from_mount(op.Equatorial(goto.ra, goto.dec))
+        elif axes is None:
+            return None
+        elif kind is op.AxisPosition or (kind is op.HorizontalPosition and not polar):
+            return axes.az, axes.alt
+        elif polar:
+            sky = astrometry.from_axes(axes, wedge=not driver.german)
+        else:
+            sky = astrometry.equatorial(axes)
+        if kind is op.AxisPosition and polar:
+            return None
+        return angles(sky if kind is op.Position else astrometry.horizon(sky))
+    except Unsupported:
+        return None
+
+
+def _inside(context: Context, kind: Kind) -> Inside | None:
+    if kind is op.Position:
+        return on_the_sky(context)
+    unknown = kind is op.AxisPosition and equatorial(context)
+    return None if unknown else over_the_horizon(context)
 
 
 def over_the_horizon(context: Context) -> Inside:

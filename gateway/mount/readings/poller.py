@@ -11,7 +11,6 @@ import asyncio
 from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, NoAnswer, NotAligned
-from gateway.core.waiting import TimedEvent
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import HibernationGate
 from gateway.mount.motion.ends import EndWatch
@@ -45,7 +44,7 @@ TIMER_ERROR = 0.001
 
 
 class Poller:
-    """Runs one task for each kind of read; readings and motions wake the tasks that depend on them."""
+    """Runs one task for each kind of read; the cache wakes it when its next read may be due earlier."""
 
     def __init__(
         self,
@@ -59,8 +58,6 @@ class Poller:
         self._context, self._link, self._cache = context, context.link, context.cache
         self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
         self._axes_refused = -1e9
-        self._wake_events = {kind: TimedEvent() for kind in POLL_PERIOD}
-        self._cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
         self._own: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
@@ -69,15 +66,6 @@ class Poller:
     def start(self) -> None:
         for kind in POLL_PERIOD:
             self._context.tasks.spawn(self._run(kind))
-
-    def _changed(self, kind: Kind) -> None:
-        """Wake the tasks that must calculate their pause again, after a reading has changed or a motion has begun."""
-        if kind in self._wake_events:
-            self._wake_events[kind].set()
-            if kind is op.Slewing:
-                self._wake_events[op.Position].set()
-            elif kind is op.Position:
-                self._wake_events[op.AxisPosition].set()
 
     async def _run(self, kind: Kind) -> None:
         await self._context.known.wait()
@@ -102,8 +90,8 @@ class Poller:
                 pause = min(
                     self._pause(kind, self._context.now()), HEARTBEAT - self._cache.age(kind, self._context.now())
                 )
-            self._wake_events[kind].clear()
-            await self._wake_events[kind].within(max(0.005, pause))
+            self._cache.due[kind].clear()
+            await self._cache.due[kind].within(max(0.005, pause))
 
     async def _heartbeat(self, now: float) -> None:
         """Read the position as a heartbeat, and at rest the mount's own clock and site, which the limits need."""
@@ -150,7 +138,7 @@ class Poller:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if not self._needed(kind, now):
             return IDLE
-        ahead = (self._reader.exchanges(kind) + WAIT_FOR_LINE) * self._link.typical_rtt
+        ahead = (self._reader.exchanges.get(kind, 1) + WAIT_FOR_LINE) * self._link.typical_rtt
         every = POLL_PERIOD[kind]
         if kind is op.Position and self._watch.found_moving:
             every = FOUND_MOVING

@@ -1,27 +1,43 @@
-"""Reads the mount: fresh readings come from the cache, and all clients that ask meanwhile share one exchange.
+"""One way to read: fresh answers come from the cache, and all who ask meanwhile share one exchange.
 
 The limits are checked with every reading before any client gets it. What the mount does not report itself is calculated
-from other reads.
+from other reads. Clients get positions extrapolated to the moment of the reply, the same moment for all replies within
+50 ms and for both angles, and none that was requested before the mount acknowledged the last motion order, above all a
+stop. Clients of the mount's own protocol get its own replies, unless they have set another site or clock.
 """
 
 from __future__ import annotations
 
 import asyncio
+from math import inf
 from typing import Any, TypeVar, cast
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Busy, Fault, NoAnswer
+from gateway.core.about import FIRST_RULES
+from gateway.core.errors import Asleep, Busy, Fault, NoAnswer, NoDevice, Silence, Unsupported
+from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
 from gateway.core.waiting import FairScheduler, mark_retrieved, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import POSITION, READ
+from gateway.mount.motion.run_on import Place
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.readings.cache import NOT_CACHED, Kind
-from gateway.mount.readings.client_readings import POSITIONS, ClientReadings, cached_reading
+from gateway.mount.presence import Program
+from gateway.mount.readings.cache import LAST_POSITION, NOT_CACHED, OWN_AGE, Entry, Kind, Reading, angles
+from gateway.mount.readings.extrapolation import EARLIER, SOONEST, course_of, equatorial, place
+from gateway.mount.site.readers import ReadBy
 
 _T = TypeVar("_T")
+#: The reads of a position.
+POSITIONS: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
+#: Seconds for which an extrapolated position is used again.
+MOMENT = EARLIER
+#: A reading is fresh for this many reply times at least.
+EXCHANGES = 2.5
+#: The status of a mount that has never reported one, with the least promises.
+UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 #: Seconds between two checks whether the mount has begun to move.
 MOTION_CHECK = 0.2
 #: Seconds that a client waits at most to learn whether a goto has ended, and for the first reply of the mount.
@@ -35,21 +51,27 @@ AT_GOAL = 0.5
 
 
 class Reader:
-    """``read`` prefers the cache, ``read_now`` always asks the mount, ``answer`` answers a client with a timeout.
+    """``peek`` answers clients from the cache, ``answer`` with an exchange if need be, within a timeout. All other
+    parts use the mount's own readings: ``read`` prefers the cache, ``read_now`` always asks the mount.
 
     Signals: ``position``, ``axes`` and ``status`` with a new reading; ``unseen`` when a position read failed;
     ``goto_over`` when the mount reports that a goto has ended, ``goto_missed`` in words if that is not at its goal.
     """
 
-    def __init__(
-        self, context: Context, runner: DriverRunner, fair: FairScheduler, client_readings: ClientReadings
-    ) -> None:
+    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
         self._context, self._driver, self._now, self._link, self._cache = (
             context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
-        self._runner, self._fair, self._client_readings = runner, fair, client_readings
-        self._sharing: dict[Kind, asyncio.Task[Any]] = {}
-        self._exchanges: dict[Kind, int] = {}
+        self._runner, self._fair = runner, fair
+        #: The exchanges under way: by kind, or by request and the number of orders before it.
+        self._sharing: dict[object, asyncio.Task[Any]] = {}
+        #: The number of exchanges that the last read of each kind took.
+        self.exchanges: dict[Kind, int] = {}
+        self._moment = -1e9
+        #: How many commands that may set the mount moving had been sent when it was last stopped; -1 while it moves on.
+        self._stopped_after = 0
+        #: Clients get the last known position, because the mount has not replied in time.
+        self.gives_last_position = False
         self.position: Signal[op.Equatorial] = Signal()
         self.axes: Signal[op.Horizontal] = Signal()
         self.status: Signal[op.Status] = Signal()
@@ -57,21 +79,145 @@ class Reader:
         self.goto_over: Signal[None] = Signal()
         self.goto_missed: Signal[str] = Signal()
 
-    def close(self) -> None:
-        for task in self._sharing.values():
-            task.cancel()
+    def latest(self) -> Place | None:
+        """Return the last position that the mount has reported, however old; None before the first."""
+        last = self._cache.entries.get(op.Position)
+        if last is None or last.reading is None:
+            return None
+        return Place(last.reading.complete, last.asked, last.value)
 
-    def exchanges(self, kind: Kind) -> int:
-        """Return the number of exchanges that the last read of this kind took."""
-        return self._exchanges.get(kind, 1)
+    # --- answers from the cache -------------------------------------------------------------------------------------
 
-    def _precondition(self, operation: op.Operation) -> asyncio.Event:
-        """Return the event to wait for before this read: for the position a mount was found, else identified."""
-        return self._context.found if isinstance(operation, op.Position) else self._context.known
+    def fresh(self, kind: Kind) -> Any:
+        """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
+        run_on = self._context.run_on.value
+        if kind is op.Slewing and (self._wanted.goto_waits or (run_on is not None and run_on.goto)):
+            return True
+        now, link = self._now(), self._link
+        value = self._cache.poll(kind, now)
+        if value is not NOT_CACHED:
+            return value
+        return self._cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
+
+    def peek(self, kind: Kind) -> Any:
+        """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
+        value = self.fresh(kind)
+        if kind not in POSITIONS:
+            return value
+        if (source := self.source(kind)) is not None:
+            return self._calculate(kind, self.peek(source))
+        if value is NOT_CACHED:
+            return NOT_CACHED
+        entry = self._cache.entries[kind]
+        if entry.reading is None or entry.asked < self._cache.outdated:
+            return NOT_CACHED
+        return self._going_on(kind, entry, self._instant()) if self._moves else entry.value
+
+    def peek_own(self, operation: op.Own, program: Program) -> bytes:
+        """Return the cached reply of the mount to a program; NOT_CACHED if it must be requested."""
+        reply: bytes = self._cache.own(operation, self._now())
+        return NOT_CACHED if isinstance(reply, Fault) or self._is_overridden(operation, program) else reply
+
+    def last(self, kind: Kind) -> Any:
+        """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
+        if kind is op.Slewing:
+            return self._movement.slewing or self._wanted.goto_waits or self._context.run_on.of_goto
+        if kind is op.GetStatus:
+            return self._cache.value(kind) or UNKNOWN
+        entry = self._cache.entries.get(kind)
+        source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)
+        if entry is None or entry.reading is None:
+            return NOT_CACHED if source is None else self._calculate(kind, self.last(source))
+        if entry.asked < self._cache.outdated or self._now() - entry.reading.complete > LAST_POSITION:
+            return NOT_CACHED
+        if not self.gives_last_position:
+            self.gives_last_position = True
+            self._context.note(
+                f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
+            )
+        return self._going_on(kind, entry, self._now()) if self._moves else entry.value
+
+    def fresh_until(self, kinds: list[Kind]) -> float:
+        """Return the loop time until which the answers just given may be given again."""
+        positions = [kind for kind in kinds if kind in POSITIONS]
+        sources = [source for kind in positions if (source := self.source(kind)) is not None]
+        until = self._cache.until([*kinds, *sources])
+        return min(until, self._moment + MOMENT) if positions and self._moves else until
+
+    @property
+    def _moves(self) -> bool:
+        others = self._context.policy.rules > FIRST_RULES and self._now() < self._movement.by_others_until
+        return self._movement.anything or others
+
+    def _instant(self) -> float:
+        """Return the moment to which positions are extrapolated; a new one makes earlier answers outdated."""
+        now = self._now()
+        if now - self._moment >= MOMENT:
+            self._moment = now
+            self._cache.version += 1
+        return self._moment
+
+    def _going_on(self, kind: Kind, entry: Entry, moment: float) -> Any:
+        """Return where a moving mount is at a moment."""
+        return type(entry.value)(*place(course_of(self._context, kind, entry), moment))
+
+    def source(self, kind: Kind) -> Kind | None:
+        """Return the read from which a position is calculated; None if the mount reports it. In motion, a mount that
+        takes two requests per position reports only one kind.
+        """
+        if kind is op.HorizontalPosition and self._movement.anything and self._driver.position_reads > 1:
+            return op.Position
+        entry = self._cache.entries.get(kind)
+        return None if entry is None else entry.source
+
+    def _calculate(self, kind: Kind, position: Any) -> Any:
+        """Calculate a position by the present site and clock; NOT_CACHED if the site is unknown."""
+        if position is NOT_CACHED or isinstance(position, op.Horizontal):
+            return position
+        try:
+            if kind is op.HorizontalPosition:
+                return self._astrometry.horizon(position)
+            return self._astrometry.axes(position, wedge=not self._driver.german)
+        except Unsupported:
+            return NOT_CACHED
+
+    def _is_overridden(self, operation: op.Own, program: Program) -> bool:
+        """Whether a program gets another site or clock from the gateway than the mount's own."""
+        if operation.keep not in ("clock", "site"):
+            return False
+        read = ReadBy(self._context.site_clock, program)
+        return read.has_own_clock() if operation.keep == "clock" else read.has_own_site()
+
+    # --- what outdates positions ------------------------------------------------------------------------------------
+
+    def ordered(self, operation: op.Operation, moved_by_others: bool) -> None:
+        """Note an operation that the mount has acknowledged, before any other part acts on it. ``moved_by_others``: the
+        position shows a motion that the gateway has not ordered.
+        """
+        moves = self._movement.anything
+        if isinstance(operation, op.AbortMotion | op.StopAxis | op.AbortSlew):
+            sent = self._runner.may_move.count
+            if not (moves or sent != self._stopped_after or moved_by_others):
+                return
+            self._stopped_after = -1 if moves and not isinstance(operation, op.AbortMotion) else sent
+        elif isinstance(operation, op.Move | op.MoveAxis):
+            if self._wanted.by_hand.get(operation.axis) == operation:
+                return  # the same motion continues
+        elif not isinstance(operation, (*GOTOS, op.Sync)):
+            return
+        self.outdate()
+
+    def outdate(self) -> None:
+        """Treat readings that were requested before now as outdated."""
+        self._cache.outdate(self._now())
+        self._moment = -1e9
+
+    # --- answers that may take an exchange --------------------------------------------------------------------------
 
     async def answer(self, operation: op.Operation) -> Any:
         """Return the answer for a client, the last one if no new one arrives in time. Raises Fault if there is none."""
-        fault: Fault
+        kind = type(operation)
+        fault: Fault = NoAnswer()
         try:
             async with asyncio.timeout(TIMEOUT_MOVING if self._movement.anything else TIMEOUT):
                 answer = await self._newest(operation)
@@ -80,12 +226,11 @@ class Reader:
         except (NoAnswer, Busy) as said:
             fault = said
         except TimeoutError:
-            fault = NoAnswer()
+            pass
         else:
-            self._client_readings.answered(type(operation))
+            self.gives_last_position = self.gives_last_position and kind not in POSITIONS
             return answer
-        last = self._client_readings.last(type(operation))
-        if last is NOT_CACHED:
+        if (last := self.last(kind)) is NOT_CACHED:
             raise fault
         return last
 
@@ -94,29 +239,41 @@ class Reader:
 
         A position that was requested before the last motion order is outdated: the mount is asked again.
         """
-        kind, client_readings = type(operation), self._client_readings
-        value = client_readings.peek(operation)
-        answer: Any = NOT_CACHED
+        kind = type(operation)
+        answer, value = NOT_CACHED, self.peek(kind)
         for _ in range(TRIES):
-            if value is NOT_CACHED and (source := client_readings.source(kind)) is not None:
+            if value is NOT_CACHED and (source := self.source(kind)) is not None:
                 await self.answer(source())
-                value = client_readings.peek(operation)
+                value = self.peek(kind)
             if value is not NOT_CACHED:
                 return value
-            answer = await self.shared_answer(operation)
+            answer = await self._shared_answer(operation)
             if kind is op.Slewing:
                 return answer or self._context.run_on.of_goto
             if kind not in POSITIONS:
                 return answer
-            value = client_readings.peek(operation)
+            value = self.peek(kind)
         return answer if value is NOT_CACHED else value
+
+    async def answer_own(self, operation: op.Own, program: Program) -> bytes:
+        """Return the mount's own reply, cached or by an exchange that all waiting clients share. Raises Fault."""
+        if self._is_overridden(operation, program):
+            raise Unsupported
+        reply = self._cache.own(operation, self._now())
+        if isinstance(reply, Fault):
+            raise type(reply)(str(reply))
+        return cast(bytes, await self._fair.shared_result(self.shared(operation)) if reply is NOT_CACHED else reply)
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """Return a reading from the cache, or by an exchange that all callers share. Raises Fault."""
-        value = cached_reading(self._context, type(operation))
-        return cast(_T, await self.shared_answer(operation) if value is NOT_CACHED else value)
+        value = self.fresh(type(operation))
+        return cast(_T, await self._shared_answer(operation) if value is NOT_CACHED else value)
 
-    async def shared_answer(self, operation: op.Operation) -> Any:
+    async def read_now(self, operation: op.Operation[_T]) -> _T:
+        """Read from the mount, even if the last reading is fresh. A cancelled caller does not end it. Raises Fault."""
+        return cast(_T, await result_of(self.shared(operation)))
+
+    async def _shared_answer(self, operation: op.Operation) -> Any:
         """Return the answer of the exchange under way, or of a new one. Raises Fault; NoAnswer if a mount that is not
         identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
         """
@@ -130,70 +287,64 @@ class Reader:
                 raise NoAnswer from None
             return True
 
-    async def read_now(self, operation: op.Operation[_T]) -> _T:
-        """Read from the mount, even if the last reading is fresh. A cancelled caller does not end it. Raises Fault."""
-        return cast(_T, await result_of(self.shared(operation)))
+    # --- exchanges --------------------------------------------------------------------------------------------------
 
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
-        """Return the task that reads this kind now, or start one. It is shared: no caller may cancel it."""
-        kind = type(operation)
-        task = self._sharing.get(kind)
+        """Return the task that reads this now, or start one. It is shared: no caller may cancel it."""
+        own = isinstance(operation, op.Own)
+        key = (operation, self._cache.orders) if own else type(operation)
+        task = self._sharing.get(key)
         if task is None:
-            task = self._sharing[kind] = asyncio.get_running_loop().create_task(self._ask(operation))
-            task.add_done_callback(lambda done: self._unshare(kind, done))
+            work = self._ask_own(operation) if isinstance(operation, op.Own) else self._ask(operation)
+            task = self._sharing[key] = self._context.tasks.spawn(work)
+            task.add_done_callback(lambda done: self._unshare(key, done))
         return task
 
-    def _unshare(self, kind: Kind, task: asyncio.Task[Any]) -> None:
-        self._sharing.pop(kind, None)
+    def _unshare(self, key: object, task: asyncio.Task[Any]) -> None:
+        self._sharing.pop(key, None)
         mark_retrieved(task)
 
+    def _precondition(self, operation: op.Operation) -> asyncio.Event:
+        """Return the event to wait for before this read: for the position a mount was found, else identified."""
+        return self._context.found if isinstance(operation, op.Position) else self._context.known
+
+    async def _ask_own(self, operation: op.Own) -> bytes:
+        await self._context.known.wait()
+        orders, lasts = self._cache.orders, OWN_AGE.get(operation.keep, 0.0)
+        try:
+            answer: bytes = await self._runner.perform(operation, READ)
+        except (NoDevice, Silence) as fault:
+            # A mount that does not know a request will not know it later, and each timeout takes long: keep a Silence.
+            lasts = inf if isinstance(fault, Silence) else lasts
+            self._cache.keep_own(operation, type(fault)(str(fault)), lasts, orders, self._now())
+            raise
+        self._cache.keep_own(operation, answer, lasts, orders, self._now())
+        return answer
+
     async def _ask(self, operation: op.Operation) -> Any:
+        kind = type(operation)
         if not self._precondition(operation).is_set():
             await self._precondition(operation).wait()
-            if (known := cached_reading(self._context, type(operation))) is not NOT_CACHED:
+            if (known := self.fresh(kind)) is not NOT_CACHED:
                 return known  # identification has read it meanwhile
-        kind, gotos = type(operation), self._wanted.gotos
-        source: Kind | None = None
-        if isinstance(operation, op.AxisPosition) and not self._driver.implementation(op.AxisPosition):
-            source, value = await self._axes_from_the_sky()
-        elif isinstance(operation, op.HorizontalPosition) and self._driver.position_reads > 1:
-            value = await self._while_it_rests(operation)
+        gotos = self._wanted.gotos
+        if kind is op.AxisPosition and not self._driver.implementation(op.AxisPosition):
+            entry = await self._axes_from_the_sky()
+        elif kind is op.HorizontalPosition and self._driver.position_reads > 1:
+            entry = await self._while_it_rests(operation)
         else:
-            value = await self._request(operation)
-        if isinstance(operation, op.Slewing):
-            if self._movement.slewing and not value:
+            entry = await self._request(operation)
+        if kind is op.Slewing:
+            if self._movement.slewing and not entry.value:
                 await self._settled()
-            value = value or gotos != self._wanted.gotos  # another goto may have begun meanwhile
-        if isinstance(operation, op.HorizontalPosition) and value is None:
-            source, value = op.Position, self._astrometry.horizon(await self.read(op.Position()))
-        if source is not None:
-            self._client_readings.calculated_from(kind, source)
-        self._publish(kind, value)
-        return value
+            entry.value = entry.value or gotos != self._wanted.gotos  # another goto may have begun meanwhile
+        elif kind is op.HorizontalPosition and entry.value is None:
+            seen = await self.read(op.Position())
+            entry = Entry(self._astrometry.horizon(seen), source=op.Position)
+        self._publish(kind, entry)
+        return entry.value
 
-    async def _axes_from_the_sky(self) -> tuple[Kind, Any]:
-        """Calculate the axis readings for a mount that does not report them; return (source read, readings)."""
-        equatorial = (await self.read(op.GetStatus())).equatorial
-        if not equatorial:  # the axes of a fork are azimuth and altitude
-            return op.HorizontalPosition, await self.read(op.HorizontalPosition())
-        seen = await self.read(op.Position())
-        return op.Position, self._astrometry.axes(seen, wedge=not self._driver.german)
-
-    def _publish(self, kind: Kind, value: Any) -> None:
-        """Store a reading, and pass it to the limits by signals."""
-        self._cache.put(kind, value, self._now())
-        if isinstance(value, op.Status):
-            self.status.emit(value)
-        if kind is op.Position:
-            self.position.emit(value)
-        elif kind is op.AxisPosition:
-            self.axes.emit(value)
-
-    def take(self, operation: op.Operation, value: Any) -> None:
-        """Take a reading that the mount reported in an exchange of another part."""
-        self._publish(type(operation), self._converted(operation, value))
-
-    async def _request(self, operation: op.Operation) -> Any:
+    async def _request(self, operation: op.Operation) -> Entry:
         """Ask the mount and return its answer. Raises Fault."""
         priority = POSITION if isinstance(operation, op.Position) else READ
         try:
@@ -202,27 +353,62 @@ class Reader:
             if isinstance(operation, op.Position):
                 self.unseen.emit(None)
             raise
-        self._exchanges[type(operation)] = self._runner.exchanges
-        return self._converted(operation, value)
+        self.exchanges[type(operation)] = self._runner.exchanges
+        return self._arrived(operation, value)
 
-    def _converted(self, operation: op.Operation, value: Any) -> Any:
-        """Convert an answer that has just arrived to the equinox of date, and pass on positions with their times."""
+    def _arrived(self, operation: op.Operation, value: Any) -> Entry:
+        """Return the entry for an answer that has just arrived: a position in the equinox of date, with its times."""
         if isinstance(operation, op.Position):
             value = self._astrometry.from_mount(value)
-        if isinstance(value, op.Equatorial | op.Horizontal):
-            half = self._link.typical_rtt / 2.0
-            first, second = self._driver.read_at or (self._now(), self._now())
-            self._client_readings.take(type(operation), value, self._runner.asked_at, (first - half, second - half))
-        return value
+        if not isinstance(value, op.Equatorial | op.Horizontal):
+            return Entry(value)
+        half = self._link.typical_rtt / 2.0
+        first, second = self._driver.read_at or (self._now(), self._now())
+        reading = Reading(angles(value), (first - half, second - half))
+        return Entry(value, asked=self._runner.asked_at, reading=reading)
 
-    async def _while_it_rests(self, operation: op.Operation) -> Any:
-        """Return the answer, or None once the mount moves: then two positions of two requests each take too long."""
+    def take(self, operation: op.Operation, value: Any) -> None:
+        """Take a reading that the mount reported in an exchange of another part."""
+        self._publish(type(operation), self._arrived(operation, value))
+
+    def _publish(self, kind: Kind, entry: Entry) -> None:
+        """Store a reading, and pass it to the limits by signals."""
+        if entry.reading is not None:
+            self._continue(kind, entry)
+        self._cache.store(kind, entry, self._now())
+        if isinstance(entry.value, op.Status):
+            self.status.emit(entry.value)
+        if kind is op.Position:
+            self.position.emit(entry.value)
+        elif kind is op.AxisPosition:
+            self.axes.emit(entry.value)
+
+    def _continue(self, kind: Kind, entry: Entry) -> None:
+        """Note the position before this one, by which its course is calculated, and whether the mount has run on."""
+        context, last = self._context, self._cache.entries.get(kind)
+        assert entry.reading is not None
+        if kind is op.Position and context.run_on.value is not None:
+            here = Place(self._now(), entry.asked, entry.value)
+            context.run_on.position(here, equatorial(context), self._driver.resolution)
+        if last is not None and last.reading is not None:
+            near = min(entry.reading.at) - min(last.reading.at) < SOONEST
+            entry.before, last.before = last.before if near else last, None
+
+    async def _axes_from_the_sky(self) -> Entry:
+        """Calculate the axis readings for a mount that does not report them."""
+        if not (await self.read(op.GetStatus())).equatorial:  # the axes of a fork are azimuth and altitude
+            return Entry(await self.read(op.HorizontalPosition()), source=op.HorizontalPosition)
+        seen = await self.read(op.Position())
+        return Entry(self._astrometry.axes(seen, wedge=not self._driver.german), source=op.Position)
+
+    async def _while_it_rests(self, operation: op.Operation) -> Entry:
+        """Return the answer, or none once the mount moves: then two positions of two requests each take too long."""
         reading = self._context.tasks.spawn(self._request(operation))
         try:
             while not self._movement.anything:
                 if (await asyncio.wait({reading}, timeout=MOTION_CHECK))[0]:
                     return reading.result()
-            return None
+            return Entry(None)
         finally:
             reading.cancel()
 
@@ -232,22 +418,18 @@ class Reader:
         slew, ends = before.motion, self._wanted.ending
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
-        self._client_readings.outdate()
+        self.outdate()
         await self.answer(op.Position())
         here = self._cache.value(op.Position)  # None if the mount has not told a new one
         after = self._wanted.value
         if ends or self._wanted.ending or (before.stops, before.gotos) != (after.stops, after.gotos):
             return  # a client has ended or replaced it, and knows
-        if (
-            here is not None
-            and isinstance(slew, Slew)
-            and isinstance(slew.operation, op.Goto)
-            and not self._wanted.axes
-        ):
-            goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
-            if words := missed(goal, here):
-                self._context.note(words)
-                self.goto_missed.emit(words)
+        if here is None or not (isinstance(slew, Slew) and isinstance(slew.operation, op.Goto)) or self._wanted.axes:
+            return
+        goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
+        if words := missed(goal, here):
+            self._context.note(words)
+            self.goto_missed.emit(words)
 
     async def tube_side(self) -> str | None:
         """Return the pier side (E, W) of the tube of a German mount; None if it is unknown."""

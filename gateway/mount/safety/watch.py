@@ -223,7 +223,7 @@ class LimitWatch:
         mount.movement.by_others_until = self.others.until
         mount.driver.moved_by_others = self.moved_by_others and mount.driver.exchanges > 1
         if self.others.begins and mount.driver.moved_by_others:
-            mount.cache.changed.emit(op.Slewing)  # no new answer, but the mount must be asked whether it slews
+            mount.cache.look_again(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.seen.across > REALIGNED * mount.fastest:
             mount.synced.forget()
             self.altitude_axis.forget()

@@ -116,7 +116,7 @@ def test_before_it_is_told_it_is_asked_whether_it_is_aligned() -> None:
             aligned = bridge.controller.driver.perform(SetSite(45.0, 10.0))
             bridge.sim.aligned = True
             with pytest.raises(Exception, match="alignment"):
-                await bridge.controller.own._runner.drive(aligned, 1)
+                await bridge.controller.reader._runner.drive(aligned, 1)
             assert set(told(bridge)[before:]) == {b"J"}
             assert bridge.sim.aligned
 

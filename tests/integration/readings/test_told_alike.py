@@ -223,7 +223,7 @@ def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
             if forget == "forget":
                 bridge.controller.cache.forget(op.Position)
             else:
-                bridge.controller.client_readings.outdate()
+                bridge.controller.reader.outdate()
             client.tell(b":GR#")
             assert client.heard == b"", "the mount is asked"
 

@@ -18,7 +18,7 @@ CHANGES: dict[str, Callable[[MountController], object]] = {
     "something else is wanted": lambda mount: mount.reconciler.refuse_earlier_orders(),
     "a clock was set": lambda mount: ReadBy(mount.site_clock, NOBODY).keep_clock(op.SetClock(0.0, 0.0)),
     "a site was set": lambda mount: ReadBy(mount.site_clock, NOBODY).set_half(op.SetSite(latitude=10.0)),
-    "an order was acknowledged": lambda mount: mount.client_readings.outdate(),
+    "an order was acknowledged": lambda mount: mount.reader.outdate(),
 }
 
 
