@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
@@ -25,6 +26,7 @@ from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import with_needs
 from gateway.app.control.orders import orders
 from gateway.app.control.server import Control
+from gateway.app.mount_state import MountState, mount_state
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.mount_claim import claim, taken
@@ -217,11 +219,12 @@ class Gateway:
         """Carries out requests of people; made at the first request, so that the start is faster."""
         from gateway.app.control.requests import RequestHandler
 
-        return RequestHandler(self.controller, self.config.name or "", str(self.mount), self, self.entrance)
+        return RequestHandler(self.controller, self, self.entrance)
 
-    def programs(self) -> list[str]:
-        """Return the hosts of the connected programs."""
-        return [host for acceptor in self.acceptors for host in acceptor.present_hosts()]
+    def state(self) -> MountState:
+        """Return what the mount does and what is known of it, without asking it."""
+        programs = [host for acceptor in self.acceptors for host in acceptor.present_hosts()]
+        return mount_state(self.controller, self.config.name or "", str(self.mount), programs)
 
     def cautions(self) -> Iterator[str]:
         """Yield what the user is told once the gateway serves; before, it would hide why it does not."""
@@ -276,12 +279,10 @@ class Gateway:
 
     async def wait_identified(self, seconds: float) -> bool:
         """Wait until the mount is identified; return whether that happened within ``seconds``."""
-        try:
+        with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self.fitted.wait()
-        except TimeoutError:
-            return False
-        return True
+        return self.fitted.is_set()
 
     async def close(self) -> None:
         """Stop motion, and close the ports and the line."""

@@ -47,6 +47,11 @@ class StatusLine(Struct, frozen=True):
         """Whether the mount moves for any reason but tracking, or may move."""
         return self.slewing or self.by_hand or self.ends
 
+    @property
+    def online(self) -> bool:
+        """Whether the mount answers."""
+        return self.state in ("up", "busy")
+
 
 class Served(Struct, frozen=True):
     """A surface, or the console, and where it is reached: ``at`` is its own address; ``addresses`` are those at which
@@ -121,7 +126,7 @@ def status(lines: Sequence[StatusLine], columns: int | None = None) -> str:
 
 def _parts(line: StatusLine) -> list[str]:
     """Return name, position, activity, programs and rate; a part that is not known is empty."""
-    if line.state in ("opening", "down"):
+    if not line.online:
         points, is_doing = f"{line.state}{': ' if line.reason else ''}{line.reason}", ""
     else:
         points, is_doing = where(line), activity(line)

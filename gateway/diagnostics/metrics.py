@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from gateway.app.gateway import Gateway
+from gateway.app.mount_state import MountState
 from gateway.core.about import commit, version
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
@@ -89,16 +90,16 @@ class Counts:
             self._since = None
 
 
-#: Name, help text, and how to get the value from a gateway and its counts.
-Row = tuple[str, str, Callable[[Gateway, Counts], float]]
+#: Name, help text, and how to get the value from the state of a mount and its counts.
+Row = tuple[str, str, Callable[[MountState, Counts], float]]
 COUNTERS: tuple[Row, ...] = (
     ("exchanges", "Commands that were sent to the mount and answered, or not.", lambda _, counts: counts.exchanges),
     ("stops", "Stops that were requested, by any client or by the gateway.", lambda _, counts: counts.stops),
-    ("refusals", "Commands and orders that were refused.", lambda gateway, _: gateway.wire_log.refusals),
+    ("refusals", "Commands and orders that were refused.", lambda state, _: state.refusals),
 )
 GAUGES: tuple[Row, ...] = (
-    ("up", "Whether the mount answers (1) or not (0).", lambda gateway, _: float(_answers(gateway))),
-    ("clients", "Programs that are connected.", lambda gateway, _: len(gateway.programs())),
+    ("up", "Whether the mount answers (1) or not (0).", lambda state, _: float(state.look.online)),
+    ("clients", "Programs that are connected.", lambda state, _: len(state.programs)),
 )
 HISTOGRAMS: tuple[tuple[str, str, Callable[[Counts], Histogram]], ...] = (
     ("answer_seconds", "How long the mount took to answer.", lambda counts: counts.answering),
@@ -134,22 +135,23 @@ class Metrics:
             InfoMetricFamily,
         )
 
+        mounts = [(gateway.config.name or "mount", gateway.state(), counts) for gateway, counts in self._mounts]
         yield InfoMetricFamily(NAME, "The version of this gateway.", {"version": version(), "commit": commit()})
         for kind, rows in ((CounterMetricFamily, COUNTERS), (GaugeMetricFamily, GAUGES)):
             for name, words, value in rows:
                 family = kind(f"{NAME}_{name}", words, labels=["mount"])
-                for gateway, counts in self._mounts:
-                    family.add_metric([_called(gateway)], value(gateway, counts))
+                for mount, state, counts in mounts:
+                    family.add_metric([mount], value(state, counts))
                 yield family
         faults = CounterMetricFamily(f"{NAME}_faults", "Exchanges that failed.", labels=["mount", "kind"])
-        for gateway, counts in self._mounts:
+        for mount, _, counts in mounts:
             for fault, count in sorted(counts.faults.items()):
-                faults.add_metric([_called(gateway), fault], count)
+                faults.add_metric([mount, fault], count)
         yield faults
         for name, words, histogram in HISTOGRAMS:
             times = HistogramMetricFamily(f"{NAME}_{name}", words, labels=["mount"])
-            for gateway, counts in self._mounts:
-                times.add_metric([_called(gateway)], histogram(counts).buckets(), histogram(counts).sum)
+            for mount, _, counts in mounts:
+                times.add_metric([mount], histogram(counts).buckets(), histogram(counts).sum)
             yield times
 
     def close(self) -> None:
@@ -161,11 +163,3 @@ class Metrics:
 def missing() -> str:
     """Say what to do if prometheus-client is not installed."""
     return f"for this page prometheus-client is needed; to install it, {how_to_add('metrics')}"
-
-
-def _called(gateway: Gateway) -> str:
-    return gateway.config.name or "mount"
-
-
-def _answers(gateway: Gateway) -> bool:
-    return gateway.controller.line.state in ("up", "busy")

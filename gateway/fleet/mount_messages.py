@@ -14,7 +14,6 @@ from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.app.control.gather import status_line
 from gateway.app.gateway import Gateway
 from gateway.app.status import activity
 from gateway.core import operations as op
@@ -48,36 +47,27 @@ BUTTONS = {"stop": ("Stop", "mdi:stop-circle"), "park": ("Park", "mdi:parking"),
 
 def state(gateway: Gateway) -> dict[str, Any]:
     """Return the state of a mount as it is published; a value that is not known is None."""
-    controller = gateway.controller
-    seen = status_line(controller, gateway.config.name or "", str(gateway.mount), len(gateway.programs()))
-    identity: op.Identity | None = controller.cache.value(op.GetIdentity)
-    status = seen.status
+    now = gateway.state()
+    look, identity, over = now.look, now.identity, now.over
+    status, position = look.status, look.position
     return {
-        "online": seen.state in ("up", "busy"),
-        "does": activity(seen) or seen.state,
-        **_places(gateway, seen.position),
+        "online": look.online,
+        "does": activity(look) or look.state,
+        "ra_hours": None if position is None else round(position.ra / 15.0, 5),
+        "dec_degrees": None if position is None else round(position.dec, 4),
+        "altitude_degrees": None if over is None else round(over.alt, 2),
+        "azimuth_degrees": None if over is None else round(over.az, 2),
         "tracking": None if status is None else status.tracking is not op.Tracking.OFF,
-        "moving": seen.moves,
-        "goto_ended_short": controller.wanted.value.short or None,
+        "moving": look.moves,
+        "goto_ended_short": now.wanted.short or None,
         "aligned": None if status is None else status.aligned,
-        "asleep": seen.asleep,
-        "held": seen.held,
+        "asleep": look.asleep,
+        "held": look.held,
         "product": identity.product if identity else None,
         "model": identity.model if identity else None,
         "version": identity.version if identity else None,
-        "line": {"state": seen.state, "reason": seen.reason, "answer_seconds": round(controller.line.typical_rtt, 2)},
-        "programs": seen.programs,
-    }
-
-
-def _places(gateway: Gateway, seen: op.Equatorial | None) -> dict[str, float | None]:
-    derived = gateway.controller.astrometry
-    over = None if seen is None or derived.site_clock.site() is None else derived.horizon(seen)
-    return {
-        "ra_hours": None if seen is None else round(seen.ra / 15.0, 5),
-        "dec_degrees": None if seen is None else round(seen.dec, 4),
-        "altitude_degrees": None if over is None else round(over.alt, 2),
-        "azimuth_degrees": None if over is None else round(over.az, 2),
+        "line": {"state": look.state, "reason": look.reason, "answer_seconds": round(now.reply, 2)},
+        "programs": look.programs,
     }
 
 

@@ -21,8 +21,8 @@ from msgspec.structs import replace
 
 from gateway.app.api.own_goto import OwnGoto
 from gateway.app.config import Source, make_config, parse_endpoint
-from gateway.app.control.gather import status_line
 from gateway.app.control.refusals import explain
+from gateway.app.mount_state import mount_state
 from gateway.app.status import format_position
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Stopped, TooHigh, UserError
@@ -130,10 +130,10 @@ class RunningGateway:
 
         Raises NoAnswer if that is not known, because it has not reported its position since a motion was ended.
         """
-        seen = status_line(self._controller, "", "", 0)
-        if seen.unknown:
+        look = mount_state(self._controller).look
+        if look.unknown:
             raise NoAnswer("It is not known whether the mount moves: it has not reported its position.")
-        return seen.moves
+        return look.moves
 
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""

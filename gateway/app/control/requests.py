@@ -13,7 +13,6 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from gateway.app.control.gather import collect_state
 from gateway.app.control.orders import IN_WORDS, orders
 from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
@@ -75,20 +74,17 @@ async def of_date(controller: MountController, where: requests.Target) -> op.Equ
 
 
 class RequestHandler:
-    """Carries out requests for a gateway; ``name`` is the mount's, or empty."""
+    """Carries out requests for a gateway."""
 
-    def __init__(
-        self, controller: MountController, name: str, mount: str, gateway: Serving, entrance: Entrance = Entrance()
-    ) -> None:
-        self._controller, self._name, self._mount, self._gateway = controller, name, mount, gateway
-        self._entrance = entrance
+    def __init__(self, controller: MountController, gateway: Serving, entrance: Entrance = Entrance()) -> None:
+        self._controller, self._gateway, self._entrance = controller, gateway, entrance
         self._active: dict[str, ActiveRequest] = {}
 
     def state(self) -> State:
         """Return what is known of the mount, without asking it."""
         told = tuple(served(self._gateway))
         surfaces = [f"{one.name} {one.at}" for one in told]
-        state = collect_state(self._controller, self._name, self._mount, self._gateway.programs(), surfaces)
+        state = self._gateway.state().drawn(surfaces)
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
         return replace(state, served=told, folder=folder)
 
@@ -268,7 +264,7 @@ class RequestHandler:
         if active is None:
             return Answer(FAILED, "the gateway does not know this request: it may have been restarted meanwhile")
         await self._refresh()
-        seen = self.state().look
+        seen = self._gateway.state().look
         follows = active.is_park and any(
             order.follow_up for order in controller.wanted.value.pending
         )  # after parking, its tracking is still to be turned off

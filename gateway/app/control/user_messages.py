@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from gateway.app.control.gather import LATELY, clock, collect_state, site
+from gateway.app.mount_state import LATELY, mount_state
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.safety.admission.contradictions import contradiction_warning
@@ -26,13 +26,13 @@ class UserMessage(Struct, frozen=True):
 
 def first_messages(controller: MountController, model: str | None, version: str | None) -> Iterator[UserMessage]:
     """Yield the messages at the start; ``model`` and ``version`` are those that the user named, or None."""
-    identity: op.Identity | None = controller.cache.value(op.GetIdentity)
-    status: op.Status | None = controller.cache.value(op.GetStatus)
+    state = mount_state(controller)
+    identity, status = state.identity, state.look.status
     if identity is None:
         return
-    yield UserMessage(f"found {collect_state(controller, '', '', ()).found}")
-    where = f"site {site(controller)}" if site(controller) else "site not known (--site LAT,LON sets it)"
-    yield UserMessage(f"{where}; clock {clock(controller) or 'not known'}")
+    yield UserMessage(f"found {state.drawn().found}")
+    where = f"site {state.site}" if state.site else "site not known (--site LAT,LON sets it)"
+    yield UserMessage(f"{where}; clock {state.time or 'not known'}")
     if words := _contradiction(controller, identity, model, version):
         yield UserMessage(words, warns=True)
     if status is not None and not status.aligned:
@@ -41,13 +41,13 @@ def first_messages(controller: MountController, model: str | None, version: str 
             "at its hand control",
             warns=True,
         )
-    if not site(controller):
+    if not state.site:
         yield UserMessage(
             "the site is not known: gotos are not checked against the horizon, and a program that asks for it or for "
             "the sidereal time gets no answer; --site LAT,LON sets it (north and east are positive)",
             warns=True,
         )
-    if controller.driver.german and controller.policy.limits.hour_angle is None:
+    if state.german and state.policy.limits.hour_angle is None:
         yield UserMessage("hour-angle-limit is not set: nothing keeps the tube of this German mount from its pier")
     if words := contradiction_warning(controller.context):
         yield UserMessage(words.removeprefix("WARNING: "), warns=True)
@@ -76,10 +76,11 @@ def _numbers(version: str) -> list[int]:
 
 def last_message(controller: MountController, moved: bool) -> UserMessage | None:
     """Return the message at the end; ``moved``: there was a motion to stop. None if no mount was found."""
-    status: op.Status | None = controller.cache.value(op.GetStatus)
-    if controller.cache.value(op.GetIdentity) is None:
+    state = mount_state(controller)
+    status = state.look.status
+    if state.identity is None:
         return None
-    if controller.wanted.owed:
+    if state.wanted.owed:
         return UserMessage(
             "the mount has not acknowledged the stop: look at it, and switch it off if it moves", warns=True
         )

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 from gateway.app.discovery.offer import WEB, Offer, network_offers, phone_line, reachable_addresses, web_address
+from gateway.app.mount_state import MountState
 from gateway.app.state.store import StateStore
 from gateway.app.status import Served
 from gateway.clients.any_protocol.web import Web
@@ -25,7 +26,7 @@ class Serving(Protocol):
     store: StateStore | None
 
     def names(self) -> Sequence[str]: ...
-    def programs(self) -> Sequence[str]: ...
+    def state(self) -> MountState: ...
 
 
 def served(gateway: Serving) -> Iterator[Served]:

@@ -122,7 +122,7 @@ def lines(state: State) -> Iterator[str]:
     seen = where(look)  # includes the age of an old position
     if look.position is not None and look.age <= OLD_AFTER:
         seen += f", {look.age:.0f} s ago"
-    doing = "" if look.state in ("opening", "down") else activity(look)  # not known now
+    doing = activity(look) if look.online else ""  # not known now
     rows = {
         "mount": [state.found or "has not said yet which one it is"],
         "now": [f"{seen}; {doing}" if doing else seen],

@@ -13,6 +13,8 @@ import time
 from collections.abc import Coroutine, Sequence
 from typing import TYPE_CHECKING, TextIO
 
+from msgspec.structs import replace
+
 from gateway.app.status import Rate, StatusLine, status
 from gateway.diagnostics.log.as_json import warning
 from gateway.system import streams
@@ -118,11 +120,9 @@ class StatusLines:
 
 
 def status_line(gateway: Gateway, rate: Rate) -> StatusLine:
-    """Return what is known of a mount, without asking it."""
-    from gateway.app.control import gather
-
-    here = len(gateway.programs())
-    return gather.status_line(gateway.controller, gateway.config.name or "", str(gateway.mount), here, rate)
+    """Return what the status line shows of a mount."""
+    state = gateway.state()
+    return replace(state.look, rate=rate.per_second(state.now, state.answers))
 
 
 def start_status_updates(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:

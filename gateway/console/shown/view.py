@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gateway.app.control.gather import collect_state
 from gateway.app.gateway import Gateway
-from gateway.app.status import activity, format_position
+from gateway.app.mount_state import MountState
+from gateway.app.status import activity
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.safety.admission.contradictions import contradictions, site_text, time_unknown
+from gateway.mount.safety.admission.contradictions import site_text, time_unknown
 
 #: Into how many steps the path of a goto is divided.
 STEPS = 24
@@ -27,41 +27,39 @@ BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranu
 
 def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
     """Yield the state except answer times, clients and bodies of the sky; each part takes about 0.1 ms."""
-    controller = gateway.controller
-    state = collect_state(controller, gateway.config.name or "", str(gateway.mount), ())
-    look = state.look
+    controller, state = gateway.controller, gateway.state()
+    shown, look, status, limits = state.drawn(), state.look, state.look.status, state.policy.limits
     yield {}  # gathering is a step of its own
-    here = None if look.position is None else coordinates(controller, look.position)
+    here = None if look.position is None else coordinates(controller, look.position, state.over)
     yield {"position": here and {**here, "age": round(look.age, 1)}}
-    snapshot = controller.cache
-    status: op.Status | None = snapshot.value(op.GetStatus)
     yield {
-        "index": index, "name": look.name, "at": state.mount, "found": state.found, "product": state.product,
-        "model": state.model, "version": state.version, "state": look.state, "reason": look.reason,
-        "does": activity(look), "pier": snapshot.value(op.PierSide) or "",
-        "tracking": status.tracking.value if status else "",
+        "index": index, "name": look.name, "at": state.mount, "found": shown.found, "product": shown.product,
+        "model": shown.model, "version": shown.version, "state": look.state, "reason": look.reason,
+        "does": activity(look), "pier": state.pier, "tracking": status.tracking.value if status else "",
         "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
-        "german": controller.driver.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
-        "asleep": look.asleep, "held": look.held, "wanted": list(state.wanted), "allowed": list(state.allowed),
-        "lately": list(state.lately), "dead_man": controller.policy.silence,
+        "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
+        "asleep": look.asleep, "held": look.held, "wanted": list(shown.wanted), "allowed": list(shown.allowed),
+        "lately": list(shown.lately), "dead_man": state.policy.silence,
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
+        "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle")},
     }  # fmt: skip
-    yield {**_sky(controller, look.position), **_site_and_clock(controller), "limits": _limits(controller)}
-    yield _goal(controller, here)
+    yield {**_sky(controller, state), **_site_and_clock(state)}
+    yield _goal(controller, state, here)
 
 
-def coordinates(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
-    """Return a position of date, also as J2000 and as altitude and azimuth (None while the site is unknown)."""
+def coordinates(controller: MountController, seen: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:
+    """Return a position of date, also as J2000 and ``over`` the horizon (None while the site is unknown)."""
     derived = controller.astrometry
     ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.site_clock.unix())
     found: dict[str, Any] = {
         "ra": round(seen.ra, FINE), "dec": round(seen.dec, FINE), "ra2000": round(ra2000, FINE),
         "dec2000": round(dec2000, FINE), "alt": None, "az": None,
     }  # fmt: skip
-    if derived.site_clock.site() is not None:
+    if over is None and derived.site_clock.site() is not None:
         over = derived.horizon(seen)
+    if over is not None:
         found |= {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
     return found
 
@@ -87,38 +85,33 @@ def _body(controller: MountController, name: str) -> op.Equatorial | None:
     return None if found is None else op.Equatorial(*found)
 
 
-def _sky(controller: MountController, seen: op.Equatorial | None) -> dict[str, Any]:
+def _sky(controller: MountController, state: MountState) -> dict[str, Any]:
     """Return sidereal time and hour angle, degrees; None while the site is unknown."""
-    if controller.sources.site() is None:
+    if not state.sites:
         return {"sidereal": None, "hour_angle": None}
-    sidereal = controller.astrometry.sidereal_time()
+    sidereal, seen = controller.astrometry.sidereal_time(), state.look.position
     angle = None if seen is None else round(wrap180(sidereal - seen.ra), COARSE)
     return {"sidereal": round(sidereal, COARSE), "hour_angle": angle}
 
 
-def _goal(controller: MountController, here: Mapping[str, Any] | None) -> dict[str, Any]:
+def _goal(controller: MountController, state: MountState, here: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return the target of the goto under way, and its expected path in azimuth and altitude."""
-    motion = controller.wanted.value.motion
-    goal = None
-    if isinstance(motion, Slew):
-        operation = motion.operation
-        if isinstance(operation, op.Goto):
-            seen = controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
-            goal = {**coordinates(controller, seen), "words": format_position(seen)}
-        elif isinstance(operation, op.GotoHorizontal):
-            words = f"azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"
-            goal = {"ra": None, "dec": None, "alt": operation.alt, "az": operation.az, "words": words}
-    return {"target": goal, "way": expected_path(controller, here, goal) if goal else []}
+    goal: dict[str, Any] | None = None
+    if isinstance(state.goal, op.Equatorial):
+        goal = {**coordinates(controller, state.goal), "words": state.goal_words}
+    elif isinstance(state.wanted.motion, Slew) and isinstance(state.wanted.motion.operation, op.GotoHorizontal):
+        assert state.goal is not None
+        goal = {"ra": None, "dec": None, "alt": state.goal.alt, "az": state.goal.az, "words": state.goal_words}
+    return {"target": goal, "way": expected_path(controller, state.look.status, here, goal) if goal else []}
 
 
 def expected_path(
-    controller: MountController, here: Mapping[str, Any] | None, goal: Mapping[str, Any]
+    controller: MountController, status: op.Status | None, here: Mapping[str, Any] | None, goal: Mapping[str, Any]
 ) -> list[tuple[float, float]]:
     """Return azimuth and altitude step by step. Both axes turn at once: in azimuth and altitude on an alt-az fork,
     else in right ascension and declination."""
     if here is None or here["alt"] is None or goal["alt"] is None:
         return []
-    status: op.Status | None = controller.cache.value(op.GetStatus)
     parts = [step / STEPS for step in range(STEPS + 1)]
     if status is None or not status.equatorial or goal.get("ra") is None:
         turn, rise = wrap180(goal["az"] - here["az"]), goal["alt"] - here["alt"]
@@ -133,26 +126,18 @@ def expected_path(
     return found
 
 
-def _site_and_clock(controller: MountController) -> dict[str, Any]:
+def _site_and_clock(state: MountState) -> dict[str, Any]:
     """Return the site and the clock in force, their sources, and contradictions between sources."""
-    sources = controller.sources
-    sites, time = sources.sites(), sources.best_time()
-    doubts = [found.words for found in contradictions(sites, sources.times())]
+    time = state.times[0]
     site = None
-    if sites:
-        best = sites[0]
-        site = {"latitude": best.place.latitude, "longitude": best.place.longitude, "source": best.source,
-                "words": site_text(best.place)}  # fmt: skip
+    if state.sites:
+        place, source, _ = state.sites[0]
+        site = {"latitude": place.latitude, "longitude": place.longitude, "source": source, "words": site_text(place)}
     return {
         "site": site,
-        "clock": {"ahead": round(time.unix - controller.wire_log.clock(), 1), "source": time.source},
-        "site_doubt": next((words for words in doubts if "clocks" not in words), ""),
+        "clock": {"ahead": round(time.unix - state.clock, 1), "source": time.source},
+        "site_doubt": next((doubt.words for doubt in state.site_doubts), ""),
         "clock_doubt": "no source reports the time, and this computer's clock is wrong"
         if time_unknown(time)
-        else next((words for words in doubts if "clocks" in words), ""),
+        else next((doubt.words for doubt in state.clock_doubts), ""),
     }
-
-
-def _limits(controller: MountController) -> dict[str, Any]:
-    limits = controller.policy.limits
-    return {"lowest": limits.lowest, "highest": limits.highest, "sun": limits.sun, "hour_angle": limits.hour_angle}

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.app.api.embedding import RunningGateway
-from gateway.app.control.gather import collect_state
+from gateway.app.mount_state import mount_state
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Stopped
 from gateway.core.operations import Equatorial
@@ -117,7 +117,7 @@ def test_it_is_told_until_the_next_order(how: str, mount: str, driven: str) -> N
             words = embedding.ended_short
             assert words.startswith(ENDS[how]) and bool(words) == bool(ENDS[how])
             assert (await controller.perform(op.GetActivity())).short == words
-            assert (words in collect_state(controller, "", "", ()).wanted) is bool(words)
+            assert (words in mount_state(controller).drawn().wanted) is bool(words)
             assert state(bridge.gateway)["goto_ended_short"] == (words or None)
             if words:
                 with pytest.raises(Stopped, match="the goto ended"):

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.gather import collect_state
+from gateway.app.mount_state import mount_state
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.console.shown.view import parts
 from gateway.core import operations as op
@@ -27,7 +27,7 @@ MOUNTS = [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")]
 
 def told(bridge: Any) -> str:
     """What ``status`` and the page say of the Sun; it must be the same."""
-    state = collect_state(bridge.controller, "", "", ())
+    state = mount_state(bridge.controller).drawn()
     bridge.gateway.names = list  # it has no ports
     shown = {name: value for part in parts(bridge.gateway, 0) for name, value in part.items()}
     words = [word for word in state.wanted if "Sun" in word]

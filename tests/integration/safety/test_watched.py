@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from msgspec.structs import replace
 
-from gateway.app.control.gather import status_line
+from gateway.app.mount_state import mount_state
 from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
@@ -319,7 +319,7 @@ def test_a_mount_that_has_come_to_rest_after_a_stop_is_not_moved_by_hand(driven:
             await controller.stop()
             await come_to_rest(controller.context, controller.reader)
             for _ in range(30):
-                assert activity(status_line(controller, "", "", 0)) != "moved by hand", wait
+                assert activity(mount_state(controller).look) != "moved by hand", wait
                 await controller.read_now(op.Position())
                 await asyncio.sleep(0.1)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.gather import collect_state
+from gateway.app.mount_state import mount_state
 from gateway.app.status import Rate, State, StatusLine, status
 from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
@@ -93,8 +93,9 @@ def test_a_rate_is_that_of_the_last_looks() -> None:
 
 def gateway(bridge: Bridge, name: str | None = None) -> Any:
     """As much of a gateway as a look needs."""
-    return SimpleNamespace(controller=bridge.controller, programs=bridge.acceptor.present_hosts, mount="nexstar@sim",
-                           config=SimpleNamespace(name=name))  # fmt: skip
+    return SimpleNamespace(
+        state=lambda: mount_state(bridge.controller, name or "", "nexstar@sim", bridge.acceptor.present_hosts())
+    )
 
 
 def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
@@ -188,7 +189,7 @@ def test_programs_of_one_computer_are_told_apart_by_their_surface() -> None:
             surfaces = ["lx200 tcp://127.0.0.1:4030", "nexstar tcp://127.0.0.1:4031"]
 
             def orders(*surfaces: str) -> tuple[str, ...]:
-                return collect_state(bridge.controller, "", "", (), surfaces).wanted
+                return mount_state(bridge.controller).drawn(surfaces).wanted
 
             for who, ends in (("127.0.0.1", f"by 127.0.0.1 at {surfaces[1]}"), ("pty:/tmp/x", "by pty:/tmp/x")):
                 activity = bridge.controller.presence.connected(who, 2)

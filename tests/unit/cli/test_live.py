@@ -20,6 +20,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from gateway.app.mount_state import mount_state
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.diagnostics.virtual_time import run
 from gateway.system.systemd import notify, watchdog
@@ -98,9 +99,8 @@ def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
 ) -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            gateway = SimpleNamespace(
-                controller=bridge.controller, programs=list, mount="", config=SimpleNamespace(name="pier")
-            )
+            controller = bridge.controller
+            gateway = SimpleNamespace(controller=controller, state=lambda: mount_state(controller, "pier"))
             tasks = start_status_updates([gateway], Screen(None))  # type: ignore[list-item]
             assert len(tasks) == 1  # no terminal, no line
             await asyncio.sleep(2)

@@ -11,8 +11,8 @@ import pytest
 from msgspec.structs import fields
 
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
-from gateway.app.control.gather import collect_state
 from gateway.app.gateway import Gateway
+from gateway.app.mount_state import mount_state
 from gateway.clients.access import Access, harmless, networks
 from gateway.core import operations as op
 from gateway.core.errors import UserError
@@ -74,7 +74,7 @@ def test_only_the_networks_named_may_connect() -> None:
         friend = await link(gateway, "127.0.0.1")
         assert await ask(friend, b":GVP#") == b"Autostar#"
         assert len([line for line in said if "connection from 127.0.0.2 refused" in line and "allow" in line]) == 1
-        [told] = [line for line in collect_state(gateway.controller, "", "", ()).lately if "127.0.0.2" in line]
+        [told] = [line for line in mount_state(gateway.controller).drawn().lately if "127.0.0.2" in line]
         assert told.endswith("127.0.0.2: connection from 127.0.0.2 refused on surface 1: it is not in allow")
         friend[1].close()
 

@@ -8,7 +8,7 @@ import socket
 
 import pytest
 
-from gateway.app.control.gather import collect_state
+from gateway.app.mount_state import mount_state
 from gateway.clients.wrong_preset import advice
 from gateway.diagnostics.virtual_time import run
 from tests.support.callers import Caller
@@ -166,7 +166,7 @@ def test_status_tells_it_for_a_minute_once_for_each_host() -> None:
             for _ in range(3):
                 Caller(bridge.acceptor).tell(b"Ka")
                 await asyncio.sleep(4.0)
-            lately = collect_state(bridge.controller, "", "", ()).lately
+            lately = mount_state(bridge.controller).drawn().lately
             assert lately == ("1 s ago, " + NEXSTAR_ON_LX200.format("Ka").replace(":50000 sends", ": sends"),)
 
     run(play())

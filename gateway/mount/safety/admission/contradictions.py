@@ -7,7 +7,7 @@ source cannot stop a mount that is right.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from gateway.astro.ephemeris.sky import Sky
@@ -131,7 +131,7 @@ def _at_length(one: Contradiction) -> str:
     return f"{one.words[0].upper()}{one.words[1:]}. Correct the one that is wrong: {ways}."
 
 
-def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradiction]:
+def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Contradiction]:
     """Yield what other sources say that differs too much, each site or time combined with the best of the other."""
     unix = times[0].unix
     if sites:

@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from gateway.app.control import gather
 from gateway.app.control.requests import RequestHandler
+from gateway.app.mount_state import mount_state
 from gateway.app.recording.entrance import CarryOut, Entrance
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
@@ -33,9 +33,12 @@ class Owner:
     def __init__(self, bridge: Any, name: str = "", entrance: Entrance = Entrance()) -> None:
         surfaces = ["lx200:autostar@tcp://127.0.0.1:4030", "nexstar:6-8se@pty:/tmp/nexstar pier"]
         serving: Any = SimpleNamespace(
-            programs=lambda: bridge.acceptor.present_hosts(), names=lambda: surfaces, web=Web(), store=None
+            state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.present_hosts()),
+            names=lambda: surfaces,
+            web=Web(),
+            store=None,
         )
-        self.request_handler = RequestHandler(bridge.controller, name, "nexstar@sim", serving, entrance)
+        self.request_handler = RequestHandler(bridge.controller, serving, entrance)
         self._controller = bridge.controller
 
     async def wish(self, wish: requests.Request) -> str:
@@ -293,15 +296,17 @@ def test_everything_is_told_by_name() -> None:
 
 
 def test_a_site_that_another_contradicts_is_told_once() -> None:
-    for by, told in (("", "the mount"), ("10.0.0.2", "the mount, as 10.0.0.2 set it")):
-        sites = [Site(Place(45.0, 10.0), MOUNT, by), Site(Place(48.1, 11.6), CONFIGURED)]
-        controller: Any = SimpleNamespace(
-            sources=SimpleNamespace(sites=lambda sites=sites: sites, times=lambda: [Time(0.0, MOUNT)])
-        )
-        assert (
-            gather.site(controller)
-            == f"45.0 N 10.0 E, told by {told}; the configuration says 48.1 N 11.6 E, 366 km away"
-        )
+    async def program() -> None:
+        async with Bridge() as bridge:
+            state = mount_state(bridge.controller)
+            for by, told in (("", "the mount"), ("10.0.0.2", "the mount, as 10.0.0.2 set it")):
+                sites = [Site(Place(45.0, 10.0), MOUNT, by), Site(Place(48.1, 11.6), CONFIGURED)]
+                assert (
+                    msgspec.structs.replace(state, sites=sites, times=[Time(0.0, MOUNT)]).site
+                    == f"45.0 N 10.0 E, told by {told}; the configuration says 48.1 N 11.6 E, 366 km away"
+                )
+
+    run(program())
 
 
 def test_a_meade_takes_the_same_wishes() -> None:

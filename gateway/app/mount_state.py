@@ -1,0 +1,215 @@
+"""``MountState``: what one mount does and what is known of it at one moment, without asking the mount.
+
+It is made here alone, from the cached readings. The status line, ``status`` and ``watch``, the page, MQTT and the
+metrics are all drawn from it, so they cannot contradict each other. It holds values; sentences are made when they are
+shown, because most of those who look need none.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+
+from gateway.app.status import State, StatusLine, format_position
+from gateway.core import operations as op
+from gateway.core.wire_log import Notice
+from gateway.mount.motion.wanted import ByHand, Slew, Wanted
+from gateway.mount.policy import Policy
+from gateway.mount.presence import HostActivity
+from gateway.mount.safety.admission.contradictions import Contradiction, contradictions, site_text
+from gateway.mount.site.site_clock import Site, Time
+
+if TYPE_CHECKING:
+    from gateway.mount.controller import MountController
+
+#: Events of the last so many seconds are shown, and at most so many of them.
+LATELY, MOST = 60.0, 10
+
+
+class MountState(Struct, frozen=True, dict=True):
+    """One mount at the loop time ``now`` and at ``clock`` by this computer.
+
+    ``over`` is where it points over the horizon, ``goal`` where a goto under way leads; both None if not known.
+    ``programs`` are the hosts of connected programs, ``sites`` and ``times`` all that is told of them, best first.
+    ``answers`` counts the replies of the mount, ``reply`` is its typical reply time in seconds.
+    """
+
+    look: StatusLine
+    mount: str
+    identity: op.Identity | None
+    title: str
+    pier: str
+    german: bool | None
+    over: op.Horizontal | None
+    wanted: Wanted
+    goal: op.Equatorial | op.Horizontal | None
+    sun_ahead: str
+    policy: Policy
+    sites: Sequence[Site]
+    times: Sequence[Time]
+    programs: Sequence[str]
+    reply: float
+    answers: int
+    refusals: int
+    notices: Sequence[Notice]
+    now: float
+    clock: float
+
+    def drawn(self, surfaces: Sequence[str] = ()) -> State:
+        """Return what ``status`` shows. With several ``surfaces`` these tell the programs of one computer apart."""
+        identity = self.identity
+        return State(
+            self.look,
+            self.mount,
+            *((identity.product, identity.model, identity.version) if identity else ("", "", "")),
+            tuple(self._orders(surfaces)),
+            tuple(self._allowed()),
+            self.site,
+            self.time,
+            tuple(sorted(self.programs)),
+            self.reply,
+            self.answers,
+            tuple(self._lately()),
+            title=self.title,
+        )
+
+    @cached_property
+    def site_doubts(self) -> list[Contradiction]:
+        """What other sources say of the site that differs."""
+        return list(contradictions(self.sites, self.times[:1]))
+
+    @cached_property
+    def clock_doubts(self) -> list[Contradiction]:
+        """What other sources say of the time that differs."""
+        return list(contradictions((), self.times))
+
+    @property
+    def site(self) -> str:
+        """The site in use, its source and what contradicts it; empty if no site is known."""
+        doubts = "".join(f"; {doubt.other}" for doubt in self.site_doubts)
+        return next((f"{site_text(best.place)}, told by {best.who.rstrip(',')}{doubts}" for best in self.sites), "")
+
+    @property
+    def time(self) -> str:
+        """The time in use and its source; empty if it is no valid date."""
+        best = self.times[0]
+        try:
+            moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
+        except (OverflowError, OSError, ValueError):  # a mount may report any year
+            return ""
+        doubts = "".join(f"; {doubt.words}" for doubt in self.clock_doubts)
+        return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.who}{doubts}"
+
+    @property
+    def goal_words(self) -> str:
+        """Where a goto under way leads; empty if none does, or only the mount knows."""
+        if isinstance(self.goal, op.Horizontal):
+            return f"azimuth {self.goal.az:.1f}°, altitude {self.goal.alt:.1f}°"
+        return "" if self.goal is None else format_position(self.goal)
+
+    def _orders(self, surfaces: Sequence[str]) -> Iterator[str]:
+        """Yield what the mount was asked to do, by whom, and the orders that wait."""
+
+        def asked(by: HostActivity | None, since: float) -> str:
+            number = 0 if by is None or len(surfaces) < 2 or by.who.startswith("pty:") else by.program.surface
+            on = f" at {surfaces[number - 1]}" if 0 < number <= len(surfaces) else ""
+            return f", asked for {self.now - since:.0f} s ago" + (f" by {by.who}{on}" if by is not None else "")
+
+        wanted, motion = self.wanted, self.wanted.motion
+        if wanted.owed:
+            yield "a stop, which the mount has not acknowledged yet"
+        if isinstance(motion, Slew):
+            home = "the way to its park position" if isinstance(motion.operation, op.Park) else "the way home"
+            yield (f"a goto to {self.goal_words}" if self.goal else home) + asked(motion.by, motion.since)
+        elif self.look.slewing:
+            yield "it slews without an order from this gateway: perhaps by its hand control"
+        yield from filter(None, (wanted.short, self.sun_ahead))
+        for axis, moving in motion if isinstance(motion, ByHand) else ():
+            yield _arrow(moving.operation, axis) + asked(moving.by, moving.since)
+        for order in wanted.pending:
+            if not order.follow_up and order.number != wanted.active:
+                yield f"{order.operation.title()}, not begun yet{asked(order.by, order.since)}"
+
+    def _allowed(self) -> Iterator[str]:
+        limits = self.policy.limits
+        yield f"altitude {limits.lowest:g}° to {limits.highest:g}°"
+        if limits.sun > 0.0:
+            yield f"no nearer to the Sun than {limits.sun:g}°"
+        if limits.hour_angle is not None:
+            yield f"no more than {limits.hour_angle / 15.0:g} h past the meridian"
+        yield f"syncs of up to {limits.sync:g}°"
+        if self.look.held:
+            yield "held: nothing moves it until mount-gateway stop --release"
+
+    def _lately(self) -> Iterator[str]:
+        """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
+        counted: dict[tuple[str, str], tuple[int, float]] = {}
+        for notice in self.notices:
+            if self.clock - notice.time <= LATELY:
+                key = notice.side, notice.text
+                counted[key] = (counted.pop(key, (0, 0.0))[0] + 1, notice.time)
+        for (side, text), (count, at) in list(counted.items())[-MOST:]:
+            yield f"{self.clock - at:.0f} s ago, {side}: {text}{f' ({count} times)' if count > 1 else ''}"
+
+
+def mount_state(
+    controller: MountController, name: str = "", mount: str = "", programs: Sequence[str] = ()
+) -> MountState:
+    """Return the state of a mount; ``name`` is the one that its owner gave it, or empty."""
+    now, readings, astrometry, driver = controller.now(), controller.cache, controller.astrometry, controller.driver
+    identity: op.Identity | None = readings.value(op.GetIdentity)
+    product, model = (identity.product, identity.model) if identity else ("", "")
+    position: op.Equatorial | None = readings.value(op.Position)
+    line, wanted, run_on = controller.line, controller.wanted, controller.context.run_on
+    ends = wanted.owed or run_on.value is not None
+    # A mount that ran on after a stop was seen to move like one at its keys, until it was seen at rest.
+    others = controller.watch.moved_by_others and controller.watch.others.seen_at > run_on.rested
+    by_hand = bool(wanted.axes) or (others and not ends)
+    look = StatusLine(
+        name or (mount if identity is None else model or product), line.state, line.reason, position,
+        readings.age(op.Position, now), controller.slewing, by_hand, readings.value(op.GetStatus), len(programs),
+        0.0, driver.asleep, controller.hold.on, ends, run_on.unknown,
+    )  # fmt: skip
+    sites = controller.sources.sites()
+    return MountState(
+        look=look,
+        mount=mount,
+        identity=identity,
+        title=driver.protocol.title(product, model),
+        pier=readings.value(op.PierSide) or "",
+        german=driver.german,
+        over=astrometry.horizon(position) if sites and position is not None else None,
+        wanted=wanted.value,
+        goal=_goal(controller),
+        sun_ahead=controller.sun_ahead.words,
+        policy=controller.policy,
+        sites=sites,
+        times=controller.sources.times(),
+        programs=programs,
+        reply=line.typical_rtt,
+        answers=line.answers,
+        refusals=controller.wire_log.refusals,
+        notices=tuple(controller.wire_log.recent),
+        now=now,
+        clock=controller.wire_log.clock(),
+    )
+
+
+def _goal(controller: MountController) -> op.Equatorial | op.Horizontal | None:
+    motion = controller.wanted.value.motion
+    operation = motion.operation if isinstance(motion, Slew) else None
+    if isinstance(operation, op.Goto):
+        return controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
+    return (
+        op.Horizontal(operation.az, operation.alt) if isinstance(operation, op.GotoHorizontal | op.GotoAxes) else None
+    )
+
+
+def _arrow(operation: op.Move | op.MoveAxis, axis: int) -> str:
+    if isinstance(operation, op.Move):
+        return f"an arrow {operation.direction.word}"
+    return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"
