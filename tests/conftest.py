@@ -1,7 +1,8 @@
 """Isolates the tests: no test touches the real state, locks or running gateways of the person who runs them.
 
-Every test gets a state folder of its own; locks and control endpoints go to temporary folders. Worker processes of
-pytest-xdist are as strict about bytes and text (``-bb``) as the process that started them.
+Every test gets a state folder of its own; locks, control endpoints and the cache go to temporary folders. No gateway
+in a test process lets an almanac be calculated. Worker processes of pytest-xdist are as strict about bytes and text
+(``-bb``) as the process that started them.
 """
 
 from __future__ import annotations
@@ -11,12 +12,15 @@ import itertools
 import os
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from gateway.astro.ephemeris import keeper
+from gateway.astro.ephemeris.almanac import Almanac
+from gateway.astro.offline import go_offline
 from tests.support import sampling
 from tests.support.forked import Forked
 from tests.support.process import ALIVE, Running
@@ -91,9 +95,20 @@ def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     base = tmp_path_factory.mktemp("states")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STATE_DIRECTORY", str(base))
-        for name in ("XDG_RUNTIME_DIR", "TMPDIR"):
+        patch.delenv("CACHE_DIRECTORY", raising=False)
+        for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME", "TMPDIR"):
             patch.setenv(name, str(tmp_path_factory.mktemp(name.lower())))
+        patch.setattr(keeper, "ATTEMPTS", 0)
+        patch.setattr(keeper, "calculated", _calculated)
         yield base
+
+
+def _calculated(days: Collection[int], sites: Collection[str], stopped: object) -> Almanac:
+    """Calculate an almanac in this process, which has often loaded astropy already: a process for it takes a second."""
+    go_offline()
+    from gateway.astro.ephemeris import by_astropy
+
+    return by_astropy.almanac(days, sites)
 
 
 @pytest.fixture(autouse=True)

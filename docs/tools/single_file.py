@@ -56,6 +56,7 @@ DATA = {
     "gateway/console/page": "gateway/console/page",
     "gateway/fleet/overview/page": "gateway/fleet/overview/page",
     "gateway/app/watchdog/process.py": "gateway/app/watchdog",
+    "gateway/astro/ephemeris/rehearsal.almanac": "gateway/astro/ephemeris",
 }
 #: Modules that are imported by a name which is put together at run time.
 WHOLE = ("gateway", "astropy_iers_data", "serial")

@@ -150,6 +150,7 @@ COMMANDS = {
     "sim": "serve.sim",
     "tables": "inspect.tables",
     "explain": "inspect.tables",
+    "almanac": "inspect.almanac",
     "replay": "inspect.recordings",
     "decode": "inspect.recordings",
     "report": "inspect.recordings",

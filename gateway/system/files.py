@@ -1,4 +1,4 @@
-"""The folder for state files, opening nothing but plain files, and replacing a file atomically."""
+"""The folders for state files and caches, opening nothing but plain files, and replacing a file atomically."""
 
 from __future__ import annotations
 
@@ -15,8 +15,19 @@ NOT_PLAIN = "this is a pipe or a device, and a plain file is needed: name anothe
 
 def directory(configured: str | None = None) -> Path:
     """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else the user's own."""
-    given = configured or os.environ.get("STATE_DIRECTORY", "").split(":" if os.name == "posix" else os.pathsep)[0]
+    given = configured or _of_systemd("STATE_DIRECTORY")
     return Path(given).expanduser() if given else Path(platformdirs.user_state_path("mount-gateway", appauthor=False))
+
+
+def cache_directory() -> Path:
+    """Return the folder for what can be made again: systemd's ``CACHE_DIRECTORY``, else the user's own."""
+    given = _of_systemd("CACHE_DIRECTORY")
+    return Path(given) if given else Path(platformdirs.user_cache_path("mount-gateway", appauthor=False))
+
+
+def _of_systemd(name: str) -> str:
+    """Return the first folder of a variable that systemd sets for a service; empty outside one."""
+    return os.environ.get(name, "").split(":" if os.name == "posix" else os.pathsep)[0]
 
 
 def plain_file(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:

@@ -38,7 +38,7 @@ def test_it_runs_and_stops_this_program() -> None:
     assert lines(text, "ExecStopPost") == ['"/opt/a b/python" -m gateway stop']
     assert lines(text, "Type") == ["notify"]
     assert lines(text, "User") == ["daemon"]
-    assert lines(text, "StateDirectory") == ["mount-gateway"]
+    assert lines(text, "StateDirectory") == lines(text, "CacheDirectory") == ["mount-gateway"]
     assert lines(made(state="/srv/state"), "ExecStopPost") == ["/usr/bin/mount-gateway stop --state /srv/state"]
 
 
@@ -50,6 +50,7 @@ def test_two_gateways_have_a_unit_each(tmp_path: Path, capsys: pytest.CaptureFix
         text = capsys.readouterr().out
         assert text.startswith(f"# /etc/systemd/system/{name}.service, made by mount-gateway service\n")
         assert lines(text, "StateDirectory") == lines(text, "SyslogIdentifier") == [name]
+        assert lines(text, "CacheDirectory") == ["mount-gateway"], "services share the almanac"
         assert lines(text, "Restart") == ["on-failure"] and lines(text, "After") == ["network.target"]
     assert main(["service", "--config", str(path), "--user", "daemon", "--unit", "a b"]) == 2
     assert "write a word of letters" in capsys.readouterr().err

@@ -2,8 +2,8 @@
 
 Loading takes most of the processor time of a start. `Forked` is the test's side and looks like a ``subprocess.Popen``;
 run as a program, this file is the server that loads and forks. Its children have the streams, the environment, the
-folder and the command line of a normally started process; they do not load astropy. A test of the start itself uses
-``tests.support.process.GATEWAY``.
+folder and the command line of a normally started process; they let no process calculate an almanac. A test of the start
+itself uses ``tests.support.process.GATEWAY``.
 """
 
 from __future__ import annotations
@@ -121,11 +121,11 @@ class Forked:
 def load() -> None:
     """Import everything that a product process may need."""
     import gateway
-    from gateway.astro.ephemeris.sky import TableLoader
+    from gateway.astro.ephemeris import keeper
     from gateway.protocols.registry import pairs
     from gateway.protocols.wireformat.command_set import load as tables
 
-    TableLoader.start = lambda *_: None  # type: ignore[method-assign]
+    keeper.ATTEMPTS = 0
     for module in pkgutil.walk_packages(gateway.__path__, "gateway."):
         if module.name not in LEFT_OUT:
             importlib.import_module(module.name)

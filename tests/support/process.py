@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tests.support.forked import POSSIBLE, Forked
 
-#: The product as a user starts it, and without astropy, whose import takes more time than the rest of the start.
+#: The product as a user starts it, and without a process that calculates the almanac, which takes longer than a start.
 WHOLE = [sys.executable, "-bb", "-m", "gateway"]
 GATEWAY = [sys.executable, "-bb", "-P", str(Path(__file__).with_name("mount-gateway"))]
 PATIENCE = 20.0

@@ -15,13 +15,13 @@ from tests.support.process import PATIENCE, Running, ask
 SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps"}
 #: What can happen to a gateway, as a signal; a process that is frozen or blocked continues to exist.
 FAILURES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
-#: A gateway whose event loop SIGUSR1 blocks for this many seconds; it does not load astropy (see `GATEWAY`).
+#: A gateway whose event loop SIGUSR1 blocks for this many seconds; it gets no almanac (see `GATEWAY`).
 BLOCKED = 6
 PROGRAM = f"""
 import signal, sys, time
-from gateway.astro.ephemeris.sky import TableLoader
+from gateway.astro.ephemeris import keeper
 from gateway.cli import main
-TableLoader.start = lambda *_: None
+keeper.ATTEMPTS = 0
 signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell in the background has it ignored
 signal.signal(signal.SIGUSR1, lambda number, frame: time.sleep({BLOCKED}))
 sys.exit(main(sys.argv[1:]))

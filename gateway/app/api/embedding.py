@@ -204,27 +204,28 @@ async def open_gateway(
     config = make_config(tables, Source("open_gateway"), served=False)
     from gateway.app.gateway import Gateway
     from gateway.app.watchdog.client import Watchdog, available
+    from gateway.astro.ephemeris.keeper import AlmanacKeeper
     from gateway.astro.ephemeris.sky import Sky
 
-    loop, sky = asyncio.get_running_loop(), Sky()
-    wire_log = WireLog(time.time)
+    sky, wire_log = Sky(), WireLog(time.time)
     if watch is not None:
         wire_log.sinks.append(watch)
     real = parse_endpoint(mount).where != "sim"
     guard = Watchdog(warn or (lambda text: None)) if watchdog and real and available() else None
     opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
 
-    def exact() -> None:
-        with contextlib.suppress(RuntimeError):  # the loop is closed already: the sky is not needed any more
-            loop.call_soon_threadsafe(sky.use)
-
+    almanac = AlmanacKeeper(sky, opened.warn, quiet=lambda: not opened.busy)
+    almanac.open()
+    keeping: asyncio.Task[None] | None = None
     try:
         await opened.open()
         for caution in opened.cautions():
             opened.warn(caution)
-        sky.start(exact)
+        keeping = asyncio.ensure_future(almanac.keep())
         yield RunningGateway(opened)
     finally:
+        if keeping is not None:
+            keeping.cancel()
         await opened.close()
         if guard is not None:
             guard.close()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -15,7 +16,8 @@ from urllib.parse import urlsplit
 import msgspec
 
 from gateway.app.config.mount_names import resolve_name, suggest_name
-from gateway.astro.offline import go_offline
+from gateway.astro.ephemeris import keeper
+from gateway.astro.ephemeris.day_table import DAY
 from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
@@ -156,19 +158,25 @@ def parse_site(text: str) -> tuple[float, float]:
 def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
     """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError.
 
-    Only this loads astropy, which takes a second: users who write plain numbers do not wait for it.
+    astropy translates them, in a process of its own, and the almanac keeps them for the next start.
     """
     wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
         raise wrong
-    go_offline()
-    from astropy.coordinates import Latitude, Longitude
-
+    site = ",".join(parts)
+    if (known := keeper.stored().sites.get(site)) is not None:
+        return known
+    today = int(time.time() // DAY)
     try:
-        latitude, longitude = Latitude(parts[0], unit="deg"), Longitude(parts[1], unit="deg", wrap_angle="180d")
-    except (ValueError, TypeError):
-        raise wrong from None
-    return round(float(latitude.deg), 9), round(float(longitude.deg), 9)
+        almanac, _ = keeper.renewed(range(today, today + keeper.OTHERS), [site])
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"{text!r}: astropy, which translates this, cannot be used here ({error}): write it in degrees, north and "
+            "east positive, with the minutes as a sixtieth each: 45.5,-122.7 is 45°30'N,122°42'W"
+        ) from None
+    if site not in almanac.sites:
+        raise wrong
+    return almanac.sites[site]
 
 
 def site_mistake(latitude: float, longitude: float) -> str:

@@ -114,6 +114,14 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     watchdog: Annotated[
         bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
     ] = True
+    almanac: Annotated[
+        Plain | None,
+        key(
+            "tables of the sky that mount-gateway almanac has written on another computer, where there is no astropy",
+            "FILE",
+            "year.almanac",
+        ),
+    ] = None
     log: Annotated[
         bool
         | Literal[

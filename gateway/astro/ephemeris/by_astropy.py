@@ -1,4 +1,5 @@
-"""Day tables of the sky calculated by astropy. The import takes half a second: only `Sky`'s loader thread does it.
+"""Day tables of the sky, and sites in decimals, calculated by astropy. The import takes half a second and 45 MB: no
+process that serves does it, only one of its own (``mount-gateway almanac``), replays and tests.
 
 `Time` counts the leap seconds, `GCRS` and `TETE` convert J2000 to the equinox of date, `get_sun` and
 `get_body_barycentric` give Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC comes from the
@@ -12,20 +13,22 @@ before 1972 another 0.1" and 1.5", because TT-UT1 is interpolated between observ
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from functools import cache, lru_cache
+from importlib.metadata import version
 from typing import Any
 
 import astropy_iers_data  # type: ignore[import-untyped]
 import erfa
 import numpy as np
 from astropy import units as u
-from astropy.coordinates import GCRS, TETE, CartesianRepresentation, get_body_barycentric, get_sun
+from astropy.coordinates import GCRS, TETE, CartesianRepresentation, Latitude, Longitude, get_body_barycentric, get_sun
 from astropy.time import Time
 from astropy.utils import iers
 from astropy.utils.iers import IERS
 
-from gateway.astro.ephemeris.day_table import DAY, ROWS, STEP, DayTable
+from gateway.astro.ephemeris.almanac import Almanac, rows_of
+from gateway.astro.ephemeris.day_table import DAY, PARTS, ROWS, STEP, DayTable
 from gateway.astro.spherical import SIDEREAL_RATE
 
 JD_OF_UNIX_EPOCH = 2440587.5
@@ -78,44 +81,65 @@ def ut1_utc(day: int) -> float:
 @lru_cache(512)  # shared by all gateways of a process
 def day_table(part: str, day: int) -> DayTable:
     """Return the table of a part (``frame``, ``Sun``, ``Moon`` or a planet) for a day since the Unix epoch."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", erfa.ErfaWarning)  # future leap seconds are unknown
-        return DayTable([tuple(row) for row in _rows(part, day).T.tolist()])
+    return DayTable([tuple(row) for row in _rows(part, (day,))[0].tolist()])
+
+
+def almanac(days: Collection[int], sites: Iterable[str] = ()) -> Almanac:
+    """Return the tables of these days, and those of the sites that can be understood in decimals."""
+    by = f"astropy {version('astropy')}, IERS data {version('astropy-iers-data')}"
+    parts = [_rows(part, tuple(days)) for part in PARTS] if days else []
+    tables = {day: rows_of(part[number].tolist() for part in parts) for number, day in enumerate(days)}
+    known = {site: place for site in sites if (place := in_decimals(site)) is not None}
+    return Almanac(by, tables, known)
+
+
+def in_decimals(site: str) -> tuple[float, float] | None:
+    """Return latitude and longitude of ``LAT,LON`` with minutes or letters, in degrees; None if it means none."""
+    try:
+        written = site.split(",")
+        latitude, longitude = Latitude(written[0], unit="deg"), Longitude(written[1], unit="deg", wrap_angle="180d")
+    except (ValueError, TypeError, IndexError):
+        return None
+    return round(float(latitude.deg), 9), round(float(longitude.deg), 9)
 
 
 @lru_cache(4)
-def _day(day: int) -> tuple[Any, Any]:
-    """Return the times of the rows, and the rotation from J2000 to the equinox of date at each."""
-    at = Time(JD_OF_UNIX_EPOCH, terrestrial(day * DAY) + _SECONDS / DAY, format="jd", scale="tt")
-    axes = CartesianRepresentation(np.broadcast_to(np.eye(3)[:, :, np.newaxis], (3, 3, ROWS)))
-    return at, GCRS(axes, obstime=at).transform_to(TETE(obstime=at)).cartesian.xyz.value
+def _moments(days: tuple[int, ...]) -> tuple[Any, Any, Any]:
+    """Return the times of the rows, and at each the rotation from J2000 to the equinox of date and the Earth."""
+    rows = np.add.outer([terrestrial(day * DAY) for day in days], _SECONDS / DAY).ravel()
+    at = Time(JD_OF_UNIX_EPOCH, rows, format="jd", scale="tt")
+    axes = CartesianRepresentation(np.broadcast_to(np.eye(3)[:, :, np.newaxis], (3, 3, len(rows))))
+    matrices = GCRS(axes, obstime=at).transform_to(TETE(obstime=at)).cartesian.xyz.value
+    return at, matrices, get_body_barycentric("earth", at, ephemeris="builtin")
 
 
-def _rows(part: str, day: int) -> Any:
-    """Return one column per row of the table: sidereal time and rotation, or a vector of date."""
-    at, matrices = _day(day)
-    if part == "frame":
-        return np.vstack([_sidereal_times(day), matrices.reshape(9, ROWS)])
-    if part == "Sun":
-        seen = get_sun(at).cartesian.xyz.to_value(u.km)
-    else:
-        seen = _from_earth(part, at)
-    return np.einsum("ijn,jn->in", matrices, seen)
+def _rows(part: str, days: tuple[int, ...]) -> Any:
+    """Return the rows of each day: sidereal time and rotation, or a vector of date."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", erfa.ErfaWarning)  # future leap seconds are unknown
+        at, matrices, earth = _moments(days)
+        if part == "frame":
+            columns = np.vstack([_sidereal_times(days), matrices.reshape(9, -1)])
+        else:
+            seen = get_sun(at).cartesian.xyz.to_value(u.km) if part == "Sun" else _from_earth(part, at, earth)
+            columns = np.einsum("ijn,jn->in", matrices, seen)
+    return np.moveaxis(columns.reshape(len(columns), len(days), -1), 0, 2)
 
 
-def _sidereal_times(day: int) -> Any:
+def _sidereal_times(days: tuple[int, ...]) -> Any:
     """Return Greenwich apparent sidereal time in degrees, less the increase of mean sidereal time since the first row.
 
     It calls ERFA directly: `Time.sidereal_time` derives UT1 from UTC, which ran at other rates before 1972.
     """
-    at, matrices = _day(day)
-    ut1 = day + (ut1_utc(day) + _SECONDS) / DAY
+    at, matrices, _ = _moments(days)
+    ut1 = np.add.outer([day + ut1_utc(day) / DAY for day in days], _SECONDS / DAY).ravel()
     rotation = np.moveaxis(matrices, 2, 0)
-    times = np.degrees(erfa.gst06(JD_OF_UNIX_EPOCH, ut1, at.jd1, at.jd2, rotation))
-    return times[0] + (times - times[0] - SIDEREAL_RATE * _SECONDS + 180.0) % 360.0 - 180.0
+    times = np.degrees(erfa.gst06(JD_OF_UNIX_EPOCH, ut1, at.jd1, at.jd2, rotation)).reshape(len(days), -1)
+    first = times[:, :1]
+    return (first + (times - first - SIDEREAL_RATE * _SECONDS + 180.0) % 360.0 - 180.0).ravel()
 
 
-def _from_earth(name: str, at: Any) -> Any:
+def _from_earth(name: str, at: Any, earth: Any) -> Any:
     """Return the geocentric vector, in km, to where the body was when its light left it; without aberration.
 
     The Moon moves around the Sun with the Earth, so light time is its only aberration.
@@ -123,7 +147,7 @@ def _from_earth(name: str, at: Any) -> Any:
     light = 0.0
     for _ in range(3):  # iterate the light time: each round is a thousand times more exact
         sent = at - light * u.s
-        viewer = get_body_barycentric("earth", sent if name == "Moon" else at, ephemeris="builtin")
+        viewer = get_body_barycentric("earth", sent, ephemeris="builtin") if name == "Moon" else earth
         seen = (get_body_barycentric(name, sent, ephemeris="builtin") - viewer).xyz.to_value(u.km)
         light = np.sqrt((seen**2).sum(axis=0)) / _LIGHT
     return seen

@@ -21,7 +21,7 @@ class DayTable:
     """Rows that begin at 0h."""
 
     def __init__(self, rows: list[Row]) -> None:
-        self._rows = rows
+        self.rows = rows
 
     def at(self, seconds: float) -> Row:
         """Return the values at a second of the day, interpolated from the four nearest rows (Lagrange)."""
@@ -29,4 +29,4 @@ class DayTable:
         a = seconds / STEP - first
         b, c, d = a - 1.0, a - 2.0, a - 3.0
         weights = (-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0)
-        return tuple(sum(map(mul, weights, column)) for column in zip(*self._rows[first : first + 4], strict=True))
+        return tuple(sum(map(mul, weights, column)) for column in zip(*self.rows[first : first + 4], strict=True))

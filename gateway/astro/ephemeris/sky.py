@@ -2,13 +2,12 @@
 
 Right ascension and declination are of the equinox of date (true equator) and geometric: no aberration and no
 refraction unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds.
-Importing this module is fast: `Sky.start` loads astropy on a thread, which calculates tables for each requested day
-and the next one, so that they are ready at midnight; commands interpolate in them. If there is no table yet, if astropy
-cannot be loaded, and before 1900 and after 2099, the closed formulas are used. No call waits, no method raises for
-finite arguments, nothing is downloaded. After `load` alone (tests, a replay, a rehearsal) a table is calculated when it
-is requested, so that results are reproducible.
+Commands interpolate in day tables: those of an almanac, which a process of its own has calculated with astropy
+(``keeper.py``), or after `load` (tests, a replay) those of astropy in this process. Where there is no table, and before
+1900 and after 2099, the closed formulas are used, and the day is noted as missing. No call waits, no method raises for
+finite arguments.
 
-                      closed formulas     by astropy
+                      closed formulas     tables
     sidereal time     0.02 s + UT1-UTC    0.005 s
     of date / J2000   0.4"                0.03"
     Sun               0.01 deg            0.03"
@@ -23,6 +22,7 @@ import time
 from collections.abc import Callable
 
 from gateway.astro.ephemeris import closed_forms
+from gateway.astro.ephemeris.almanac import Almanac
 from gateway.astro.ephemeris.closed_forms import Frame
 from gateway.astro.ephemeris.day_table import DAY, PARTS, DayTable
 from gateway.astro.offline import go_offline
@@ -38,12 +38,8 @@ from gateway.astro.spherical import (
     wrap360,
 )
 
-TYPE_CHECKING = False  # importing `typing` takes longer than everything else here
-if TYPE_CHECKING:
-    from queue import SimpleQueue
-
-_FROM = -2208988800.0  # 1900-01-01
-_TO = 4102444800.0  # 2100-01-01
+FROM = -2208988800.0  # 1900-01-01
+TO = 4102444800.0  # 2100-01-01
 _DAYS_ASKED = 4  # limits the days waiting for their tables, in case a client sets the clock again and again
 _TABLES_KEPT = 16 * len(PARTS)  # enough for the days of the host's clock, the mount's, a replayed transcript's
 _FRAMES_KEPT = 16  # enough for the minutes of the host's clock, the mount's, a replayed transcript's
@@ -51,41 +47,31 @@ _EARTH_RADIUS = 6378.137  # km, at the equator (WGS 84)
 _EARTH_FLATTENING = 1.0 / 298.257223563
 
 
-class TableLoader:
-    """Owns the day tables and the thread that calculates them. ``start`` or ``load`` makes astropy available."""
+class DayTables:
+    """Owns the day tables. They are of the almanac that ``use`` got, or of astropy, which ``load`` imports."""
 
     def __init__(self) -> None:
-        self._make: Callable[[str, int], DayTable] | None = None
-        self._in_use = True
+        self._make: Callable[[str, int], DayTable | None] | None = None
+        self._almanac: Almanac | None = None
         self._tables: dict[tuple[str, int], DayTable] = {}
-        self._queue: SimpleQueue[int] | None = None
-        self._asked: set[int] = set()
+        #: The days that were needed and have no tables; ``ask`` is called when there is one more.
+        self.missing: set[int] = set()
+        self.ask: Callable[[], object] = lambda: None
         self.failure = ""
         """Why astropy could not be loaded, in words; otherwise empty."""
 
     @property
     def ready(self) -> bool:
         """Whether astropy's results are in use."""
-        return self._make is not None and self._in_use
+        return self._make is not None
 
-    def start(self, done: Callable[[], object] | None = None) -> None:
-        """Load astropy on a daemon thread, which then calculates the requested days; return at once.
-
-        With ``done``, the thread calls it after the first days, and its tables are not used before a call of ``use``.
-        """
-        import threading  # imported here to keep the import of this module fast
-        from queue import SimpleQueue
-
-        self._in_use, self._queue = done is None, SimpleQueue()
-        self._ask(int(time.time() // DAY))
-        threading.Thread(target=self._work, args=(self._queue, done), name="sky", daemon=True).start()
-
-    def use(self) -> None:
-        """Use astropy's results from now on."""
-        self._in_use = True
+    def use(self, almanac: Almanac) -> None:
+        """Use the tables of this almanac from now on."""
+        self._make, self._almanac = almanac.table, almanac
+        self.missing.difference_update(almanac.days)
 
     def load(self) -> None:
-        """Load astropy in the calling thread. Never raises: sets `ready`, or `failure`."""
+        """Load astropy in this process. Never raises: sets `ready`, or `failure`."""
         try:
             go_offline()
             from gateway.astro.ephemeris.by_astropy import day_table
@@ -98,46 +84,36 @@ class TableLoader:
 
     def table(self, part: str, unix: float) -> DayTable | None:
         """Return the table of the day of a moment; None if there is none, or none yet."""
-        if not _FROM <= unix < _TO:
+        if not FROM <= unix < TO:
             return None
         day = int(unix // DAY)
         table = self._tables.get((part, day))
-        if self._queue is not None:
-            if table is None or (part, day + 1) not in self._tables:
+        if table is None:
+            table = self._make(part, day) if self._make is not None else None
+            if table is None:
                 self._ask(day)
-        elif table is None and self._make is not None:
-            table = self._calculate(part, day)
-        return table if self._in_use else None
-
-    def _ask(self, day: int) -> None:
-        """Request a day from the thread, once."""
-        if self._queue is not None and day not in self._asked and len(self._asked) < _DAYS_ASKED:
-            self._asked.add(day)
-            self._queue.put(day)
-
-    def _work(self, asked: SimpleQueue[int], done: Callable[[], object] | None) -> None:
-        self.load()
-        while not self.failure:
-            day = asked.get()
-            for part, one in ((part, one) for one in (day, day + 1) for part in PARTS):
-                if (part, one) not in self._tables:
-                    self._calculate(part, one)
-            self._asked.discard(day)
-            if done is not None and asked.empty():
-                done()
-                done = None
-
-    def _calculate(self, part: str, day: int) -> DayTable:
-        """Calculate and store a table, and delete the oldest if there are too many. Only one thread ever does this."""
-        assert self._make is not None
-        table = self._make(part, day)
-        if len(self._tables) >= _TABLES_KEPT:
-            del self._tables[next(iter(self._tables))]
-        self._tables[part, day] = table
+                return None
+            if self._almanac is not None and day + 1 not in self._almanac.days:
+                self._ask(day + 1)  # so that midnight finds its tables
+            if len(self._tables) >= _TABLES_KEPT:
+                del self._tables[next(iter(self._tables))]
+            self._tables[part, day] = table
         return table
 
+    def _ask(self, day: int) -> None:
+        """Note that a day is missing, and tell that, once."""
+        if day not in self.missing and len(self.missing) < _DAYS_ASKED:
+            self.missing.add(day)
+            self.ask()
 
-class Sky(TableLoader):
+    def source(self, unix: float) -> str:
+        """Return what a result for this moment is calculated from."""
+        if self.table("frame", unix) is None:
+            return "closed form"
+        return time.strftime("almanac of %Y-%m-%d", time.gmtime(unix))
+
+
+class Sky(DayTables):
     """Positions and times by astropy's tables if there are any, else by the closed formulas."""
 
     def __init__(self) -> None:

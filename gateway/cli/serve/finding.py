@@ -34,12 +34,7 @@ SAID_AFTER = 1.0
 
 
 async def serve(
-    gateway: Gateway,
-    patient: bool,
-    longest: float,
-    start_sky: Callable[[], None],
-    ready: Callable[[Gateway], None],
-    warn: Callable[[str], None],
+    gateway: Gateway, patient: bool, longest: float, ready: Callable[[Gateway], None], warn: Callable[[str], None]
 ) -> None:
     """Wait for one mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``.
 
@@ -47,7 +42,6 @@ async def serve(
     """
     if not patient:
         await _find(gateway, warn, longest)
-    start_sky()
     found = not patient or await gateway.wait_identified(QUICK)
     ready(gateway)
     if not found and not await _found(gateway, warn):

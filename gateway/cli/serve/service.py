@@ -47,6 +47,7 @@ ExecStart={program} run --wait --config {config}
 # However the gateway ended, the mount is stopped.
 {stop}
 StateDirectory={name}
+CacheDirectory=mount-gateway
 SyslogIdentifier={name}
 # If the gateway hangs, systemd ends it, the mount is stopped, and the gateway is started again.
 WatchdogSec=20

@@ -7,11 +7,9 @@ the gateway keeps trying; the other mounts are unaffected.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +28,7 @@ from gateway.cli.serve.console_and_broker import (
 from gateway.cli.serve.finding import GIVE_UP, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import before_suspension, unless, until_signal
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, UserError, told
 from gateway.core.wire_log import SKY_READY, Sink
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
@@ -44,6 +42,7 @@ if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
+    from gateway.astro.ephemeris.keeper import AlmanacKeeper
     from gateway.console.server import Console
 
 #: Seconds between two looks at the addresses of this computer.
@@ -83,6 +82,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     from gateway.app.discovery.offer import network_offers
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
+    from gateway.astro.ephemeris.keeper import AlmanacKeeper
     from gateway.astro.ephemeris.sky import Sky
     from gateway.clients.any_protocol.web import Web
     from gateway.core.wire_log import WireLog
@@ -131,7 +131,16 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         if mount.record:
             recorders.append(record_whole(Path(mount.record), gateways[-1]))
     before_suspension(lambda: _stop_before_suspension(gateways, screen))
+    loop = asyncio.get_running_loop()
+    enter = loop.enter if isinstance(loop, TurnLoop) else None
+
+    def exact() -> None:
+        for gateway in gateways:
+            gateway.wire_log.note("mount", SKY_READY)
+
+    almanac = AlmanacKeeper(sky, screen.warn, exact, lambda: not any(gateway.busy for gateway in gateways), enter)
     try:
+        _open_almanac(almanac, config.almanac)
         for gateway in gateways:
             await gateway.open()
         await announcement.answer(offers())
@@ -161,14 +170,6 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         broker = open_broker(config, access, gateways, screen)
         patient, longest = config.wait or len(gateways) > 1, 0.0 if config.wait is False else GIVE_UP
 
-        def sky_ready() -> None:
-            garbage.started()
-            sky.use()
-            for gateway in gateways:
-                gateway.wire_log.note("mount", SKY_READY)
-
-        # only once, when the first mount is found or is not waited for
-        start_sky = cache(lambda: sky.start(_from_thread(sky_ready)))
         to_be_ready = list(gateways)
 
         def ready(gateway: Gateway) -> None:
@@ -183,9 +184,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             if not to_be_ready:
                 notify("READY=1")
 
-        await unless(
-            done, asyncio.gather(*(serve(one, patient, longest, start_sky, ready, screen.warn) for one in gateways))
-        )
+        await unless(done, asyncio.gather(*(serve(one, patient, longest, ready, screen.warn) for one in gateways)))
         garbage.started()
         if not done.is_set():
             web.wanted.set()
@@ -220,6 +219,14 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
+
+
+def _open_almanac(almanac: AlmanacKeeper, named: str | None) -> None:
+    """Use the stored almanac, and the one that the user has named. Raises UserError if that cannot be used."""
+    try:
+        almanac.open(Path(named).expanduser() if named else None)
+    except (OSError, ValueError) as error:
+        raise UserError(f"--almanac {named}: {told(error) if isinstance(error, OSError) else error}") from None
 
 
 async def _say_new_addresses(
@@ -286,15 +293,3 @@ async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -
 def _max_programs(config: Config) -> int:
     """Return how many programs may be connected at a time."""
     return sum(surface.max_clients if "://" in parse_endpoint(surface.at).where else 1 for surface in config.surface)
-
-
-def _from_thread(work: Callable[[], object]) -> Callable[[], None]:
-    """Return a function that another thread calls to run ``work`` on this event loop, unless it is closed."""
-    loop = asyncio.get_running_loop()
-    todo = (lambda: loop.enter(work)) if isinstance(loop, TurnLoop) else work
-
-    def call() -> None:
-        with contextlib.suppress(RuntimeError):  # the loop is closed: the work is not needed any more
-            loop.call_soon_threadsafe(todo)
-
-    return call

@@ -35,7 +35,7 @@ GROUPS = {
         "dead-man-closed",
         "watchdog",
     ),
-    "how it runs": ("wait", "log", "night", "status", "record", "record-keep", "state"),
+    "how it runs": ("wait", "log", "night", "status", "record", "record-keep", "state", "almanac"),
     "simulated mounts": ("latency", "speed"),
 }
 MOUNT = "about the mount"

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from gateway.app.bindings import presents_mount
 from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
+from gateway.astro.ephemeris.almanac import SHIPPED, decoded
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
@@ -92,10 +93,10 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
 
 @cache
 def sky() -> Sky:
-    """Return the exact sky, shared by all rehearsals: loading it takes longer than most of them."""
-    loaded = Sky()
-    loaded.load()
-    return loaded
+    """Return the exact sky of the days of all rehearsals, which are in the package, so that nobody loads astropy."""
+    exact = Sky()
+    exact.use(decoded(SHIPPED.read_bytes()))
+    return exact
 
 
 def whole(mount: Endpoint) -> Endpoint:

@@ -1,20 +1,20 @@
-"""How the sky behaves: it answers while it loads and when it cannot, stays small, never asks the network."""
+"""How the sky behaves: it answers with tables and without, stays small, never asks the network."""
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable
 from datetime import UTC, datetime
 
 import pytest
 
 from gateway.astro.ephemeris import closed_forms
 from gateway.astro.ephemeris import sky as sky_module
+from gateway.astro.ephemeris.almanac import Almanac
 from gateway.astro.ephemeris.sky import Sky
+from gateway.astro.offline import go_offline
 from tests.support.each import each
 
 GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1987 April 10, 0h UT1
@@ -25,83 +25,54 @@ def unix(*date: int) -> float:
     return datetime(*date, tzinfo=UTC).timestamp()  # type: ignore[misc, arg-type]
 
 
-def until(true: Callable[[], bool]) -> None:
-    """Let the thread go on until something holds. Fails after half a minute."""
-    end = time.monotonic() + 30.0
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.005)
+DAY_OF_1987 = 6308  # 1987 April 10
 
 
-def test_answers_while_loading() -> None:
-    loading, go_on = threading.Event(), threading.Event()
+@pytest.fixture(scope="module")
+def almanac() -> Almanac:
+    go_offline()
+    return importlib.import_module("gateway.astro.ephemeris.by_astropy").almanac([DAY_OF_1987, DAY_OF_1987 + 1])
 
-    class Slow(Sky):
-        def load(self) -> None:
-            loading.set()
-            go_on.wait(10)
-            super().load()
 
-    sky = Slow()
-    sky.start()
-    assert loading.wait(10)
-    try:
-        assert not sky.ready
-        assert sky.sidereal_time(unix(1987, 4, 10), 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240)
-        assert all(thread.daemon for thread in threading.enumerate() if thread.name == "sky")
-    finally:
-        go_on.set()
-    until(lambda: sky.ready)
+def test_answers_before_there_is_an_almanac_and_notes_the_day(almanac: Almanac) -> None:
+    sky, asked = Sky(), list[int]()
+    sky.ask = lambda: asked.append(1)
     moment = unix(1987, 4, 10) - UT1_UTC_1987
-    until(lambda: sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240))
+    assert not sky.ready and sky.source(moment) == "closed form"
+    assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240 + abs(UT1_UTC_1987) / 240)
+    assert (sky.sun(moment), sky.planet("Mars", moment)) == (Sky().sun(moment), None)
+    assert (sky.missing, len(asked)) == ({DAY_OF_1987}, 1), "once, however often it is needed"
+    sky.use(almanac)
+    assert sky.ready and sky.planet("Mars", moment) is not None and not sky.missing
+    assert sky.source(moment) == "almanac of 1987-04-10"
+    assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240)
 
 
-def test_nobody_waits_for_a_day_that_was_not_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The thread works it out, and the next one; meanwhile closed forms answer, and no work piles up."""
-    go_on, made, worked_out = threading.Event(), list[tuple[str, int]](), threading.Event()
-
-    class Held(Sky):
-        def load(self) -> None:
-            super().load()
-            make = self._make
-
-            def held(part: str, day: int) -> sky_module.DayTable:
-                assert make is not None and go_on.wait(30)
-                made.append((part, day))
-                return make(part, day)
-
-            self._make = held
-
-    sky, day = Held(), 15000
-    monkeypatch.setattr(sky_module.time, "time", lambda: day * sky_module.DAY)
-    sky.start(worked_out.set)
-    until(lambda: sky._make is not None)
-    moment = day * sky_module.DAY + 100.0
-    assert sky.sun(moment) == Sky().sun(moment) and sky.planet("Mars", moment) is None
-    for other in range(200):
-        assert sky.planet("Mars", moment + other * sky_module.DAY) is None
-    go_on.set()
-    assert worked_out.wait(30) and not sky.ready
-    assert sky.planet("Mars", moment) is None  # not in use yet: a recording says from when on it is
-    sky.use()
-    assert (
-        sky.ready and sky.planet("Mars", moment) is not None and sky.planet("Mars", moment + sky_module.DAY) is not None
-    )
-    until(lambda: not sky._asked)
-    days = {day for _, day in made}
-    assert len(made) == len(set(made)) == len(sky_module.PARTS) * len(days)
-    assert days <= set(range(day, day + 6))
-
-
-def test_midnight_finds_its_table() -> None:
+def test_a_client_that_sets_its_clock_again_and_again_asks_for_few_days() -> None:
     sky = Sky()
-    sky.start()
-    day = 15000
-    assert sky.table("Sun", (day + 0.99) * sky_module.DAY) is None
-    until(lambda: ("Sun", day + 1) in sky._tables)  # in good time
-    until(lambda: not sky._asked)
-    assert sky.table("Sun", (day + 1.01) * sky_module.DAY) is not None
-    until(lambda: ("Sun", day + 2) in sky._tables)  # and for the midnight after that
+    for day in range(200):
+        assert sky.planet("Mars", day * sky_module.DAY) is None
+    assert len(sky.missing) == 4
+
+
+def test_at_the_midnight_of_the_last_day_closed_forms_go_on(almanac: Almanac) -> None:
+    """And the day is asked for in good time: on its eve."""
+    sky, midnight = Sky(), unix(1987, 4, 12)
+    sky.use(almanac)
+    before = sky.sidereal_time(midnight - 0.001, 0.0)
+    assert sky.missing == {DAY_OF_1987 + 2}
+    assert sky.source(midnight - 0.001) == "almanac of 1987-04-11" and sky.source(midnight) == "closed form"
+    assert sky.sidereal_time(midnight, 0.0) - before == pytest.approx(0.001 / 240, abs=1.0 / 240)
+    first = unix(1987, 4, 11)  # between two days of the almanac only UT1-UTC changes
+    assert sky.sidereal_time(first, 0.0) - sky.sidereal_time(first - 1e-3, 0.0) == pytest.approx(
+        1e-3 / 240, abs=0.003 / 240
+    )
+
+
+@each("moment", [-2208988800.5, 4102444800.0])
+def test_a_year_without_tables_is_not_asked_for(moment: float) -> None:
+    sky = Sky()
+    assert sky.source(moment) == "closed form" and not sky.missing
 
 
 def test_old_tables_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,9 +92,9 @@ def test_between_the_rows_of_a_table_stands_what_astropy_says() -> None:
         table = by_astropy.day_table(part, 20000)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(by_astropy, "_SECONDS", fine)
-            by_astropy._day.cache_clear()
-            rows = by_astropy._rows(part, 20000).T.tolist()
-        by_astropy._day.cache_clear()
+            by_astropy._moments.cache_clear()
+            rows = by_astropy._rows(part, (20000,))[0].tolist()
+        by_astropy._moments.cache_clear()
         for seconds, row in zip(fine, rows, strict=True):
             assert table.at(float(seconds)) == pytest.approx(row, rel=2e-8, abs=1e-9)
 
@@ -245,21 +216,20 @@ from astropy.time import Time
 from astropy.utils import iers
 iers.LeapSeconds._today = staticmethod(lambda: Time("2045-01-01", scale="tai", format="iso", out_subfmt="date"))
 """
-#: The first who asks astropy for something; what else its module loads is not counted.
-CONFIG = """
-from gateway.app.config.endpoints import parse_site
-from tests.support.each import each
-"""
+#: A site as on maps is the first that is asked of astropy.
 SITE = """
-assert parse_site("48°30'N,11°30'E") == (48.5, 11.5)
+go_offline()
+from gateway.astro.ephemeris.by_astropy import in_decimals
+assert in_decimals("48°30'N,11°30'E") == (48.5, 11.5)
 """
+GO_OFFLINE = "from gateway.astro.offline import go_offline\n"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc is a home that nobody can write to, and tells the memory")
 @pytest.mark.sampled(every=3)
 @pytest.mark.parametrize(
     ("home", "before", "first"),
-    [("/proc", CONFIG, NO_HOME + SITE), ("", "", ""), ("", "", OLD)],
+    [("/proc", GO_OFFLINE, NO_HOME + SITE), ("", "", ""), ("", "", OLD)],
     ids=["no home, and a site as on maps", "as it is", "in 2045"],
 )
 def test_nothing_touches_the_network_or_the_disk_and_memory_stays_small(
@@ -272,4 +242,4 @@ def test_nothing_touches_the_network_or_the_disk_and_memory_stays_small(
         monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     said, memory = run(RESIDENT + WATCHED + before + "bare = resident()\n" + first + ASKED + MINUTES).splitlines()
     assert said == "True  [] False"
-    assert int(memory) < (54 if before else 64) * 1024  # numpy is in what the other module loads
+    assert int(memory) < 64 * 1024

@@ -1,0 +1,213 @@
+"""Keeps the almanac: reads it, lets a process of its own calculate what is missing, and stores it for the next start.
+
+The process serving mounts imports neither astropy nor numpy. All gateways of a user share one file, which is replaced
+as a whole by whoever holds its lock; the next then finds there what it wanted. Where it cannot be stored, it is kept in
+memory. What fails is told once and tried again after an hour, at most three times a day.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import stat
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+
+from gateway.astro.ephemeris.almanac import Almanac, decoded, read
+from gateway.astro.ephemeris.day_table import DAY
+from gateway.astro.ephemeris.sky import FROM, TO, Sky
+from gateway.system.files import cache_directory, replace_file
+from gateway.system.locks import LockHeld, PidLock
+from gateway.system.own_commands import gateway_argv
+from gateway.system.runtime_folders import user
+
+#: Days of an almanac, and of them those left when the next are calculated; days for another date than today's; how many
+#: of such days, and of sites, are stored.
+AHEAD, LEFT, OTHERS, STORED = 40, 10, 4, 32
+#: Seconds that the process may take; that a failed attempt is not repeated; between two looks, and two processes.
+LONGEST, AGAIN, LOOK, PAUSE = 120.0, 3600.0, 60.0, 2.0
+#: Attempts that may fail in a day.
+ATTEMPTS = 3
+#: One thread, which gives way to everything else, and no modules from the folder it was started in.
+ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
+#: The name of the command line's command that calculates an almanac.
+COMMAND = "almanac"
+
+
+def stored() -> Almanac:
+    """Return the almanac in this user's cache folder; an empty one if there is none that can be used."""
+    try:
+        return read(cache_directory() / "almanac")
+    except (OSError, ValueError):
+        return Almanac()
+
+
+def renewed(
+    days: Iterable[int], sites: Iterable[str] = (), stopped: threading.Event | None = None
+) -> tuple[Almanac, str]:
+    """Return an almanac with these days and sites, and why it could not be stored. Raises OSError, ValueError."""
+    path, trouble = cache_directory() / "almanac", ""
+    lock = PidLock(path.with_name("almanac.lock"), remove=True)
+    end = time.monotonic() + LONGEST
+    stopped = stopped or threading.Event()
+    while True:
+        try:
+            _make_folder(path.parent)
+            lock.acquire()
+        except LockHeld:
+            if time.monotonic() < end and not stopped.wait(0.1):
+                continue
+        except OSError as error:
+            trouble = f"{path.parent}: {error.strerror or error}"
+        break
+    try:
+        almanac = stored()
+        lacking = [day for day in days if day not in almanac.days]
+        unknown = [site for site in sites if site not in almanac.sites]
+        if lacking or unknown:
+            almanac = almanac.joined(calculated(lacking, unknown, stopped))
+            today = int(time.time() // DAY)
+            almanac = almanac.only(today - 1, today + 2 * AHEAD, STORED)
+            if not trouble:
+                try:
+                    replace_file(path, almanac.encoded())
+                except OSError as error:
+                    trouble = f"{path}: {error.strerror or error}"
+        return almanac, trouble
+    finally:
+        lock.release()
+
+
+def _make_folder(folder: Path) -> None:
+    """Create the cache folder if it is missing. Raises OSError if it is none in which only this user can write."""
+    if not folder.is_absolute():
+        raise OSError("there is no home folder")
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    seen = folder.lstat()
+    if not stat.S_ISDIR(seen.st_mode):
+        raise OSError("is not a folder")
+    if user() is not None and (seen.st_uid != user() or seen.st_mode & 0o022):
+        raise OSError("other users can write there")
+
+
+def calculated(days: Collection[int], sites: Collection[str], stopped: threading.Event) -> Almanac:
+    """Let a process calculate an almanac. Raises OSError, ValueError if it fails, takes too long, or is ``stopped``."""
+    words = [*gateway_argv(), COMMAND, "-", "--dates", ",".join(map(str, days)), *(f"--site={site}" for site in sites)]
+    path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
+    flags = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
+    end, late = time.monotonic() + LONGEST, False
+    with subprocess.Popen(
+        words,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, **ENVIRONMENT, "PYTHONPATH": path},
+        creationflags=flags,
+    ) as process:
+        while True:
+            try:
+                made, told = process.communicate(timeout=0.1)
+                break
+            except subprocess.TimeoutExpired:
+                late = time.monotonic() > end
+                if late or stopped.is_set():
+                    process.kill()
+    if late:
+        raise ValueError(f"it took more than {LONGEST:.0f} s")
+    if process.returncode:
+        words_of_it = told.decode(errors="replace").strip().splitlines() or [f"it ended with {process.returncode}"]
+        raise ValueError(words_of_it[-1][:200])
+    return decoded(made)
+
+
+class AlmanacKeeper:
+    """Keeps the almanac of a process that serves mounts: ``open`` it first, then run ``keep`` until the end.
+
+    ``quiet``: whether nothing moves; ``exact`` is called once today's tables are in use; ``enter`` calls a function as
+    input from outside.
+    """
+
+    def __init__(
+        self,
+        sky: Sky,
+        warn: Callable[[str], object],
+        exact: Callable[[], object] = lambda: None,
+        quiet: Callable[[], bool] = lambda: True,
+        enter: Callable[[Callable[[], object]], object] | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._sky, self._warn, self._exact, self._quiet = sky, warn, exact, quiet
+        self._enter = enter or (lambda act: act())
+        self._clock = clock
+        self._almanac = Almanac()
+        self._failed: list[float] = []
+        self._told: set[str] = set()
+        self._asked, self._stopped = asyncio.Event(), threading.Event()
+
+    @property
+    def _today(self) -> int:
+        return int(self._clock() // DAY)
+
+    def open(self, named: Path | None = None) -> None:
+        """Use the stored almanac and that of a file. Raises OSError, ValueError if the ``named`` one cannot be used."""
+        almanac = stored()
+        self._use(almanac if named is None else almanac.joined(read(named)))
+        self._sky.ask = self._asked.set
+
+    async def keep(self) -> None:
+        """Calculate what is missing or will soon be, until this is cancelled."""
+        try:
+            while True:
+                self._asked.clear()
+                if (days := self._wanted()) and self._may_try():
+                    await self._renew(days)
+                    await asyncio.sleep(PAUSE)
+                try:
+                    await asyncio.wait_for(self._asked.wait(), LOOK)
+                except TimeoutError:
+                    continue
+        finally:
+            self._stopped.set()
+
+    async def _renew(self, days: list[int]) -> None:
+        try:
+            newer, trouble = await asyncio.to_thread(renewed, days, (), self._stopped)
+        except (OSError, ValueError) as error:
+            self._failed.append(time.monotonic())
+            self._tell_once(
+                f"the almanac could not be calculated: {error}. Where it has no tables, simpler formulas are used: the "
+                "Sun within 0.01 degrees, the Moon within 0.04, no planets. It is tried again in an hour"
+            )
+            return
+        if trouble:
+            self._tell_once(f"the almanac cannot be stored, so each start calculates it again: {trouble}")
+        self._enter(lambda: self._use(self._almanac.joined(newer)))
+
+    def _use(self, almanac: Almanac) -> None:
+        known, self._almanac = self._today in self._almanac.days, almanac
+        if almanac.days:
+            self._sky.use(almanac)
+        if not known and self._today in almanac.days:
+            self._exact()
+
+    def _wanted(self) -> list[int]:
+        """Return the days to calculate now."""
+        held, today = self._almanac.days, self._today
+        left = next((count for count in range(AHEAD) if today + count not in held), AHEAD)
+        wanted = {day + more for day in self._sky.missing for more in range(OTHERS)}
+        if left < LEFT and (not left or self._quiet()):
+            wanted.update(range(today, today + AHEAD))
+        return sorted(day for day in wanted if day not in held and FROM <= day * DAY < TO)
+
+    def _may_try(self) -> bool:
+        now = time.monotonic()
+        self._failed = [at for at in self._failed if now - at < DAY]
+        return len(self._failed) < ATTEMPTS and (not self._failed or now - self._failed[-1] >= AGAIN)
+
+    def _tell_once(self, words: str) -> None:
+        if words not in self._told:
+            self._told.add(words)
+            self._warn(words)

@@ -1,0 +1,63 @@
+"""``almanac``: calculates the tables of the sky with astropy, for a file, or for the gateway that has started this.
+
+It gives way to everything else on this computer, and ends by itself whatever happens.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+from gateway.cli.command_line import Commands
+from gateway.core.errors import UserError
+
+#: Seconds after which it ends, if the gateway that started it has not ended it before.
+LONGEST = 130
+
+
+def add_almanac(commands: Commands) -> None:
+    command = commands.add_parser(
+        "almanac", help="calculate where Sun, Moon and planets are, for a computer without astropy",
+        description="Calculates tables of the sky with astropy, from today on, and writes them to a file for run "
+                    "--almanac FILE. A gateway does this by itself where astropy is installed.",
+        epilog="Example:\n  mount-gateway almanac year.almanac --days 400\n",
+    )  # fmt: skip
+    command.add_argument("file", metavar="FILE", help="the file to write, 2.7 kB for each day")
+    command.add_argument("--days", metavar="DAYS", type=int, default=40, help="how many days (default: 40)")
+    command.add_argument("--dates", help=argparse.SUPPRESS)
+    command.add_argument("--site", action="append", default=[], help=argparse.SUPPRESS)
+    command.set_defaults(run=_almanac)
+
+
+def _almanac(arguments: argparse.Namespace) -> int:
+    from gateway.astro.ephemeris.day_table import DAY
+    from gateway.astro.offline import go_offline
+
+    asked = arguments.dates is not None
+    if asked:
+        with contextlib.suppress(OSError, AttributeError):  # not on Windows
+            os.nice(19)
+            signal.alarm(LONGEST)
+        days = [int(day) for day in arguments.dates.split(",") if day]
+    else:
+        if not 1 <= arguments.days <= 2000:
+            raise UserError("--days: write a number from 1 to 2000")
+        today = int(time.time() // DAY)
+        days = list(range(today, today + arguments.days))
+    try:
+        go_offline()
+        from gateway.astro.ephemeris import by_astropy
+    except ImportError as error:
+        raise UserError(f"astropy cannot be used here: {error}") from None
+    data = by_astropy.almanac(days, arguments.site).encoded()
+    if asked:
+        sys.stdout.buffer.write(data)
+    else:
+        Path(arguments.file).write_bytes(data)
+        print(f"wrote {arguments.file}: {len(days)} days, {len(data) / 1e3:.0f} kB")
+    return 0
