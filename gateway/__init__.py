@@ -12,7 +12,9 @@ TYPE_CHECKING = False
 
 __all__ = [
     "BelowHorizon",
+    "BlockingConnectedGateway",
     "BlockingGateway",
+    "ConnectedGateway",
     "Entry",
     "Fault",
     "Frame",
@@ -30,6 +32,8 @@ __all__ = [
     "TooHigh",
     "Unsupported",
     "UserError",
+    "connect",
+    "connect_blocking",
     "decode",
     "decode_reply",
     "encode",
@@ -41,6 +45,7 @@ __all__ = [
 if TYPE_CHECKING:
     __version__: str
     from gateway.app.api.blocking import BlockingGateway, open_blocking_gateway
+    from gateway.app.api.connected import BlockingConnectedGateway, ConnectedGateway, connect, connect_blocking
     from gateway.app.api.embedding import RunningGateway, open_gateway
     from gateway.app.api.frames import Frame, FrameError, Splitter, decode, decode_reply, encode, encode_reply
     from gateway.core.errors import (
@@ -67,8 +72,8 @@ def __getattr__(name: str) -> object:
         return version()
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gateway.app.api import blocking, embedding, frames
+    from gateway.app.api import blocking, connected, embedding, frames
     from gateway.core import errors, operations, wire_log
 
-    modules = (embedding, blocking, frames, errors, operations, wire_log)
+    modules = (embedding, blocking, connected, frames, errors, operations, wire_log)
     return next(getattr(module, name) for module in modules if hasattr(module, name))

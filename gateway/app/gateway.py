@@ -189,7 +189,7 @@ class Gateway:
             self.store.name,
             str(self.mount),
             orders(self.controller, self.store, self.entrance),
-            lambda line: self.request_handler.take_line(line),
+            lambda word, line: self.request_handler.take_line(word, line),
             self.config.name or "",
         )
         try:

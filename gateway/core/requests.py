@@ -155,10 +155,14 @@ DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
 
 
 class Answer(NamedTuple):
-    """What became of a request, and words for whoever asked; of ``See`` they are a ``State`` as JSON."""
+    """What became of a request, and words for whoever asked; of ``See`` they are a ``State`` as JSON.
+
+    ``fault`` is the class of the error, if it failed and one of ``core/errors.py`` says why.
+    """
 
     outcome: str
     words: str
+    fault: str = ""
 
     @property
     def done(self) -> bool:
@@ -170,6 +174,8 @@ class Answer(NamedTuple):
 
 def read_answer(text: str) -> Answer:
     """Return an answer of the control endpoint. Without an outcome (``stopped``, a ``State``) the request was done."""
+    if text.startswith("["):
+        return msgspec.json.decode(text, type=Answer)
     outcome = next((one for one in (DONE, UNDER_WAY, FAILED) if text.startswith(f"{one} ")), None)
     return Answer(DONE, text) if outcome is None else Answer(outcome, text[len(outcome) + 1 :])
 

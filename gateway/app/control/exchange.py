@@ -28,6 +28,10 @@ LONGEST = 65536
 PART = 2000
 #: Confirms that a request was received and is being carried out.
 WAIT = "wait"
+#: The word before a request in JSON: the answer is a line of text, or (format 2) an ``Answer`` in JSON.
+REQUEST, REQUEST_2 = "wish", "wish2"
+#: The beginning of the answer to a word that a gateway does not know.
+UNKNOWN = "failed this gateway knows no order"
 #: Larger datagrams are ignored.
 LARGEST = 9216
 

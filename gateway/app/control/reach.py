@@ -12,11 +12,23 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 from msgspec import Struct
 
-from gateway.app.control.exchange import ControlEndpoint, Parts, read_endpoints, seal, unseal
+from gateway.app.control.exchange import (
+    REQUEST,
+    REQUEST_2,
+    UNKNOWN,
+    ControlEndpoint,
+    Parts,
+    is_listening,
+    read_endpoints,
+    seal,
+    unseal,
+)
 from gateway.app.state.file import MarkerContent, read_marker
-from gateway.core.requests import new_number
+from gateway.app.status import State
+from gateway.core.requests import FAILED, Answer, Halt, Request, See, encode, new_number, read_answer
 from gateway.system import processes
 from gateway.system.files import directory
 from gateway.system.runtime_folders import folders, folders_of_others, user, user_name
@@ -25,6 +37,8 @@ from gateway.system.runtime_folders import folders, folders_of_others, user, use
 AGAIN = 0.5
 #: Seconds within which a healthy gateway has confirmed that it received the request.
 HEARD = 3.0
+#: Timeout in seconds for the answer to a request, not counting the time that it lasts itself (``Move``).
+ANSWERED = 15.0
 
 
 class SearchResult(Struct):
@@ -180,3 +194,32 @@ async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | Non
         return f"failed {explain_no_answer(endpoint.pid)}" if processes.exists(endpoint.pid) else None
     finally:
         transport.close()
+
+
+def running(only: str | None, state: str | None) -> list[ControlEndpoint]:
+    """Return the gateways that run here and can be asked, of one mount or all, of a state folder or all."""
+    found = search(scope_of(state)).gateways
+    return [endpoint for _, endpoint in found if is_listening(endpoint) and endpoint.called(only)]
+
+
+async def request(endpoint: ControlEndpoint, wish: Request, seconds: float = ANSWERED) -> Answer:
+    """Send a request and return the answer; if there is none, it failed with ``NoAnswer``."""
+    line = encode(wish)
+    plain = str(wish.__struct_config__.tag) if isinstance(wish, Halt) else f"{REQUEST} {line}"
+    for words in (plain,) if isinstance(wish, See) else (f"{REQUEST_2} {line}", plain):
+        text = await ask(endpoint, words, seconds)
+        if text is None or not text.startswith(UNKNOWN):
+            answer = read_answer(text or f"{FAILED} the gateway has ended")
+            unnamed = answer.outcome == FAILED and not answer.fault and words != plain
+            return answer._replace(fault="NoAnswer") if unnamed else answer
+    words = "this gateway is of an older version, and takes no requests from the command line; restart it"
+    return Answer(FAILED, words)
+
+
+async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWERED) -> State | Answer:
+    """Return what a gateway knows of its mount; if it does not tell, the answer that says why."""
+    answer = await request(endpoint, See(fresh), seconds)
+    try:
+        return msgspec.json.decode(answer.words, type=State)
+    except msgspec.MsgspecError:
+        return answer._replace(outcome=FAILED)

@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from gateway.app.control.exchange import REQUEST_2
 from gateway.app.control.orders import IN_WORDS, orders
 from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
@@ -88,13 +89,15 @@ class RequestHandler:
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
         return replace(state, served=told, folder=folder)
 
-    async def take_line(self, line: str) -> str:
-        """Carry out a request that the control endpoint got, and return the answer as it is sent there."""
+    async def take_line(self, word: str, line: str) -> str:
+        """Carry out a request that the control endpoint got after a ``word``, and return the answer as that asks."""
         try:
             request = requests.decode(line)
         except ValueError:
             return f"{FAILED} the gateway does not understand this: it is of another version than the command"
         answer = await self.take(request)
+        if word == REQUEST_2:
+            return msgspec.json.encode(answer).decode()
         return answer.words if isinstance(request, requests.See) else str(answer)
 
     async def take(self, request: requests.Request) -> Answer:
@@ -131,7 +134,7 @@ class RequestHandler:
         except Fault as fault:
             controller = self._controller
             controller.wire_log.refused(active.activity.who, f"{title(request)}: {fault}")
-            return Answer(FAILED, explain(fault, controller.policy.limits))
+            return Answer(FAILED, explain(fault, controller.policy.limits), type(fault).__name__)
 
     def _remember(self, number: str, who: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
@@ -271,11 +274,11 @@ class RequestHandler:
         if self._in_motion(active) or follows:
             return Answer(UNDER_WAY, format_position(seen.position) if seen.position else "")
         if controller.wanted.value.short:
-            return Answer(FAILED, controller.wanted.value.short)
+            return Answer(FAILED, controller.wanted.value.short, "Stopped")
         if controller.stops != active.stops:
-            return Answer(FAILED, "it was stopped on the way")
+            return Answer(FAILED, "it was stopped on the way", "Stopped")
         if active.goal is not None and seen.position is not None and (words := missed(active.goal, seen.position)):
-            return Answer(FAILED, f"{words}, or another goto came")
+            return Answer(FAILED, f"{words}, or another goto came", "Stopped")
         if active.is_park:
             return Answer(DONE, "it is parked")
         return Answer(DONE, f"it is there{': ' + format_position(seen.position) if seen.position else ''}")

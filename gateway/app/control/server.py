@@ -16,7 +16,18 @@ from typing import Any, cast
 
 import msgspec
 
-from gateway.app.control.exchange import ENDING, WAIT, ControlEndpoint, parts, remove_stale, seal, unseal
+from gateway.app.control.exchange import (
+    ENDING,
+    REQUEST,
+    REQUEST_2,
+    UNKNOWN,
+    WAIT,
+    ControlEndpoint,
+    parts,
+    remove_stale,
+    seal,
+    unseal,
+)
 from gateway.core.errors import Fault
 from gateway.system.files import replace_file
 from gateway.system.runtime_folders import protect_from_cleanup
@@ -31,7 +42,7 @@ Requests = dict[str, asyncio.Task[str]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """Serves requests: ``orders`` by their words, and ``handle_request`` with the rest of a request ``wish LINE``.
+    """Serves requests: ``orders`` by their words, and ``handle_request`` with the two parts of a request ``wish LINE``.
 
     Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's own name, or empty.
     """
@@ -42,7 +53,7 @@ class Control(asyncio.DatagramProtocol):
         name: str,
         mount: str,
         orders: Mapping[str, Order],
-        handle_request: Callable[[str], Awaitable[str]] | None = None,
+        handle_request: Callable[[str, str], Awaitable[str]] | None = None,
         called: str = "",
     ) -> None:
         self.paths = [folder / f"{name}.{os.getpid()}{ENDING}" for folder in folders]
@@ -109,10 +120,10 @@ class Control(asyncio.DatagramProtocol):
         order = self._orders.get(word)
         first, _, line = word.partition(" ")
         try:
-            if first == "wish" and self._handle_request is not None:
-                return await self._handle_request(line)
+            if first in (REQUEST, REQUEST_2) and self._handle_request is not None:
+                return await self._handle_request(first, line)
             if order is None:
-                return f"failed this gateway knows no order {word!r}; it may be of another version"
+                return f"{UNKNOWN} {word!r}; it may be of another version"
             return await order()
         except asyncio.CancelledError:
             return ENDING_WORDS

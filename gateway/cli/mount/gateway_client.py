@@ -18,10 +18,8 @@ from gateway.core.errors import UserError
 from gateway.system import streams
 
 if TYPE_CHECKING:
-    from gateway.core.requests import Request
+    from gateway.core.requests import Answer
 
-#: Timeout in seconds for the answer to a request, not counting the time of a ``move`` itself.
-ANSWERED = 15.0
 #: Seconds between two requests for the progress.
 EVERY = 1.0
 NOBODY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
@@ -39,15 +37,9 @@ def add_which(command: argparse.ArgumentParser, which: str = "which one, where s
 
 def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """Return the running gateways that the flags choose, or ``all_of_them`` whatever ``--mount`` says."""
-    from gateway.app.control.exchange import is_listening
-    from gateway.app.control.reach import scope_of, search
+    from gateway.app.control.reach import running
 
-    only = None if all_of_them else arguments.mount
-    return [
-        endpoint
-        for _, endpoint in search(scope_of(arguments.state)).gateways
-        if is_listening(endpoint) and endpoint.called(only)
-    ]
+    return running(None if all_of_them else arguments.mount, arguments.state)
 
 
 def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
@@ -95,24 +87,10 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
         )
 
 
-async def send_request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWERED) -> str:
-    """Send a request and return the gateway's answer, or ``failed REASON`` if there is none."""
-    from gateway.app.control.reach import ask
-    from gateway.core.requests import encode
-
-    answer = await ask(endpoint, f"wish {encode(request)}", seconds)
-    if answer is None:
-        return "failed the gateway has ended"
-    if answer.startswith("failed this gateway knows no order"):
-        return "failed this gateway is of an older version, and takes no requests from the command line; restart it"
-    return answer
-
-
-def report(answer: str) -> int:
+def report(answer: Answer) -> int:
     """Print the result of a request and return the exit code."""
-    how, _, words = answer.partition(" ")
-    plain = "".join(letter if letter.isprintable() else "?" for letter in words)
-    if how == "failed":
+    plain = "".join(letter if letter.isprintable() else "?" for letter in answer.words)
+    if answer.outcome == "failed":
         streams.warn(plain, streams.ERROR)
         return 1
     print(plain)

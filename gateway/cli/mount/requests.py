@@ -136,35 +136,39 @@ def _move(arguments: argparse.Namespace, number: str) -> requests.Move:
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
     """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
+    from gateway.app.control.reach import ANSWERED
+    from gateway.app.control.reach import request as send
+
     request = make(arguments, requests.new_number())
     lasting = request.seconds if isinstance(request, requests.Move) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
-        answer = await unless(done, gateway_client.send_request(endpoint, request, lasting + gateway_client.ANSWERED))
-        if answer is not None and answer.startswith("done ") and arguments.wait:
+        answer = await unless(done, send(endpoint, request, lasting + ANSWERED))
+        if answer is not None and answer.done and arguments.wait:
             if sys.stdout.isatty():
                 gateway_client.report(answer)
             answer = await _follow(endpoint, request.number, done)
         if answer is not None:
             return gateway_client.report(answer)
-        gateway_client.report(await gateway_client.send_request(endpoint, requests.End(request.number)))
+        gateway_client.report(await send(endpoint, requests.End(request.number)))
         return 1
 
     return gateway_client.run_with_gateway(arguments, work)
 
 
-async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
+async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -> requests.Answer | None:
     """Return the final result of a request, or None after Ctrl-C. Meanwhile a line on the terminal shows progress."""
+    from gateway.app.control.reach import request as send
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
     request = requests.Follow(number)
     try:
         while True:
-            answer = await unless(done, gateway_client.send_request(endpoint, request))
-            if answer is None or not answer.startswith("under way"):
+            answer = await unless(done, send(endpoint, request))
+            if answer is None or answer.outcome != requests.UNDER_WAY:
                 return answer
-            screen.show(answer)
+            screen.show(str(answer))
             if await gateway_client.cancelled_while_waiting(done):
                 return None
     finally:

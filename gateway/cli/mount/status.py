@@ -17,7 +17,7 @@ from gateway.app.status import OLD_AFTER, Rate, Served, State, activity, status,
 from gateway.cli.command_line import Commands
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
-from gateway.core.requests import See
+from gateway.core.requests import Answer
 from gateway.system import streams
 
 EXAMPLES = """\
@@ -53,22 +53,15 @@ def add_watch(commands: Commands) -> None:
     command.set_defaults(run=lambda arguments: gateway_client.run_with_gateway(arguments, _watch))
 
 
-async def _state(endpoint: ControlEndpoint) -> State | str:
-    """Return what a gateway knows of its mount; if it does not answer, a sentence that begins with ``failed``."""
-    answer = await gateway_client.send_request(endpoint, See())
-    try:
-        return msgspec.json.decode(answer, type=State)
-    except msgspec.MsgspecError:
-        return answer
-
-
 async def _show_once(arguments: argparse.Namespace) -> int:
+    from gateway.app.control.reach import ask_state
+
     endpoints = gateway_client.chosen_gateways(arguments)
-    answers = await asyncio.gather(*map(_state, endpoints))
+    answers = await asyncio.gather(*map(ask_state, endpoints))
     states = sorted([answer for answer in answers if isinstance(answer, State)], key=lambda state: state.folder)
     for endpoint, answer in zip(endpoints, answers, strict=True):
-        if isinstance(answer, str):
-            streams.warn(f"{endpoint.name or endpoint.mount}: {answer.removeprefix('failed ')}", streams.ERROR)
+        if isinstance(answer, Answer):
+            streams.warn(f"{endpoint.name or endpoint.mount}: {answer.words}", streams.ERROR)
     if arguments.json:
         print(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:
@@ -79,13 +72,14 @@ async def _show_once(arguments: argparse.Namespace) -> int:
 
 
 async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
+    from gateway.app.control.reach import ask_state
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen, rate, told = Screen(find_terminal()), Rate(), tuple[Served, ...]()
     now = asyncio.get_running_loop().time
     try:
-        while (answer := await unless(done, _state(endpoint))) is not None:
-            if isinstance(answer, str):
+        while (answer := await unless(done, ask_state(endpoint))) is not None:
+            if isinstance(answer, Answer):
                 screen.clear()
                 return gateway_client.report(answer)
             if answer.served != told:

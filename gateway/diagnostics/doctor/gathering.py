@@ -18,13 +18,10 @@ import time
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
-import msgspec
-
 from gateway.app.control.exchange import ControlEndpoint, is_listening
-from gateway.app.control.reach import Scope, ask, reachable, search, unreachable_gateways
+from gateway.app.control.reach import Scope, ask_state, reachable, search, unreachable_gateways
 from gateway.app.status import State
 from gateway.core.about import full_version
-from gateway.core.requests import See, encode
 from gateway.diagnostics.detect.ports import here, holder, is_usb_or_named
 from gateway.diagnostics.doctor import installed
 from gateway.diagnostics.doctor.checks import USUAL
@@ -123,11 +120,8 @@ async def _all_served(endpoints: Sequence[ControlEndpoint]) -> list[tuple[str, .
 
 async def _served(endpoint: ControlEndpoint) -> tuple[str, ...]:
     """Return where programs connect to a gateway now, as it says itself; nothing if it does not answer."""
-    answer = await ask(endpoint, f"wish {encode(See(fresh=False))}", PATIENCE)
-    try:
-        return tuple(map(str, msgspec.json.decode(answer or "", type=State).served))
-    except msgspec.MsgspecError:
-        return ()
+    state = await ask_state(endpoint, fresh=False, seconds=PATIENCE)
+    return tuple(map(str, state.served)) if isinstance(state, State) else ()
 
 
 def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:

@@ -102,6 +102,7 @@ def test_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
         "read_a_conversation": "BelowHorizon",
         "embed_a_gateway": "arrived at right ascension",
         "point_from_a_script": "Polaris: arrived",
+        "ask_a_running_gateway": "Polaris: arrived",
         "tiny_client": "(",
         "like_skysafari": "at rest: 09:57:5",
     }

@@ -42,7 +42,7 @@ class Owner:
         self._controller = bridge.controller
 
     async def wish(self, wish: requests.Request) -> str:
-        return await self.request_handler.take_line(requests.encode(wish))
+        return await self.request_handler.take_line("wish", requests.encode(wish))
 
     async def see(self) -> State:
         return msgspec.json.decode(await self.wish(requests.See()), type=State)
@@ -267,7 +267,9 @@ def test_nonsense_is_answered_in_words() -> None:
         async with Bridge() as bridge:
             request_handler = Owner(bridge).request_handler
             for line in ("", "{}", '{"type":"goto"}', '{"type":"fly","number":"1"}', "\0", '{"type":"see"}\n', "\xff"):
-                assert (await request_handler.take_line(line)).startswith("failed the gateway does not understand this")
+                assert (await request_handler.take_line("wish", line)).startswith(
+                    "failed the gateway does not understand this"
+                )
             place = requests.Spot(400.0, 0.0)
             assert (await Owner(bridge).wish(requests.Goto("g", place))).startswith("failed There is no such place")
 

@@ -1,0 +1,204 @@
+"""A gateway that runs already, asked from Python: the same requests as from the shell, the same errors as inside."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway import (
+    BelowHorizon,
+    BlockingConnectedGateway,
+    ConnectedGateway,
+    Fault,
+    Invalid,
+    NoAnswer,
+    Stopped,
+    SyncTooFar,
+    UserError,
+    connect,
+    connect_blocking,
+    open_blocking_gateway,
+    open_gateway,
+)
+from gateway.app.api import connected
+from gateway.app.control.exchange import REQUEST, UNKNOWN, read_endpoints
+from gateway.app.control.orders import LONGEST
+from gateway.app.control.reach import ANSWERED, request
+from gateway.app.control.server import Control
+from gateway.core import requests
+from gateway.core.errors import Held
+from gateway.core.operations import Direction
+
+SIM: dict[str, Any] = {"lowest": -90, "sun": 0, "speed": 8}
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(connected, "LOOK", 0.05)
+
+
+@asynccontextmanager
+async def running(**settings: Any) -> AsyncIterator[ConnectedGateway]:
+    async with open_gateway("nexstar@sim", **{**SIM, **settings}) as gateway:
+        await gateway.ready()
+        yield connect()
+
+
+def play(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(work)
+
+
+def test_a_goto_arrives_where_it_was_sent() -> None:
+    async def work() -> None:
+        async with running() as mount:
+            ra, dec = await mount.position()
+            await mount.goto(ra + 2.0, dec)
+            assert await mount.moving()
+            there = await mount.arrived(60.0)
+            assert there == pytest.approx((ra + 2.0, dec), abs=0.05)
+            state = await mount.status()
+            assert state.look.position is not None and state.product == "Celestron NexStar"
+            await mount.sync(ra + 3.0, dec)
+            assert await mount.position() == pytest.approx((ra + 3.0, dec), abs=0.05)
+
+    play(work())
+
+
+def test_every_request_reaches_the_mount() -> None:
+    async def work() -> None:
+        async with running(name="pier") as mount:
+            assert mount.name == "pier" and connect("pier").name == "pier"
+            await mount.track(on=False)
+            await mount.set_site(50.0, 10.0)
+            await mount.set_time(1.8e9, 1.0)
+            told = " ".join((await mount.status()).lately)
+            assert "the site that was set is kept in the gateway" in told and "the clock that was set" in told
+            await mount.move(Direction.NORTH, 9, 0.2)
+            await mount.goto_object("Capella")
+            await mount.park()
+            await mount.stop()
+            assert not await mount.moving()
+            await mount.unpark()
+
+    play(work())
+
+
+def test_what_is_refused_is_the_error_that_it_is() -> None:
+    async def work() -> None:
+        async with running(lowest=20) as mount:
+            with pytest.raises(BelowHorizon, match="lower than the 20 degrees that are allowed"):
+                await mount.goto(10.0, -80.0)
+            ra, dec = await mount.position()
+            with pytest.raises(SyncTooFar, match="Sync refused"):
+                await mount.sync(ra + 90.0, dec)
+            for wrong in (float("nan"), "ten", None):
+                with pytest.raises(Invalid, match=r"Goto|numbers"):
+                    await mount.goto(wrong, 10.0)  # type: ignore[arg-type]
+            with pytest.raises(Invalid, match="TellSite"):
+                await mount.set_site(91.0, 0.0)
+            with pytest.raises(UserError, match="did you mean Vega"):
+                await mount.goto_object("Vegaa")
+            await mount.hold()
+            with pytest.raises(Held, match="mount-gateway stop --release"):
+                await mount.goto(ra, dec)
+            await mount.release()
+
+    play(work())
+
+
+def test_a_goto_that_is_stopped_says_so() -> None:
+    async def work() -> None:
+        async with running(speed=1) as mount:
+            ra, dec = await mount.position()
+            await mount.goto(ra + 60.0, dec)
+            with pytest.raises(TimeoutError, match="goes on"):
+                await mount.arrived(0.3)
+            await connect().stop()
+            with pytest.raises(Stopped, match="stopped on the way"):
+                await mount.arrived()
+
+    play(work())
+
+
+def test_a_stop_may_take_as_long_as_the_gateway_gives_it() -> None:
+    assert ANSWERED >= LONGEST
+
+
+def test_a_gateway_that_has_ended_does_not_answer() -> None:
+    async def work() -> None:
+        async with running() as mount:
+            pass
+        for asked in (mount.position(), mount.goto(1.0, 2.0), mount.stop()):
+            with pytest.raises(NoAnswer):
+                await asked
+        with pytest.raises(UserError, match="no gateway runs here"):
+            connect()
+
+    play(work())
+
+
+def test_of_several_one_must_be_named(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with running(name="east", state=str(tmp_path)), open_gateway("lx200@sim", name="west", **SIM):
+            with pytest.raises(UserError, match="2 mounts run here; say which one is meant: east, west"):
+                connect()
+            assert connect("west").name == "west"
+            with pytest.raises(UserError, match="no gateway runs here for south"):
+                connect("south")
+
+    play(work())
+
+
+def test_a_gateway_of_an_older_version_is_asked_as_it_understands(tmp_path: Path) -> None:
+    async def work() -> None:
+        heard = []
+
+        async def old(word: str, line: str) -> str:
+            heard.append(word)
+            if word != REQUEST:
+                return f"{UNKNOWN} {word!r}; it may be of another version"
+            return "failed Object Below Horizon." if '"goto"' in line else "done it is parked"
+
+        async def stopped() -> str:
+            return "stopped"
+
+        served = Control([tmp_path], "m", "m", {"stop": stopped}, old)
+        await served.open()
+        [(_, endpoint)] = read_endpoints(tmp_path)
+        mount = ConnectedGateway(endpoint)
+        with pytest.raises(Fault, match="Object Below Horizon"):
+            await mount.goto(1.0, 2.0)
+        await mount.park()
+        assert await request(endpoint, requests.Stop()) == requests.Answer("done", "stopped")
+        assert heard == ["wish2", "wish"] * 2 + ["wish2"]
+        await served.close()
+
+    play(work())
+
+
+def test_it_waits_for_programs_without_an_event_loop() -> None:
+    with open_blocking_gateway("nexstar@sim", **SIM) as gateway:
+        gateway.ready()
+        mount = connect_blocking()
+        ra, dec = mount.position()
+        mount.goto(ra + 1.0, dec)
+        assert mount.arrived(60.0) == pytest.approx((ra + 1.0, dec), abs=0.05)
+        assert mount.name == "nexstar@sim"
+        mount.stop()
+
+
+def test_both_faces_have_the_same_methods() -> None:
+    for name, offered in vars(ConnectedGateway).items():
+        if not name.startswith("_"):
+            waits = vars(BlockingConnectedGateway)[name]
+            assert waits.__doc__
+            if inspect.isfunction(offered):
+                assert not inspect.iscoroutinefunction(waits) and inspect.signature(waits) == inspect.signature(offered)
+    assert inspect.signature(connect).parameters == inspect.signature(connect_blocking).parameters
