@@ -192,7 +192,7 @@ class PageSession:
                 await self._answer(message.id, True, "", await look_up(controller, wish.name))
             case messages.Ask():
                 goal = await of_date(controller, Spot(wish.ra, wish.dec, wish.j2000))
-                await self._answer(message.id, True, "", verdict(controller, goal))
+                await self._answer(message.id, True, "", await verdict(controller, goal))
             case messages.Search():
                 await self._answer(message.id, True, "", {"found": await suggestions(wish.text)})
             case messages.Explain():

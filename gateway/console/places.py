@@ -1,7 +1,7 @@
 """Positions that the user names or taps: where they are, when they rise and set, whether the mount may go there.
 
-This only checks the configured limits and does not ask the mount; when a goto is requested, all rules are applied
-again. Catalogues are searched on a thread.
+Whether it may is what a goto would be told now, by the same rules, without asking the mount. Catalogues are searched on
+a thread.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from gateway.app.control.requests import of_date
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.console.shown.view import coordinates
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned
 from gateway.mount.controller import MountController
 
 #: How many names are suggested while the user types.
@@ -27,7 +26,7 @@ async def look_up(controller: MountController, name: str) -> dict[str, Any]:
     """Return an object's type and coordinates, and whether the mount may go there. Raises UserError, Fault."""
     found = await asyncio.to_thread(objects.describe, name)
     goal = await of_date(controller, found.where)
-    return {"name": found.name, "kind": found.kind, "magnitude": found.magnitude, **verdict(controller, goal)}
+    return {"name": found.name, "kind": found.kind, "magnitude": found.magnitude, **await verdict(controller, goal)}
 
 
 async def suggestions(text: str) -> list[dict[str, str]]:
@@ -36,33 +35,13 @@ async def suggestions(text: str) -> list[dict[str, str]]:
     return [{"name": name} for name in found]
 
 
-def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
+async def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
     """Return the coordinates of a position of date, when it rises and sets (Unix seconds or None), ``may``, ``why``."""
     told = coordinates(controller, goal)
-    fault = _forbidden(controller, goal, told["alt"])
+    fault = await controller.preview(goal)
     why = "" if fault is None else explain(fault, controller.policy.limits)
     rises, sets = _rises_and_sets(controller, goal)
     return {**told, "rises": rises, "sets": sets, "may": fault is None, "why": why}
-
-
-def _forbidden(controller: MountController, goal: op.Equatorial, altitude: float | None) -> Fault | None:
-    if controller.line.state in ("down", "opening"):
-        return NoAnswer()
-    if controller.hold.on:
-        return Held()
-    if controller.driver.asleep:
-        return Asleep()
-    status: op.Status | None = controller.cache.value(op.GetStatus)
-    if status is not None and not status.aligned and controller.policy.unaligned == "refuse":
-        return NotAligned()
-    if altitude is not None:
-        try:
-            controller.policy.limits.check_altitude(altitude)
-        except Fault as fault:
-            return fault
-    if any(distance < controller.suns.limit for distance in controller.suns.distances(goal)):
-        return NearSun()
-    return None
 
 
 def _rises_and_sets(controller: MountController, goal: op.Equatorial) -> tuple[float | None, float | None]:

@@ -14,6 +14,7 @@ from typing import TypeVar, cast
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.core.waiting import FairScheduler
 from gateway.mount.context import Context
 from gateway.mount.identification import Identification
@@ -182,6 +183,19 @@ class MountController:
         elif (answer := ReadBy(self.site_clock, program).answer(type(operation))) is None:
             answer = NOT_CACHED
         return cast(_T, answer)
+
+    async def preview(self, goal: op.Equatorial) -> Fault | None:
+        """Return what a goto there would be refused with now; None if the mount would be sent there.
+
+        The mount is not asked: what only it can tell is not foreseen.
+        """
+        if not self.context.known.is_set():
+            return NoAnswer()
+        refusal = await self.admission.preview(goal) or self.impossible(op.Goto(goal.ra, goal.dec))
+        status: op.Status | None = self.cache.value(op.GetStatus)
+        if refusal is None and not self.driver.sync_aligns and status is not None and not status.aligned:
+            return NotAligned()
+        return refusal
 
     def begin_stop(self, by: str = "") -> None:
         """End every motion, before everything else, without waiting for the acknowledgement. ``by``: who asks."""

@@ -16,7 +16,7 @@ from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
-from gateway.mount.readings.reader import Reader
+from gateway.mount.readings.last_readings import Readings
 from gateway.mount.site.astrometry import Shift
 
 #: Degrees by which alignment, cone error and refraction may let an axis reading differ from the calculated altitude.
@@ -118,7 +118,7 @@ class AltitudeAxis:
         self.tilt, self.turn, self.synced = None, None, self.synced or synced
         self._mount.frame.measured = None
 
-    async def current_tilt(self, ask: Reader) -> float:
+    async def current_tilt(self, ask: Readings) -> float:
         """Return the tilt in degrees. After a sync, at rest, read the mount first to measure it again. Raises Fault."""
         if self.synced and not self._mount.movement.anything:
             await ask.read_now(op.GetStatus())

@@ -35,6 +35,14 @@ class Verdict(Struct, frozen=True):
 ALLOWED = Verdict()
 
 
+class CheckedPath:
+    """The path of the goto that is about to begin: whether it leads beyond an altitude limit, and whether it is known
+    to stay within all limits.
+    """
+
+    leaves_limits = clear = False
+
+
 class View(Struct, frozen=True):
     """The state of a mount that the rules judge.
 

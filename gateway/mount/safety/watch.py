@@ -26,7 +26,7 @@ from gateway.mount.safety.altitude_axis import AltitudeAxis
 from gateway.mount.safety.hour_angle_watch import HourAngleWatch
 from gateway.mount.safety.positions import OthersWatch, SkyChange, StallWatch, blind
 from gateway.mount.safety.stop_timing import MIN_INTERVAL, StopDeadline
-from gateway.mount.safety.view import FASTER_THAN_TRACKING, Verdict, View
+from gateway.mount.safety.view import FASTER_THAN_TRACKING, CheckedPath, Verdict, View
 
 #: A position that changes so many times faster than the mount can move means a new alignment at the hand control.
 REALIGNED = 3.0
@@ -63,9 +63,8 @@ class LimitWatch:
         self.altitude_axis, self._hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader)
         #: When the last motion ended.
         self.at_rest_since = NEVER
-        #: Whether the path of the goto that is about to begin leads beyond an altitude limit, and whether it is known
-        #: to stay within all limits; and the latter for the last motion that began.
-        self.path_leaves_limits = self.path_clear = False
+        self.path = CheckedPath()
+        #: Whether the path of the last motion that began is known to stay within all limits.
         self._clear = False
 
     @property
@@ -110,8 +109,8 @@ class LimitWatch:
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
             limits, self._at_own_park = limits.at_any_altitude(), True
-        self._limits, self._coasts_until, self._astray = limits, NEVER, self.path_leaves_limits
-        self._clear = isinstance(operation, GOTOS) and self.path_clear
+        self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.leaves_limits
+        self._clear = isinstance(operation, GOTOS) and self.path.clear
         self._parked = False
         self.motion_began.emit(None)
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0

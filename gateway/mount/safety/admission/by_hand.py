@@ -19,7 +19,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, PastMeridian
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
-from gateway.mount.readings.reader import Reader
+from gateway.mount.readings.last_readings import Readings
 from gateway.mount.safety.admission.contradictions import check_synced, too_near
 from gateway.mount.safety.admission.slew_paths import LONGEST
 from gateway.mount.safety.allow import leaving
@@ -141,7 +141,7 @@ def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Eq
 class HandAdmission:
     """Admits motions by hand, guide pulses, and turning on tracking."""
 
-    def __init__(self, mount: Context, ask: Reader, watch: LimitWatch) -> None:
+    def __init__(self, mount: Context, ask: Readings, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
 
     async def check(self, operation: op.Move | op.MoveAxis) -> None:
@@ -233,7 +233,7 @@ class HandAdmission:
         )
 
 
-async def beyond_pole_or_zenith(mount: Context, ask: Reader, watch: LimitWatch) -> bool:
+async def beyond_pole_or_zenith(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
     """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
         return not watch.seen.upright
@@ -241,7 +241,7 @@ async def beyond_pole_or_zenith(mount: Context, ask: Reader, watch: LimitWatch) 
     return abs(wrap180(here.alt)) > 90.0
 
 
-async def pointing(mount: Context, ask: Reader, watch: LimitWatch) -> set[bool]:
+async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
 
     The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 
 from msgspec.structs import replace
 
@@ -22,7 +23,7 @@ from gateway.mount.context import Context
 from gateway.mount.motion.run_on import SKY
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.reader import Reader
+from gateway.mount.readings.last_readings import LastReadings, NotRead, Readings
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
 from gateway.mount.safety.admission.contradictions import (
@@ -35,6 +36,7 @@ from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.admission.ways import Journey, check_ways, leaves_limits, paths_of
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
+from gateway.mount.safety.view import CheckedPath
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 
@@ -45,11 +47,28 @@ SITE_TIMEOUT = 4.0
 
 
 class Admission:
-    """Admits the motions of one mount; the reconciler calls ``admit`` before each."""
+    """Admits the motions of one mount; the reconciler calls ``admit`` before each. ``preview`` tells in advance."""
 
-    def __init__(self, mount: Context, ask: Reader, watch: LimitWatch) -> None:
+    def __init__(self, mount: Context, ask: Readings, watch: LimitWatch, previews: bool = False) -> None:
+        """One that only ``previews`` leaves no trace in the log or in what is watched."""
         self._mount, self._ask, self._watch = mount, ask, watch
+        self._path = CheckedPath() if previews else watch.path
+        self._note_once: Callable[[str], None] = (lambda text: None) if previews else mount.note_once
         self._by_hand = HandAdmission(mount, ask, watch)
+
+    async def preview(self, goal: op.Equatorial) -> Fault | None:
+        """Return the refusal that a goto there would get now, by the same rules; None if they allow it.
+
+        The rules use the last readings. Where they need one that was not read yet, only the goto can tell.
+        """
+        rules = Admission(self._mount, LastReadings(self._mount), self._watch, previews=True)
+        try:
+            await rules._admit(op.Goto(goal.ra, goal.dec))
+        except NotRead:
+            return None
+        except Fault as fault:
+            return fault
+        return None
 
     async def admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
         """Return the operation, if the limits allow it, in the form that this mount can carry out. Raises Fault.
@@ -64,7 +83,7 @@ class Admission:
 
     async def _admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
         self._mount.hold.admit(operation)
-        self._watch.path_leaves_limits = self._watch.path_clear = False
+        self._path.leaves_limits = self._path.clear = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._by_hand.check(operation)
@@ -183,7 +202,7 @@ class Admission:
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
-            mount.note_once("site unknown: gotos are not checked against the horizon")
+            self._note_once("site unknown: gotos are not checked against the horizon")
             return
         try:
             limits.check_altitude(
@@ -208,7 +227,7 @@ class Admission:
         try:
             goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
         except Unsupported:
-            mount.note_once("site unknown: axis gotos are not checked")
+            self._note_once("site unknown: axis gotos are not checked")
             return
         limits.check_altitude(mount.astrometry.horizon(goal).alt)
         if mount.driver.german:
@@ -236,7 +255,7 @@ class Admission:
         status = await self._status()
         # The hour angle on the way is not examined, and without a site nothing is.
         known = status.aligned and mount.sources.site() is not None and limits.hour_angle is None
-        self._watch.path_clear = known
+        self._path.clear = known
         if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
             return
         others = await pointing(self._mount, self._ask, self._watch)
@@ -253,10 +272,10 @@ class Admission:
             if not all(clear(start, turned, place, allowed) for start, turned in paths_of(mount, journey(sun.shift))):
                 raise too_near(mount.sources, sun, way=True)
         unsynced = self._watch.altitude_axis.shifts
-        self._watch.path_leaves_limits = await check_ways(mount, limits, journey(tube)) or any(
+        self._path.leaves_limits = await check_ways(mount, limits, journey(tube)) or any(
             leaves_limits(mount, limits, journey(shift)) for shift in unsynced
         )
-        self._watch.path_clear = known and not self._watch.path_leaves_limits
+        self._path.clear = known and not self._path.leaves_limits
 
 
 def needs_alignment(operation: op.Operation, sync_aligns: bool, unaligned: str) -> bool:

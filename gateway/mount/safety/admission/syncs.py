@@ -16,7 +16,7 @@ from gateway.core.errors import Refused, Stopped
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.reader import Reader
+from gateway.mount.readings.last_readings import Readings
 from gateway.mount.safety.admission.by_hand import pointing
 from gateway.mount.safety.admission.slew_paths import sun_reading
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
@@ -30,7 +30,7 @@ SAME_TARGET = 0.5
 
 
 async def admit_sync(
-    mount: Context, ask: Reader, watch: LimitWatch, sync: op.Sync, by: HostActivity | None
+    mount: Context, ask: Readings, watch: LimitWatch, sync: op.Sync, by: HostActivity | None
 ) -> op.Operation:
     """Return the sync in the mount's equinox, and note the sum with it. Raises Refused, SyncTooFar, Stopped.
 
@@ -54,7 +54,7 @@ async def admit_sync(
 
 
 async def _turn(
-    mount: Context, ask: Reader, watch: LimitWatch, here: op.Equatorial, wanted: op.Equatorial, equatorial: bool
+    mount: Context, ask: Readings, watch: LimitWatch, here: op.Equatorial, wanted: op.Equatorial, equatorial: bool
 ) -> Pair:
     """Return by how many degrees a sync turns the readings of the two axes.
 
@@ -67,7 +67,7 @@ async def _turn(
     return first, -second if not by_sky and await _beyond(mount, ask, watch, start[0]) else second
 
 
-async def _beyond(mount: Context, ask: Reader, watch: LimitWatch, first: float) -> bool:
+async def _beyond(mount: Context, ask: Readings, watch: LimitWatch, first: float) -> bool:
     """Whether the tube is beyond the pole or the zenith; without asking a fork, whose last axis reading says it."""
     if not mount.driver.german:
         axes = mount.cache.value(op.AxisPosition)
@@ -76,7 +76,7 @@ async def _beyond(mount: Context, ask: Reader, watch: LimitWatch, first: float) 
     return wrap180(first) < 0.0 if len(others) > 1 else True in others
 
 
-async def _wait_for_goto_end(mount: Context, ask: Reader, sync: op.Sync, by: HostActivity | None) -> None:
+async def _wait_for_goto_end(mount: Context, ask: Readings, sync: op.Sync, by: HostActivity | None) -> None:
     """Wait briefly for the end of a goto to the target of the sync. Raises Refused, Stopped."""
     until = mount.now() + GOTO_END
     while mount.movement.slewing:

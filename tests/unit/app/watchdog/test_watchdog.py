@@ -423,7 +423,7 @@ def test_a_path_beyond_a_limit_is_not_clear() -> None:
                 await asyncio.sleep(2.0)
                 watch = bridge.controller.watch
                 if client.heard == b"110":
-                    seen.add((watch.path_leaves_limits, watch.on_clear_path))
+                    seen.add((watch.path.leaves_limits, watch.on_clear_path))
             assert seen == {(False, True), (True, False)}
 
     run(program())
