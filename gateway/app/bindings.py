@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.programs import as_fields, first_bytes, hold, open_needs, programs, stops_arrows, with_needs
 from gateway.app.config.tables import ConsoleConfig
+from gateway.app.simulated import simulated_transport
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, LazyAcceptor
 from gateway.clients.access import Access, Networks, networks
+from gateway.clients.any_protocol.acceptor import AnyAcceptor
+from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.core.about import RULES
 from gateway.core.errors import UserError
@@ -32,10 +35,6 @@ from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import SharedWebPort, WebDevice
 from gateway.transport.wires import SerialTransport, Transport, on_the_wire
-
-if TYPE_CHECKING:
-    from gateway.clients.any_protocol.acceptor import AnyAcceptor
-    from gateway.clients.any_protocol.web import Web
 
 MakeFramer = Callable[[], Framer]
 
@@ -158,8 +157,6 @@ class AcceptorFactory:
             return LazyAcceptor(number, entry, lambda: self._one(number, endpoint, surface))
         if endpoint.protocol != ANY:
             return self._one(number, endpoint, surface)
-        from gateway.clients.any_protocol.acceptor import AnyAcceptor
-
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
         for protocol in spoken(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
@@ -272,7 +269,5 @@ def configure_binding(controller: MountController, binding: SurfaceBinding) -> N
 def make_transport(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
     """Make the transport to a mount; the watchdog process may use the same port."""
     if mount.where == "sim":
-        from gateway.app.simulated import simulated_transport
-
         return simulated_transport(mount, config)
     return SerialTransport(mount.where, config.baud, watched)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from gateway.cli.command_line import Commands
+from gateway.cli.command_line import Commands, parser
 from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
@@ -56,7 +56,6 @@ def script(shell: str) -> str:
     from gateway.app.config.describing import keys
     from gateway.app.control.objects import BODIES
     from gateway.astro.catalog.names import HIPPARCOS
-    from gateway.cli.command_line import parser
     from gateway.diagnostics.command_outcomes import versions
     from gateway.protocols.registry import PROTOCOLS, usual_ports
     from gateway.protocols.wireformat.command_set import load

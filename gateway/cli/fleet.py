@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
+from gateway.system import streams
 
 if TYPE_CHECKING:
     from gateway.fleet.client import Access
@@ -61,7 +62,6 @@ async def _serve(access: Access, prefix: str, port: int) -> int:
     from gateway.cli.serve.signals import until_signal
     from gateway.console.server import PAGE
     from gateway.fleet.overview.server import Overview
-    from gateway.system import streams
 
     done, was_there = until_signal(), True
 

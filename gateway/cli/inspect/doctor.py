@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
+from gateway.core.about import full_version
 
 if TYPE_CHECKING:
     from gateway.diagnostics.doctor.facts import Result
@@ -40,7 +41,6 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
     import msgspec
 
-    from gateway.core.about import full_version
     from gateway.diagnostics.doctor.checks import examine
     from gateway.diagnostics.doctor.facts import BAD
     from gateway.diagnostics.doctor.gathering import gather

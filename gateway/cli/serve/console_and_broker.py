@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.tables import ConsoleConfig
 from gateway.cli.serve.live import Screen
+from gateway.clients.access import Access
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.transport.listening import SERVED, split_address
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
-    from gateway.clients.access import Access
     from gateway.console.server import Console
     from gateway.fleet import client as brokers
     from gateway.fleet.station import Station
@@ -105,7 +105,6 @@ def _load_console() -> type[Console]:
 
 def _access(page: ConsoleConfig) -> Access:
     from gateway.app.bindings import access_networks
-    from gateway.clients.access import Access
 
     return Access(*access_networks(page))
 

@@ -16,6 +16,7 @@ from gateway.cli.serve.serving import serve_mounts, with_loop
 from gateway.cli.serve.settings import add_flag, add_table_flags, put_table_flags
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
+from gateway.transport.device_link import is_free
 
 DEMO_PORT = 4030
 #: The number of the port for any program is so much higher.
@@ -119,7 +120,5 @@ def free_port(first: int) -> int:
 
 def free_name(path: str) -> str:
     """Return this name, or the first free one with a number appended; the name itself if all are in use."""
-    from gateway.transport.device_link import is_free
-
     names = [path, *(f"{path}-{number}" for number in range(2, OTHERS))]
     return next((name for name in names if is_free(name)), path)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.protocols.registry import PROTOCOLS
+from gateway.system.locks import read_pid
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -125,7 +126,6 @@ def _port_advice(gateway: Gateway, reason: str) -> str:
     if "in use" not in reason:
         return port_advice(gateway.mount.where)
     from gateway.diagnostics.detect.ports import holder
-    from gateway.system.locks import read_pid
 
     store = gateway.store
     if store is not None and not store.held and (other := read_pid(store.lock_path)):

@@ -10,9 +10,12 @@ from urllib.parse import urlsplit
 from msgspec import Struct
 
 from gateway.app.config.endpoints import Endpoint, parse_endpoint, suggest_address
+from gateway.app.control.reach import Scope, search
 from gateway.app.state.mount_claim import address
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, mounts
+from gateway.system.files import directory
+from gateway.system.processes import is_gateway
 
 #: The folder in which Linux keeps names of USB ports that do not depend on the socket.
 LASTING = Path("/dev/serial/by-id")
@@ -77,10 +80,6 @@ def lasting_name(device: str, folder: Path = LASTING) -> str:
 
 def serving_gateway(url: str) -> int | None:
     """Return the process id of the gateway that has the mount on this port; None if none of this user's has it."""
-    from gateway.app.control.reach import Scope, search
-    from gateway.system.files import directory
-    from gateway.system.processes import is_gateway
-
     network = address(url)
     for _, gateway in search(Scope(directory(None))).gateways:
         where = gateway.mount.partition("@")[2]

@@ -17,11 +17,14 @@ import msgspec
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.app.recording.format import WITHOUT_TURNS, Event, Recording
+from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.app.state.store import PreviousRun
 from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES, version
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
+from gateway.diagnostics.log.layout import plain
+from gateway.diagnostics.log.printing import Rows
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLoop, RecordedQueue, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import AFTERWARDS, Retracing, exchanges
@@ -150,10 +153,6 @@ def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
 
 async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
-    from gateway.app.simulated import DEFAULT_SITE, make_simulator
-    from gateway.diagnostics.log.layout import plain
-    from gateway.diagnostics.log.printing import Rows
-
     loop = asyncio.get_running_loop()
     began = loop.time()
     ahead = float(recording.settings["began"]) - began
