@@ -14,7 +14,7 @@ from gateway.app.config.tables import ConsoleConfig
 from gateway.app.simulated import simulated_transport
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.acceptor import ConnectionAcceptor, LazyAcceptor
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, Networks, networks
 from gateway.clients.any_protocol.acceptor import AnyAcceptor
 from gateway.clients.any_protocol.web import Web
@@ -123,7 +123,7 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
 
 
 #: Accepts the connections of one surface.
-Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor | LazyAcceptor"
+Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor"
 
 
 class AcceptorFactory:
@@ -152,9 +152,6 @@ class AcceptorFactory:
 
     def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
         """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
-        if endpoint.where == SERVED:
-            entry = access(surface, self._config)
-            return LazyAcceptor(number, entry, lambda: self._one(number, endpoint, surface))
         if endpoint.protocol != ANY:
             return self._one(number, endpoint, surface)
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))

@@ -163,38 +163,3 @@ class ConnectionAcceptor:
         self._saved_states[host] = (self.controller.now(), copy(client.session.kept))
         for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._saved_states[old]
-
-
-class LazyAcceptor:
-    """Stands in for the acceptor of a protocol that is rarely used: ``make`` creates it for the first connection."""
-
-    #: It presents no model.
-    model: str | None = None
-
-    def __init__(self, number: int, access: Access, make: Callable[[], ConnectionAcceptor]) -> None:
-        self.number, self.access, self._make = number, access, make
-        self._made: ConnectionAcceptor | None = None
-
-    @property
-    def _one(self) -> ConnectionAcceptor:
-        if self._made is None:
-            self._made = self._make()
-        return self._made
-
-    def accept(self, connected: Connected) -> ConnectionHandler:
-        return self._one.accept(connected)
-
-    def admit(self, connected: Connected) -> None:
-        self._one.admit(connected)
-
-    def create(self, connected: Connected) -> ConnectionHandler:
-        return self._one.create(connected)
-
-    def present_hosts(self) -> list[str]:
-        return [] if self._made is None else self._made.present_hosts()
-
-    def connections(self) -> list[ClientConnection]:
-        return [] if self._made is None else self._made.connections()
-
-    def set_address(self, where: str) -> None:
-        """Ignore the address of the port."""
