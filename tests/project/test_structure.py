@@ -28,7 +28,9 @@ LARGE = {
     "gateway/app/control/requests.py",  # what people ask, carried out and followed
     "gateway/clients/commands/turn.py",  # a command that waits, and how it is carried out
     "gateway/mount/readings/reader.py",  # what is asked of the mount, and what of it clients get
+    "gateway/diagnostics/log/printing.py",  # which lines are shown, and how they are printed
     "gateway/mount/link/transaction.py",  # an exchange, and how long its reply may take
+    "gateway/mount/site/settings_sync.py",  # settings on their way, and what the log says of them
     "gateway/protocols/mechanics/mount.py",  # two motors by formula, and the orders to them
     "gateway/protocols/nexstar/driver/state.py",
 }

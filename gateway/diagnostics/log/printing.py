@@ -1,17 +1,224 @@
-"""The sink that prints the log: entries of the wire log become rows, and the filtered rows become lines of a stream."""
+"""The sink that prints the log: entries of the wire log become rows, and the rows that are shown lines of a stream.
+
+A query that repeats is shown once, then counted. Only queries are ever left out, and only while their replies bring
+nothing new: positions and clocks may change, any other change is shown. Commands that move or set something, failures
+and notes are always shown, and the next query after one of them is shown again. A program that reconnects for every
+query counts as one connection.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import TextIO
 
+from msgspec import Struct
+
 from gateway.clients.wrong_preset import other
 from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.diagnostics.log.conversation import Heard, Side
-from gateway.diagnostics.log.folding import Folding, Told
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
 from gateway.protocols.registry import ANY, guess
 from gateway.system import streams
+
+#: Seconds after which the log shows how often a query has been repeated.
+EVERY = 10.0
+#: A host that reconnects within so many seconds continues the folding of its last connection.
+BACK = 60.0
+#: How many lines of one connection are held back, at most, until it is clear whether they are worth showing.
+HELD = 32
+#: The key of messages that answer no query.
+UNASKED = b""
+#: How many disconnected hosts are remembered.
+HOSTS = 64
+
+
+class Told(Struct, frozen=True):
+    """A line that may be shown, with its host and its description; ``asked`` is the command that a reply answers."""
+
+    row: Row
+    host: str
+    heard: Heard
+    asked: bytes
+
+
+#: The arrows of a new connection and of its recognised protocol.
+COMING = "+~"
+
+
+class _Run:
+    """A query that was last shown at ``since``, and how often it has been answered since then."""
+
+    def __init__(self, since: float) -> None:
+        self.since, self.count = since, 0
+        self.values: tuple[object, ...] | None = None
+        self.last = ""
+
+
+class _Party:
+    """One connection, or several of one host in succession."""
+
+    def __init__(self) -> None:
+        self.runs: dict[bytes, _Run] = {}
+        self.held: list[Row] = []
+        self.left = -1e9
+
+
+class Folding:
+    """Filters all lines, in order.
+
+    ``kept`` is the user's choice: "changes" leaves out every query that is answered, "refusals" everything that
+    succeeds.
+    """
+
+    def __init__(self, kept: str = "all") -> None:
+        self._kept = kept
+        self._parties: dict[str, _Party] = {}
+        self._gone: dict[str, _Party] = {}
+
+    def take(self, told: Told) -> list[Row]:
+        """Process the next line and return the rows to show now."""
+        match told.row.arrow:
+            case "+":
+                return self._come(told)
+            case "~":
+                return self._turned_out(told)
+            case "-":
+                return self._go(told)
+            case ">":
+                return self._request(told)
+            case "<":
+                return self._reply(told)
+        return self._shown(self._party(told), told)
+
+    def _party(self, told: Told) -> _Party:
+        return self._parties.setdefault(told.row.side, _Party())
+
+    # --- connections --------------------------------------------------------------------------------------------------
+
+    def _come(self, told: Told) -> list[Row]:
+        party = self._gone.pop(told.host, None)
+        here = any(side.rpartition(":")[0] == told.host for side in self._parties)
+        if party is None or here or told.row.time - party.left > BACK:
+            party = _Party()
+        self._parties[told.row.side] = party
+        if not party.runs and self._kept != "refusals":
+            return [told.row]
+        party.held = [told.row]
+        return []
+
+    def _turned_out(self, told: Told) -> list[Row]:
+        """The protocol of a connection was recognised; it is shown together with the connection."""
+        party = self._party(told)
+        if not party.held and self._kept != "refusals":
+            return self._shown(party, told)
+        party.held.append(told.row)
+        return []
+
+    def _go(self, told: Told) -> list[Row]:
+        party = self._parties.pop(told.row.side, None) or _Party()
+        party.left = told.row.time
+        self._gone[told.host] = party
+        if len(self._gone) > HOSTS:
+            del self._gone[next(iter(self._gone))]
+        silent = bool(party.held) and party.held[0].arrow == "+"
+        rows = self._unanswered(party)
+        if silent and not rows:
+            party.held.clear()
+            return []
+        return [*rows, *self._counted(party, told.row), told.row] if self._kept != "refusals" else rows
+
+    # --- commands and replies -----------------------------------------------------------------------------------------
+
+    def _request(self, told: Told) -> list[Row]:
+        party = self._party(told)
+        rows = self._unanswered(party)
+        if told.heard.fails:
+            return [*rows, *self._shown(party, told)]
+        if not told.heard.asks:
+            if self._kept == "refusals":
+                party.held.append(told.row)
+                return rows
+            return [*rows, *self._shown(party, told)]
+        if told.row.data in party.runs or self._kept in ("changes", "refusals"):
+            party.held.append(told.row)
+            return rows
+        party.runs[told.row.data] = _Run(told.row.time)
+        return [*rows, *self._held(party), told.row]
+
+    def _reply(self, told: Told) -> list[Row]:
+        party = self._party(told)
+        if told.heard.fails:
+            return self._shown(party, told)
+        if self._kept == "refusals" or (told.heard.asks and self._kept == "changes"):
+            party.held = [row for row in party.held if row.arrow in COMING]
+            return []
+        if told.heard.pushed:
+            return self._unasked(party, told)
+        run = party.runs.get(told.asked) if told.heard.asks else None
+        if run is None:
+            return self._shown(party, told)
+        asked = next((row for row in party.held if row.arrow == ">"), None)
+        new, run.values = run.values != told.heard.values, told.heard.values
+        if asked is None or new:
+            counted = self._count(told.asked, run, asked) if asked is not None else []
+            run.since = told.row.time
+            return [*counted, *self._held(party), told.row]
+        party.held.remove(asked)
+        run.count, run.last = run.count + 1, told.row.words
+        return self._count(told.asked, run, told.row) if told.row.time - run.since >= EVERY else []
+
+    def _unasked(self, party: _Party, told: Told) -> list[Row]:
+        """Show a pushed message once, then count it."""
+        run = party.runs.get(UNASKED)
+        if run is None or run.values != told.heard.values:
+            counted = [] if run is None else self._count(UNASKED, run, told.row)
+            run = party.runs[UNASKED] = _Run(told.row.time)
+            run.values = told.heard.values
+            return [*counted, *self._held(party), told.row]
+        run.count, run.last = run.count + 1, told.row.words
+        return self._count(UNASKED, run, told.row) if told.row.time - run.since >= EVERY else []
+
+    def _unanswered(self, party: _Party) -> list[Row]:
+        """Show a request that was held back and is still unanswered when the next one arrives."""
+        if all(row.arrow in COMING for row in party.held):
+            return []
+        if self._kept == "refusals":
+            party.held = [row for row in party.held if row.arrow in COMING]
+            return []
+        return self._held(party)
+
+    def _shown(self, party: _Party, told: Told) -> list[Row]:
+        """Show a line that is not a query, together with the lines that led to it, and end the folding."""
+        rows = [*self._counted(party, told.row), *self._held(party), told.row]
+        party.runs.clear()
+        return rows
+
+    def _held(self, party: _Party) -> list[Row]:
+        rows, party.held = party.held[-HELD:], []
+        return rows
+
+    def _counted(self, party: _Party, by: Row) -> list[Row]:
+        """Return one line, at the end of a fold, with all counts that were not shown yet."""
+        counts = {show(asked) or "told unasked": run.count for asked, run in party.runs.items() if run.count}
+        for run in party.runs.values():
+            run.count, run.since = 0, by.time
+        if not counts:
+            return []
+        words = "asked again meanwhile: " + ", ".join(f"{asked} {_times(count)}" for asked, count in counts.items())
+        return [Row(by.time, by.side, "=", b"", words, "again", by.name)]
+
+    def _count(self, asked: bytes, run: _Run, by: Row) -> list[Row]:
+        """Return a line with how often a query was repeated since it was shown, and its latest reply."""
+        if not run.count:
+            return []
+        words = f"{_times(run.count)} more in {by.time - run.since:.0f} s, now {run.last}"
+        run.count, run.since = 0, by.time
+        return [Row(by.time, by.side, "=", asked, words, "again", by.name)]
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
 
 #: Entries that are not shown: raw bytes (shown as commands), the controller's decisions, and a lost port (a note
 #: follows).

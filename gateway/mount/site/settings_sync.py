@@ -2,8 +2,8 @@
 
 Site and clock are sent one after the other, never interleaved, only if the policy and the alignment allow it, and never
 to a mount that slews or is moved by hand. A setting is never sent to another mount than the one it was meant for, nor
-over a value that was changed at the mount meanwhile. A setting that is given up is reported in the log, and reads then
-return the mount's own value again.
+over a value that was changed at the mount meanwhile. The log says which have gone to the mount and by whom, which are
+kept here and which were lost; reads then return the mount's own value again.
 """
 
 from __future__ import annotations
@@ -22,9 +22,48 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.presence import NOBODY, Program
 from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.admission.contradictions import contradiction_warning, site_text
 from gateway.mount.site import pending_settings
 from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, SKY, TRIES, Kind, Pending, Setting, kind_of
-from gateway.mount.site.settings_log import name, note, note_kept, note_set
+
+_NAMES: dict[type[op.Operation], str] = {
+    op.SetSite: "site",
+    op.SetClock: "clock",
+    op.SetGuideRate: "guide rate",
+    op.Backlash: "backlash",
+    op.PeriodicError: "periodic error correction",
+}
+
+
+def name(operation: op.Operation) -> str:
+    return _NAMES[type(operation)]
+
+
+def note(mount: Context, operation: op.Operation, text: str) -> None:
+    """Log what has become of a setting."""
+    mount.note(f"the {name(operation)} that was set: {text}")
+
+
+def note_kept(mount: Context, setting: Setting, why: str) -> None:
+    """Log, once for each host, that the mount does not get a site or clock."""
+    mount.note_once(
+        f"{why}: the {name(setting.value)} that was set is kept in the gateway, for {setting.by or 'this computer'} "
+        "alone; everyone else reads the mount's"
+    )
+
+
+def note_set(mount: Context, setting: Setting, ahead: float | None = None) -> None:
+    """Log who has set the mount's site, or its clock (``ahead`` by so many seconds), and what contradicts it."""
+    by, value = setting.by or "the gateway", setting.value
+    if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
+        mount.note(
+            f"{by} has set the mount's site, for everyone: {site_text(op.Place(value.latitude, value.longitude))}"
+        )
+    elif ahead is not None:
+        mount.note(f"{by} has set the mount's clock, for everyone: {ahead:+.0f} s")
+    if warning := contradiction_warning(mount):
+        mount.note_once(warning)
+
 
 #: The orders that a mount must not get a site or clock during.
 _MOVES = (*GOTOS, op.Move, op.MoveAxis)

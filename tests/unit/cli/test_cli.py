@@ -18,7 +18,7 @@ import pytest
 from gateway.cli import main
 from gateway.cli.serve import finding
 from gateway.diagnostics.detect import scan_port
-from gateway.diagnostics.detect.probe import Patience
+from gateway.diagnostics.detect.scan_port import Patience
 from tests.support.each import each
 from tests.support.process import PATIENCE, Running, ask
 

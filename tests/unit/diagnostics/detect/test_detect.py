@@ -12,9 +12,8 @@ import pytest
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
-from gateway.diagnostics.detect.probe import sentence
 from gateway.diagnostics.detect.report import block, command
-from gateway.diagnostics.detect.scan_port import OTHERS
+from gateway.diagnostics.detect.scan_port import OTHERS, sentence
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.uart import Device, UartWire

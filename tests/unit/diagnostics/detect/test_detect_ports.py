@@ -25,7 +25,7 @@ from gateway.cli.inspect.detect import write_whole
 from gateway.core.errors import UserError
 from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
 from gateway.diagnostics.detect.ports import here, holder, lasting_name
-from gateway.diagnostics.detect.probe import Patience
+from gateway.diagnostics.detect.scan_port import Patience
 from gateway.transport.baud import misread
 from gateway.transport.pty import speed
 from tests.support.process import Running
