@@ -19,7 +19,7 @@ from gateway.console.arrows import Arrows
 from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, suggestions, verdict
-from gateway.console.shown.frame import Frame, talk
+from gateway.console.shown.publisher import Frame, talk
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
@@ -64,8 +64,8 @@ class PageSession:
 
     async def run(self) -> None:
         """Send the state until cancelled or disconnected; then release all keys."""
-        mounts = self._mounts
-        subscription = mounts.publisher.subscribe()
+        mounts, publisher = self._mounts, self._mounts.publisher
+        publisher.subscribe()
         guard = self._loop.create_task(self._watch_keys())
         try:
             await self._send({"hello": {
@@ -74,12 +74,12 @@ class PageSession:
             }})  # fmt: skip
             last = 0
             while True:
-                frame = await subscription.next(last)
+                frame = await publisher.next(last)
                 last = frame.number
                 if self._socket.waiting() <= MAX_UNSENT:
                     await self._show(frame)
         finally:
-            subscription.end()
+            publisher.leave()
             self._listen(False)
             for arrows in self._arrows:
                 arrows.close()

@@ -26,12 +26,9 @@ BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranu
 
 
 def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
-    """Yield the state except answer times, clients and bodies of the sky; each part takes about 0.1 ms."""
+    """Yield the state except answer times, clients and bodies of the sky; no part takes more than about 0.1 ms."""
     controller, state = gateway.controller, gateway.state()
     shown, look, status, limits = state.drawn(), state.look, state.look.status, state.policy.limits
-    yield {}  # gathering is a step of its own
-    here = None if look.position is None else coordinates(controller, look.position, state.over)
-    yield {"position": here and {**here, "age": round(look.age, 1)}}
     yield {
         "index": index, "name": look.name, "at": state.mount, "found": shown.found, "product": shown.product,
         "model": shown.model, "version": shown.version, "state": look.state, "reason": look.reason,
@@ -45,7 +42,9 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle")},
     }  # fmt: skip
-    yield {**_sky(controller, state), **_site_and_clock(state)}
+    here = None if look.position is None else coordinates(controller, look.position, state.over)
+    position = {"position": here and {**here, "age": round(look.age, 1)}}
+    yield {**position, **_sky(controller, state), **_site_and_clock(state)}
     yield _goal(controller, state, here)
 
 

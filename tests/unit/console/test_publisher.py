@@ -43,9 +43,10 @@ def bodies(text: str) -> list[str]:
 
 def test_a_frame_is_made_once_for_all_pages(tmp_path: Path) -> None:
     async def work(recorded: Recorded, publisher: Publisher) -> None:
-        pages = [publisher.subscribe() for _ in range(20)]
-        first = await asyncio.gather(*(page.next(0) for page in pages))
-        second = await asyncio.gather(*(page.next(first[0].number) for page in pages))
+        for _ in range(20):
+            publisher.subscribe()
+        first = await asyncio.gather(*(publisher.next(0) for _ in range(20)))
+        second = await asyncio.gather(*(publisher.next(first[0].number) for _ in range(20)))
         assert len({id(frame) for frame in first}) == len({id(frame) for frame in second}) == 1
         assert first[0].whole is first[0].whole
         assert len(second[0].changes) < len(second[0].whole) / 2
@@ -65,8 +66,8 @@ def test_programs_have_their_turn_between_any_two_pages(tmp_path: Path) -> None:
                 turns += 1
 
         async def page() -> None:
-            subscription = publisher.subscribe()
-            await subscription.next((await subscription.next(0)).number)
+            publisher.subscribe()
+            await publisher.next((await publisher.next(0)).number)
             told.append(turns)
 
         counting = asyncio.create_task(count())
@@ -79,12 +80,12 @@ def test_programs_have_their_turn_between_any_two_pages(tmp_path: Path) -> None:
 
 def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> None:
     async def work(recorded: Recorded, publisher: Publisher) -> None:
-        page = publisher.subscribe()
-        frame = await page.next(0)
+        publisher.subscribe()
+        frame = await publisher.next(0)
         assert bodies(frame.whole) == ["Sun", "Moon"]
         recorded.gateway.sky.load()
         number = frame.number
-        while (frame := await page.next(frame.number)).number < number + 2:
+        while (frame := await publisher.next(frame.number)).number < number + 2:
             pass
         assert bodies(frame.whole) == list(view.BODIES)
 
@@ -95,7 +96,8 @@ def test_who_is_not_shown_the_conversation_costs_nothing(tmp_path: Path) -> None
     async def work(recorded: Recorded, publisher: Publisher) -> None:
         sinks = recorded.gateway.wire_log.sinks
         before = len(sinks)
-        page, other = publisher.subscribe(), publisher.subscribe()
+        publisher.subscribe()
+        publisher.subscribe()
         looking = len(sinks)
         assert looking > before
         publisher.listen(1)
@@ -104,32 +106,32 @@ def test_who_is_not_shown_the_conversation_costs_nothing(tmp_path: Path) -> None
         publisher.listen(-1)
         assert len(sinks) == looking + 1
         publisher.listen(-1)
-        page.end()
+        publisher.leave()
         assert len(sinks) == looking
-        other.end()
+        publisher.leave()
         assert len(sinks) == before
-        again = publisher.subscribe()
-        assert (await again.next(0)).number == 1
-        again.end()
+        publisher.subscribe()
+        assert (await publisher.next(0)).number == 1
+        publisher.leave()
 
     published(tmp_path, work)
 
 
 def test_a_page_that_was_behind_misses_no_row_that_is_kept(tmp_path: Path) -> None:
     async def work(recorded: Recorded, publisher: Publisher) -> None:
-        page = publisher.subscribe()
+        publisher.subscribe()
         publisher.listen(1)
-        frame = await page.next(0)
+        frame = await publisher.next(0)
         start = publisher.count
         for number in range(5):
             recorded.gateway.wire_log.note("10.0.0.1:1", f"note {number}")
-            frame = await page.next(frame.number)
-        await page.next(frame.number)
+            frame = await publisher.next(frame.number)
+        await publisher.next(frame.number)
         notes = [row["words"] for row in publisher.since(start) if row["words"].startswith("note")]
         assert notes == [f"note {number}" for number in range(5)]
         assert publisher.since(publisher.count) == []
         publisher.listen(-1)
-        page.end()
+        publisher.leave()
 
     published(tmp_path, work)
 
@@ -138,17 +140,17 @@ def test_a_defect_is_told_to_every_page_and_the_next_one_begins_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def work(recorded: Recorded, publisher: Publisher) -> None:
-        waiting, late = publisher.subscribe(), publisher.subscribe()
-        frame = await waiting.next(0)
+        publisher.subscribe()
+        frame = await publisher.next(0)
         with monkeypatch.context() as patch:
             patch.setattr(view, "bodies", lambda controller: 1 / 0)
             recorded.gateway.sky.load()  # so they are asked for anew
             with pytest.raises(ZeroDivisionError):
-                await waiting.next(frame.number)
+                await publisher.next(frame.number)
             with pytest.raises(ConnectionError):
-                await late.next(frame.number)
-        fresh = publisher.subscribe()
-        assert "bodies" in (await fresh.next(0)).whole
-        fresh.end()
+                await publisher.next(frame.number)
+        publisher.subscribe()
+        assert "bodies" in (await publisher.next(0)).whole
+        publisher.leave()
 
     published(tmp_path, work)
