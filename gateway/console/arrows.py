@@ -68,7 +68,7 @@ class Arrows:
         return self._controller.spawn(self._move(direction, held))
 
     async def _move(self, direction: Direction, held: Held) -> Answer:
-        request = Press(held.request, direction, held.rate, who=self._who)
+        request = Press(direction, held.rate, number=held.request, who=self._who)
         answer = await self._gateway.request_handler.take(request)
         if not answer.done and (now := self._held.get(direction)) is not None and now.request == held.request:
             del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
@@ -76,7 +76,7 @@ class Arrows:
         return answer
 
     def _let_go(self, held: Held, lost: bool) -> None:
-        request = LetGo(held.request, lost, who=self._who)
+        request = LetGo(lost, number=held.request, who=self._who)
         self._controller.spawn(self._gateway.request_handler.take(request))
 
     async def repeat(self) -> None:

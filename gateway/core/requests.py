@@ -2,7 +2,7 @@
 
 Every door (the page's socket, MQTT, the control endpoint) decodes what comes in once, and inside the gateway a request
 is one of these values. Recordings and the control endpoint hold it as one line of plain ASCII JSON. Angles are in
-degrees, north and east positive. Whoever asks draws ``number`` at random, to follow or to cancel the request with it.
+degrees, north and east positive. With the number of a request, drawn at random, one follows it or cancels it.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ Where = Spot | Body
 Target = Where | Named
 
 
-class Numbered(Struct, frozen=True):
-    """What all requests about motions and settings have in common: a number."""
+def new_number() -> str:
+    """Return a random number for a request, which is unique."""
+    return secrets.token_hex(8)
 
-    number: str
 
-
-class Base(Numbered, frozen=True, kw_only=True):
+class Base(Struct, frozen=True, kw_only=True):
     """A request that does something; ``who`` asks for it, empty for the command itself."""
 
+    number: str = msgspec.field(default_factory=new_number)
     who: str = ""
 
 
@@ -119,12 +119,16 @@ class TellSite(Base, frozen=True, tag="site"):
     longitude: Annotated[float, Meta(ge=-180.0, le=360.0)]
 
 
-class Follow(Base, frozen=True, tag="follow"):
+class Follow(Struct, frozen=True, tag="follow"):
     """Ask for the progress of the request with this number."""
 
+    number: str
 
-class End(Base, frozen=True, tag="end"):
+
+class End(Struct, frozen=True, tag="end"):
     """Cancel the request with this number: end the motion that it began, and no other."""
+
+    number: str
 
 
 class See(Struct, frozen=True, tag="see"):
@@ -178,11 +182,6 @@ def read_answer(text: str) -> Answer:
         return msgspec.json.decode(text, type=Answer)
     outcome = next((one for one in (DONE, UNDER_WAY, FAILED) if text.startswith(f"{one} ")), None)
     return Answer(DONE, text) if outcome is None else Answer(outcome, text[len(outcome) + 1 :])
-
-
-def new_number() -> str:
-    """Return a random number for a request, which is unique."""
-    return secrets.token_hex(8)
 
 
 def encode(request: Request) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 
 from gateway.app.config.checks import ALL
 from gateway.app.gateway import Gateway
-from gateway.core.requests import Goto, Home, Named, Park, Stop, Unpark, new_number
+from gateway.core.requests import Goto, Home, Named, Park, Stop, Unpark
 from gateway.core.waiting import BackgroundTasks
 from gateway.fleet.client import LARGEST
 
@@ -91,8 +91,7 @@ class Orders:
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
-            number = new_number()
-            request = Goto(number, Named(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
+            request = Goto(Named(rest), who=WHO) if word == GOTO else PLAIN[word](who=WHO)
             answer = await self._gateway.request_handler.take(request)
         finally:
             self._busy = False

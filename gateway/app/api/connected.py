@@ -11,14 +11,16 @@ import asyncio
 import functools
 import os
 from collections.abc import Callable, Coroutine
-from typing import Concatenate, Literal, ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
+
+from msgspec.structs import replace
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.control.reach import ANSWERED, ask_state, request, running
+from gateway.app.control.reach import ANSWERED, ask_state, running
+from gateway.app.control.reach import request as send
 from gateway.app.status import OLD_AFTER, State
 from gateway.core import errors, requests
 from gateway.core.errors import Fault, Invalid, NoAnswer, UserError
-from gateway.core.operations import Direction
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -36,7 +38,6 @@ class ConnectedGateway:
 
     def __init__(self, endpoint: ControlEndpoint) -> None:
         self._endpoint = endpoint
-        self._who = f"a Python program (process {os.getpid()})"
         #: The number of the last request for a motion towards a goal.
         self._goal = ""
 
@@ -59,102 +60,58 @@ class ConnectedGateway:
             raise NoAnswer(f"The mount has not told where it points{': ' * bool(look.reason)}{look.reason}.")
         return look.position.ra, look.position.dec
 
-    async def moving(self) -> bool:
-        """Return whether the mount moves for any reason but tracking and guiding. Raises NoAnswer if it is unknown."""
-        look = (await self.status()).look
-        if look.unknown:
-            raise NoAnswer("It is not known whether the mount moves: it has not reported its position.")
-        return look.moves
-
     async def goto(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Slew to a position and track it; return when the mount has accepted the goto."""
-        await self._begin(requests.Goto(requests.new_number(), _spot(ra, dec, j2000), who=self._who))
+        await self.ask(requests.Goto(_spot(ra, dec, j2000)))
 
     async def goto_object(self, name: str) -> None:
         """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
         from gateway.app.control import objects  # loads the catalogues
 
-        where = await asyncio.to_thread(objects.find, name)
-        await self._begin(requests.Goto(requests.new_number(), where, who=self._who))
-
-    async def park(self) -> None:
-        """Slew to the park position and turn tracking off; return when the mount has accepted it."""
-        await self._begin(requests.Park(requests.new_number(), who=self._who))
-
-    async def home(self) -> None:
-        """Slew to the home position; return when the mount has accepted it."""
-        await self._begin(requests.Home(requests.new_number(), who=self._who))
+        await self.ask(requests.Goto(await asyncio.to_thread(objects.find, name)))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until the last goto, park or home of this program has ended, or without one until the mount is at rest.
+        """Wait until the last goto, park or home of this program has ended, and return the position.
 
-        Return the position. Raises Stopped if it ended before its goal, and TimeoutError if it takes longer.
+        Raises Stopped if it ended before its goal, and TimeoutError if it takes longer.
         """
         try:
             async with asyncio.timeout(seconds):
-                while (
-                    (await self._ask(requests.Follow(self._goal))).outcome == requests.UNDER_WAY
-                    if self._goal
-                    else await self.moving()
-                ):
+                while self._goal and (await self._answer(requests.Follow(self._goal))).outcome == requests.UNDER_WAY:
                     await asyncio.sleep(LOOK)
         except TimeoutError:
             raise TimeoutError(f"The motion has not ended within {seconds:g} s; it goes on.") from None
         return await self.position()
 
-    async def _under_way(self) -> bool:
-        return (await self._ask(requests.Follow(self._goal))).outcome == requests.UNDER_WAY
-
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
-        await self._ask(requests.Sync(requests.new_number(), _spot(ra, dec, j2000), who=self._who))
+        await self.ask(requests.Sync(_spot(ra, dec, j2000)))
 
-    async def unpark(self) -> None:
-        """Take a parked or sleeping mount up again: it tracks."""
-        await self._ask(requests.Unpark(requests.new_number(), who=self._who))
-
-    async def move(self, direction: Direction, key: int, seconds: float) -> None:
-        """Press an arrow for some seconds, at the rate of the hand control's key 1 to 9; return when that is over.
-
-        The gateway itself releases it, whatever becomes of this program.
-        """
-        await self._ask(requests.Move(requests.new_number(), direction, key, seconds, who=self._who), seconds)
-
-    async def track(self, on: bool = True, rate: Literal["sidereal", "lunar", "solar"] | None = None) -> None:
-        """Turn tracking on or off; optionally set its rate."""
-        await self._ask(requests.Track(requests.new_number(), on, rate, who=self._who))
-
-    async def set_site(self, latitude: float, longitude: float) -> None:
-        """Set the mount's site, north and east positive."""
-        await self._ask(requests.TellSite(requests.new_number(), latitude, longitude, who=self._who))
-
-    async def set_time(self, unix: float, offset: float) -> None:
-        """Set the mount's clock: UTC as Unix seconds, and local time minus UTC in hours."""
-        await self._ask(requests.TellTime(requests.new_number(), unix, offset, who=self._who))
+    async def park(self) -> None:
+        """Slew to the park position and turn tracking off; return when the mount has accepted it."""
+        await self.ask(requests.Park())
 
     async def stop(self) -> None:
         """End every motion, whoever began it; return when the mount is seen at rest."""
-        await self._ask(requests.Stop())
+        await self.ask(requests.Stop())
 
-    async def hold(self) -> None:
-        """Stop, and let nothing move the mount until ``release``, over restarts of the gateway too."""
-        await self._ask(requests.Hold())
-
-    async def release(self) -> None:
-        """End a hold."""
-        await self._ask(requests.Release())
-
-    async def _begin(self, motion: requests.Goto | requests.Park | requests.Home) -> None:
-        await self._ask(motion)
-        self._goal = motion.number
-
-    async def _ask(self, wish: requests.Request, lasting: float = 0.0) -> requests.Answer:
-        """Send a request and return the answer. Raises the Fault that it names."""
+    async def ask(self, request: requests.Request) -> str:
+        """Have any request of ``gateway.core.requests`` carried out, and return the gateway's words for it."""
+        if isinstance(request, requests.Base) and not request.who:
+            request = replace(request, who=f"a Python program (process {os.getpid()})")
         try:
-            requests.decode(requests.encode(wish))
+            requests.decode(requests.encode(request))
         except (TypeError, ValueError) as error:
-            raise Invalid(f"{type(wish).__name__}: {error}.") from None
-        answer = await request(self._endpoint, wish, ANSWERED + lasting)
+            raise Invalid(f"{type(request).__name__}: {error}.") from None
+        words = (await self._answer(request)).words
+        if isinstance(request, requests.Goto | requests.Park | requests.Home):
+            self._goal = request.number
+        return words
+
+    async def _answer(self, request: requests.Request) -> requests.Answer:
+        """Send a request and return the answer. Raises the Fault that it names."""
+        lasting = request.seconds if isinstance(request, requests.Move) else 0.0
+        answer = await send(self._endpoint, request, ANSWERED + lasting)
         if answer.outcome == requests.FAILED:
             raise getattr(errors, answer.fault, Fault)(answer.words)
         return answer
@@ -203,21 +160,13 @@ class BlockingConnectedGateway:
 
     status = _waits(ConnectedGateway.status)
     position = _waits(ConnectedGateway.position)
-    moving = _waits(ConnectedGateway.moving)
     goto = _waits(ConnectedGateway.goto)
     goto_object = _waits(ConnectedGateway.goto_object)
     park = _waits(ConnectedGateway.park)
-    home = _waits(ConnectedGateway.home)
     arrived = _waits(ConnectedGateway.arrived)
     sync = _waits(ConnectedGateway.sync)
-    unpark = _waits(ConnectedGateway.unpark)
-    move = _waits(ConnectedGateway.move)
-    track = _waits(ConnectedGateway.track)
-    set_site = _waits(ConnectedGateway.set_site)
-    set_time = _waits(ConnectedGateway.set_time)
     stop = _waits(ConnectedGateway.stop)
-    hold = _waits(ConnectedGateway.hold)
-    release = _waits(ConnectedGateway.release)
+    ask = _waits(ConnectedGateway.ask)
 
     @property
     def name(self) -> str:

@@ -23,9 +23,9 @@ from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
-#: Makes a request from the arguments and its number. Raises UserError.
+#: Makes a request from the arguments. Raises UserError.
 Make: TypeAlias = Callable[
-    [argparse.Namespace, str], "requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Move"
+    [argparse.Namespace], "requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Move"
 ]
 
 GOTO = """\
@@ -60,7 +60,7 @@ def add_goto(commands: Commands) -> None:
     )  # fmt: skip
     add_place(goto)
     _add_wait(goto)
-    _add_request(goto, lambda arguments, number: requests.Goto(number, place(arguments)))
+    _add_request(goto, lambda arguments: requests.Goto(place(arguments)))
 
 
 def add_sync(commands: Commands) -> None:
@@ -71,7 +71,7 @@ def add_sync(commands: Commands) -> None:
         epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
     )  # fmt: skip
     add_place(sync)
-    _add_request(sync, lambda arguments, number: requests.Sync(number, place(arguments)))
+    _add_request(sync, lambda arguments: requests.Sync(place(arguments)))
 
 
 def add_move(commands: Commands) -> None:
@@ -106,7 +106,7 @@ def add_park(commands: Commands) -> None:
         epilog="Example:\n  mount-gateway park --wait\n",
     )  # fmt: skip
     _add_wait(park)
-    _add_request(park, lambda _, number: requests.Park(number))
+    _add_request(park, lambda _: requests.Park())
 
 
 def add_unpark(commands: Commands) -> None:
@@ -115,7 +115,7 @@ def add_unpark(commands: Commands) -> None:
         description="Takes the mount of the gateway that runs here up again: it tracks from now on.",
         epilog="Example:\n  mount-gateway unpark\n",
     )  # fmt: skip
-    _add_request(unpark, lambda _, number: requests.Unpark(number))
+    _add_request(unpark, lambda _: requests.Unpark())
 
 
 def _add_wait(command: Parser) -> None:
@@ -128,10 +128,10 @@ def _add_request(command: Parser, make: Make) -> None:
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
 
 
-def _move(arguments: argparse.Namespace, number: str) -> requests.Move:
+def _move(arguments: argparse.Namespace) -> requests.Move:
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
-    return requests.Move(number, Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
+    return requests.Move(Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
 
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
@@ -139,7 +139,7 @@ def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
     from gateway.app.control.reach import ANSWERED
     from gateway.app.control.reach import request as send
 
-    request = make(arguments, requests.new_number())
+    request = make(arguments)
     lasting = request.seconds if isinstance(request, requests.Move) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:

@@ -60,7 +60,7 @@ def test_a_goto_arrives_where_it_was_sent() -> None:
         async with running() as mount:
             ra, dec = await mount.position()
             await mount.goto(ra + 2.0, dec)
-            assert await mount.moving()
+            assert (await mount.status()).look.moves
             there = await mount.arrived(60.0)
             assert there == pytest.approx((ra + 2.0, dec), abs=0.05)
             state = await mount.status()
@@ -75,17 +75,17 @@ def test_every_request_reaches_the_mount() -> None:
     async def work() -> None:
         async with running(name="pier") as mount:
             assert mount.name == "pier" and connect("pier").name == "pier"
-            await mount.track(on=False)
-            await mount.set_site(50.0, 10.0)
-            await mount.set_time(1.8e9, 1.0)
+            assert await mount.ask(requests.Track(on=False)) == "tracking is off"
+            await mount.ask(requests.TellSite(50.0, 10.0))
+            await mount.ask(requests.TellTime(1.8e9, 1.0))
             told = " ".join((await mount.status()).lately)
             assert "the site that was set is kept in the gateway" in told and "the clock that was set" in told
-            await mount.move(Direction.NORTH, 9, 0.2)
+            await mount.ask(requests.Move(Direction.NORTH, 9, 0.2))
             await mount.goto_object("Capella")
             await mount.park()
             await mount.stop()
-            assert not await mount.moving()
-            await mount.unpark()
+            assert not (await mount.status()).look.moves
+            await mount.ask(requests.Unpark())
 
     play(work())
 
@@ -102,13 +102,13 @@ def test_what_is_refused_is_the_error_that_it_is() -> None:
                 with pytest.raises(Invalid, match=r"Goto|numbers"):
                     await mount.goto(wrong, 10.0)  # type: ignore[arg-type]
             with pytest.raises(Invalid, match="TellSite"):
-                await mount.set_site(91.0, 0.0)
+                await mount.ask(requests.TellSite(91.0, 0.0))
             with pytest.raises(UserError, match="did you mean Vega"):
                 await mount.goto_object("Vegaa")
-            await mount.hold()
+            await mount.ask(requests.Hold())
             with pytest.raises(Held, match="mount-gateway stop --release"):
                 await mount.goto(ra, dec)
-            await mount.release()
+            await mount.ask(requests.Release())
 
     play(work())
 

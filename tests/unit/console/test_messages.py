@@ -12,6 +12,7 @@ from gateway.core import requests
 from tests.support.each import each
 
 ME = "the console at 10.0.0.9"
+MINE = {"number": "n", "who": ME}
 
 
 def read(do: str, **fields: Any) -> Any:
@@ -21,12 +22,12 @@ def read(do: str, **fields: Any) -> Any:
 @each(
     ("sent", "wish"),
     [
-        ({"do": "goto", "name": "M42"}, requests.Goto("n", requests.Named("M42"), who=ME)),
-        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.Goto("n", requests.Spot(83.0, 22.0, j2000=True), who=ME)),
-        ({"do": "sync", "ra": 1, "dec": 2, "j2000": False}, requests.Sync("n", requests.Spot(1.0, 2.0), who=ME)),
-        ({"do": "wake"}, requests.Unpark("n", who=ME)),
-        ({"do": "track", "on": False}, requests.Track("n", on=False, who=ME)),
-        ({"do": "site", "latitude": 48, "longitude": 11}, requests.TellSite("n", 48.0, 11.0, who=ME)),
+        ({"do": "goto", "name": "M42"}, requests.Goto(requests.Named("M42"), **MINE)),
+        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.Goto(requests.Spot(83.0, 22.0, j2000=True), **MINE)),
+        ({"do": "sync", "ra": 1, "dec": 2, "j2000": False}, requests.Sync(requests.Spot(1.0, 2.0), **MINE)),
+        ({"do": "wake"}, requests.Unpark(**MINE)),
+        ({"do": "track", "on": False}, requests.Track(on=False, **MINE)),
+        ({"do": "site", "latitude": 48, "longitude": 11}, requests.TellSite(48.0, 11.0, **MINE)),
         ({"do": "stop"}, requests.Stop()),
         ({"do": "let_go", "direction": "north", "press": 3}, messages.LetGo("north", 3)),
     ],

@@ -23,7 +23,7 @@ from gateway.mount.site.site_clock import CONFIGURED, MOUNT, Site, Time
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
-NORTH = requests.Move("m", Direction.NORTH, 7, 3.0)
+NORTH = requests.Move(Direction.NORTH, 7, 3.0, number="m")
 CRAB = requests.Spot(83.633, 22.014)
 
 
@@ -65,7 +65,7 @@ def test_a_goto_arrives_and_says_so() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            assert await owner.wish(requests.Goto("g", CRAB)) == "done it goes to 05:34:32 +22°00'50\""
+            assert await owner.wish(requests.Goto(CRAB, number="g")) == "done it goes to 05:34:32 +22°00'50\""
             state = await owner.see()
             assert state.wanted[0].startswith("a goto to 05:34:32 +22°00'50\", asked for 0 s ago by mount-gateway goto")
             assert state.look.slewing
@@ -78,7 +78,7 @@ def test_a_goto_arrives_and_says_so() -> None:
 def test_a_catalogue_s_place_is_brought_to_date() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            answer = await Owner(bridge).wish(requests.Goto("g", requests.Spot(83.633, 22.014, j2000=True)))
+            answer = await Owner(bridge).wish(requests.Goto(requests.Spot(83.633, 22.014, j2000=True), number="g"))
             assert answer == "done it goes to 05:36:06 +22°01'55\""
 
     run(program())
@@ -100,9 +100,9 @@ def test_a_name_is_a_position_before_it_is_recorded(monkeypatch: pytest.MonkeyPa
     async def program() -> None:
         async with Bridge() as bridge:
             take = Owner(bridge, entrance=Recorded()).request_handler.take
-            answer = await take(requests.Goto("g", requests.Named("Aldebaran")))
+            answer = await take(requests.Goto(requests.Named("Aldebaran"), number="g"))
             assert answer.done and answer.words.startswith("it goes to 04:37:")
-            unknown = await take(requests.Goto("h", requests.Named("Aldebarran")))
+            unknown = await take(requests.Goto(requests.Named("Aldebarran"), number="h"))
             assert not unknown.done and "did you mean Aldebaran" in unknown.words
 
     run(program())
@@ -114,12 +114,12 @@ def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
     async def program() -> None:
         async with Bridge(config={"lowest": 15.0}) as bridge:
             owner = Owner(bridge)
-            answer = await owner.wish(requests.Goto("g", requests.Spot(83.6, -70.0)))
+            answer = await owner.wish(requests.Goto(requests.Spot(83.6, -70.0), number="g"))
             assert answer.startswith(
                 "failed Object Below Lower Limit. That is lower than the 15 degrees that are allowed"
             )
             assert not moves(bridge)
-            far = await owner.wish(requests.Sync("s", requests.Spot(200.0, 40.0)))
+            far = await owner.wish(requests.Sync(requests.Spot(200.0, 40.0), number="s"))
             assert far.startswith("failed Sync refused: ")
             assert "15 degrees at most" in far
             lately = (await owner.see()).lately
@@ -167,7 +167,7 @@ def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
 def test_no_move_is_longer_than_the_dead_man_lives() -> None:
     async def program() -> None:
         async with Bridge(config={"dead_man": 5.0}) as bridge:
-            answer = await Owner(bridge).wish(requests.Move("m", Direction.NORTH, 7, 6.0))
+            answer = await Owner(bridge).wish(requests.Move(Direction.NORTH, 7, 6.0, number="m"))
             assert answer == "failed An arrow may be pressed for up to 5 s (--dead-man) at a rate of 1 to 9."
             assert not moves(bridge)
 
@@ -178,13 +178,13 @@ def test_taken_back_it_ends_at_once() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            wish = asyncio.ensure_future(owner.wish(requests.Move("m", Direction.WEST, 9, 20.0)))
+            wish = asyncio.ensure_future(owner.wish(requests.Move(Direction.WEST, 9, 20.0, number="m")))
             await asyncio.sleep(2)
             assert (await owner.wish(requests.End("m"))).startswith("done")
             assert (await wish).startswith("done it was moved west for 1.")
             await asyncio.sleep(2)
             assert not moves(bridge)
-            await owner.wish(requests.Goto("g", CRAB))
+            await owner.wish(requests.Goto(CRAB, number="g"))
             await asyncio.sleep(2)
             assert moves(bridge)
             assert await owner.wish(requests.End("g")) == "done the mount was stopped"
@@ -198,7 +198,7 @@ def test_what_another_has_begun_since_is_not_ended() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner, client = Owner(bridge), bridge.client()
-            await owner.wish(requests.Goto("g", CRAB))
+            await owner.wish(requests.Goto(CRAB, number="g"))
             await asyncio.sleep(1)
             assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", until=b"110") == b"110"
             await asyncio.sleep(1)
@@ -214,7 +214,7 @@ def test_taken_back_before_it_came_it_is_not_begun() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
             await owner.wish(requests.End("g"))
-            assert (await owner.wish(requests.Goto("g", CRAB))).startswith("failed It was cancelled.")
+            assert (await owner.wish(requests.Goto(CRAB, number="g"))).startswith("failed It was cancelled.")
             await asyncio.sleep(2)
             assert not moves(bridge)
 
@@ -225,11 +225,11 @@ def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner, client = Owner(bridge), bridge.client()
-            await owner.wish(requests.Goto("g", CRAB))
+            await owner.wish(requests.Goto(CRAB, number="g"))
             await asyncio.sleep(2)
             client.tell(b":Q#")
             assert await owner.outcome("g") == "failed it was stopped on the way"
-            wish = asyncio.ensure_future(owner.wish(requests.Move("m", Direction.WEST, 9, 20.0)))
+            wish = asyncio.ensure_future(owner.wish(requests.Move(Direction.WEST, 9, 20.0, number="m")))
             await asyncio.sleep(2)
             client.tell(b":Q#")
             assert (await wish).startswith("failed Stopped.")  # twenty seconds are not waited for
@@ -241,10 +241,10 @@ def test_parked_and_taken_up_again() -> None:
     async def program() -> None:
         async with Bridge(config={"lowest": -5.0}) as bridge:
             owner = Owner(bridge)
-            assert (await owner.wish(requests.Park("p"))).startswith("done it goes to its park position")
+            assert (await owner.wish(requests.Park(number="p"))).startswith("done it goes to its park position")
             assert await owner.outcome("p") == "done it is parked"
             assert not truth_of(bridge.sim).tracking
-            assert (await owner.wish(requests.Unpark("u"))).startswith("done it is in service again")
+            assert (await owner.wish(requests.Unpark(number="u"))).startswith("done it is in service again")
             assert truth_of(bridge.sim).tracking
 
     run(program())
@@ -254,9 +254,9 @@ def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
     async def program() -> None:
         async with Bridge(aligned=False) as bridge:
             owner = Owner(bridge)
-            assert "align it at the hand control" in await owner.wish(requests.Goto("g", CRAB))
+            assert "align it at the hand control" in await owner.wish(requests.Goto(CRAB, number="g"))
             bridge.controller.hold.on = True
-            assert "mount-gateway stop --release" in await owner.wish(requests.Goto("h", CRAB))
+            assert "mount-gateway stop --release" in await owner.wish(requests.Goto(CRAB, number="h"))
             assert "held: nothing moves it until mount-gateway stop --release" in (await owner.see()).allowed
 
     run(program())
@@ -271,7 +271,7 @@ def test_nonsense_is_answered_in_words() -> None:
                     "failed the gateway does not understand this"
                 )
             place = requests.Spot(400.0, 0.0)
-            assert (await Owner(bridge).wish(requests.Goto("g", place))).startswith("failed There is no such place")
+            assert (await Owner(bridge).wish(requests.Goto(place))).startswith("failed There is no such place")
 
     run(program())
 
@@ -318,11 +318,13 @@ def test_a_meade_takes_the_same_wishes() -> None:
         async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
             owner = Owner(bridge)
             assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
-            assert (await owner.wish(requests.Goto("g", CRAB))).startswith("done it goes to 05:34:32")
+            assert (await owner.wish(requests.Goto(CRAB, number="g"))).startswith("done it goes to 05:34:32")
             assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
-            assert (await owner.wish(requests.Goto("j", requests.Body("Jupiter")))).startswith("done it goes to 07:")
+            assert (await owner.wish(requests.Goto(requests.Body("Jupiter"), number="j"))).startswith(
+                "done it goes to 07:"
+            )
             assert (await owner.wish(requests.End("j"))) == "done the mount was stopped"
-            assert (await owner.wish(requests.Park("p"))).startswith("done it goes to its park position")
+            assert (await owner.wish(requests.Park(number="p"))).startswith("done it goes to its park position")
             assert await owner.outcome("p") == "done it is parked"
 
     run(program())
