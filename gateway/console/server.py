@@ -1,6 +1,6 @@
 """The console's web server: the page, its WebSocket, downloads of recordings, metrics.
 
-Every request passes the access checks first (``app/pages.py``). aiohttp is imported only after the surfaces are ready.
+Every request passes the access checks first (``app/pages.py``). aiohttp is imported at the first byte for it.
 """
 
 from __future__ import annotations
@@ -32,12 +32,10 @@ from gateway.transport.room import Guest, Room, Use
 PAGE = Path(__file__).parent / "page"
 #: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
 LONGEST, MOST_PAGES, HEARTBEAT = 16384, 64, 10.0
-#: How many ports are tried after the first.
-OTHERS = 50
 
 
 class Console:
-    """The console's web server, from ``open`` to ``close``. ``where`` is its address for a browser."""
+    """The console's web server, from ``open`` to ``close``."""
 
     def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
                  names: Sequence[str] = (), ports: Mapping[int, Access] = MappingProxyType({}),
@@ -63,8 +61,8 @@ class Console:
         """The address to enter in a browser on this computer."""
         return web_address(self.host, self.port)
 
-    async def open(self, host: str, port: int, others: int = OTHERS) -> None:
-        """Listen on a port, or on the next free one of ``others``; without a host only ``serve``. Raises OSError."""
+    async def open(self, host: str = "", port: int = 0) -> None:
+        """Serve connections that other ports accept, and with a host those of a port of its own. Raises OSError."""
         app = web.Application(middlewares=[guarded(self._refusal)], client_max_size=1024)
         self._served = self._serve_programs(app)
         app.add_routes([web.get("/{path:.*}", _no_page)] if not self._with_page else [
@@ -72,16 +70,8 @@ class Console:
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
         self._server = await HttpServer.start(app)
-        if not host:
-            return
-        for attempt in range(others + 1):
-            try:
-                self.host, self.port = host, await self._server.listen(host, port + attempt if port else 0)
-                return
-            except OSError:
-                if attempt == others or not port:
-                    await self.close()
-                    raise
+        if host:
+            self.host, self.port = host, await self._server.listen(host, port)
 
     def _serve_programs(self, app: web.Application) -> list[Callable[[], None]]:
         """Serve clients of HTTP protocols at the same port. Return the functions that end this."""

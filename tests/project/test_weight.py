@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import re
+import signal
+import socket
+import sys
+import time
 import tomllib
-from importlib.metadata import requires
+from importlib.metadata import packages_distributions, requires
 from pathlib import Path
+
+import pytest
+
+from tests.support.process import PATIENCE, Running, ask
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Only the process that calculates the almanac imports these; PyYAML is astropy's own need.
@@ -34,3 +42,81 @@ def test_the_file_for_a_computer_with_little_room_lists_everything_but_astropy()
                 needed.add(name)
                 left.append(name)
     assert set(map(_plain, named)) == needed
+
+
+#: A gateway that writes the names of all packages it has imported to a file, when it is sent SIGUSR1.
+PROGRAM = """
+import signal, sys
+def tell(number, frame):
+    names = sorted({name.partition(".")[0] for name in sys.modules})
+    with open(sys.argv[1] + ".new", "w") as file:
+        file.write(" ".join(names))
+    import os
+    os.replace(sys.argv[1] + ".new", sys.argv[1])
+signal.signal(signal.SIGUSR1, tell)
+from gateway.astro.ephemeris import keeper
+from gateway.cli import main
+sys.exit(main(sys.argv[2:]))
+"""
+#: What every gateway may import that others have made, what a page and programs over HTTP need, and what a broker does.
+ALWAYS = {"msgspec", "platformdirs", "serial", "tomli", "typing_extensions", "uvloop"}
+PAGE = {"aiohappyeyeballs", "aiohttp", "aiosignal", "attr", "attrs", "backports", "frozenlist", "idna", "multidict",
+        "propcache", "yarl"}  # fmt: skip
+BROKER = {"aiomqtt", "paho"}
+
+
+class Weighed(Running):
+    """A gateway, and the packages it has imported."""
+
+    def __init__(self, place: Path, *more: str) -> None:
+        self.list = place / "modules"
+        words = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", *more]
+        super().__init__(*words, by=[sys.executable, "-bb", "-c", PROGRAM, str(self.list)])
+
+    def console(self) -> str:
+        assert self.process.stdout is not None
+        return next(line.split()[2] for line in self.process.stdout if line.startswith("ready console "))
+
+    def packages(self) -> set[str]:
+        self.list.unlink(missing_ok=True)
+        self.process.send_signal(signal.SIGUSR1)
+        end = time.monotonic() + 20.0
+        while not self.list.exists():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        others = {name for name in packages_distributions() if name[0] != "_" and "__mypyc" not in name} - {"gateway"}
+        return others & set(self.list.read_text().split())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGUSR1")
+def test_what_a_serving_gateway_imports(tmp_path: Path, started: list[Running]) -> None:
+    """Neither astropy nor numpy, not even for its first almanac; aiohttp when a page is opened."""
+    mount = Weighed(tmp_path, "--console", "tcp://127.0.0.1:0")
+    started.append(mount)
+    surface = mount.ready()
+    console = mount.console()
+    assert ask(surface, b":GR#").endswith(b"#")
+    assert mount.packages() <= ALWAYS, "with no page"
+    host, port = console.removeprefix("http://").rstrip("/").split(":")
+    with socket.create_connection((host, int(port)), PATIENCE) as silent:
+        assert mount.packages() <= ALWAYS, "somebody has connected, and sent nothing"
+        silent.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
+        heard = b""
+        while piece := silent.recv(65536):
+            heard += piece
+    assert heard.startswith(b"HTTP/1.1 200") and b"</html>" in heard
+    assert mount.packages() <= ALWAYS | PAGE, "with a page"
+    assert "aiohttp" in mount.packages()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGUSR1")
+def test_what_a_gateway_with_a_broker_imports(tmp_path: Path, started: list[Running]) -> None:
+    pytest.importorskip("aiomqtt")
+    with socket.create_server(("127.0.0.1", 0)) as broker:
+        at = f"mqtt://127.0.0.1:{broker.getsockname()[1]}"
+        mount = Weighed(tmp_path, "--no-console", "--mqtt", at, "--mqtt-id", "pier")
+        started.append(mount)
+        mount.ready()
+        broker.settimeout(PATIENCE)
+        broker.accept()[0].close()  # it has loaded what it needs to connect
+        assert mount.packages() <= ALWAYS | BROKER

@@ -14,11 +14,14 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import Future
 from pathlib import Path
+from typing import TypeVar
 
 from gateway.astro.ephemeris.almanac import Almanac, decoded, read
 from gateway.astro.ephemeris.day_table import DAY
 from gateway.astro.ephemeris.sky import FROM, TO, Sky
+from gateway.core.errors import UserError, told
 from gateway.system.files import cache_directory, replace_file
 from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
@@ -35,6 +38,8 @@ ATTEMPTS = 3
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
 #: The name of the command line's command that calculates an almanac.
 COMMAND = "almanac"
+
+_T = TypeVar("_T")
 
 
 def stored() -> Almanac:
@@ -109,7 +114,7 @@ def calculated(days: Collection[int], sites: Collection[str], stopped: threading
     ) as process:
         while True:
             try:
-                made, told = process.communicate(timeout=0.1)
+                made, said = process.communicate(timeout=0.1)
                 break
             except subprocess.TimeoutExpired:
                 late = time.monotonic() > end
@@ -118,9 +123,24 @@ def calculated(days: Collection[int], sites: Collection[str], stopped: threading
     if late:
         raise ValueError(f"it took more than {LONGEST:.0f} s")
     if process.returncode:
-        words_of_it = told.decode(errors="replace").strip().splitlines() or [f"it ended with {process.returncode}"]
+        words_of_it = said.decode(errors="replace").strip().splitlines() or [f"it ended with {process.returncode}"]
         raise ValueError(words_of_it[-1][:200])
     return decoded(made)
+
+
+async def _on_daemon(work: Callable[[], _T]) -> _T:
+    """Wait for work on a thread that ends with its program: for others Python waits before that can stop its mount."""
+    done: Future[_T] = Future()
+    done.set_running_or_notify_cancel()
+
+    def run() -> None:
+        try:
+            done.set_result(work())
+        except Exception as error:
+            done.set_exception(error)
+
+    threading.Thread(target=run, name="almanac", daemon=True).start()
+    return await asyncio.wrap_future(done)
 
 
 class AlmanacKeeper:
@@ -151,10 +171,17 @@ class AlmanacKeeper:
     def _today(self) -> int:
         return int(self._clock() // DAY)
 
-    def open(self, named: Path | None = None) -> None:
-        """Use the stored almanac and that of a file. Raises OSError, ValueError if the ``named`` one cannot be used."""
+    def open(self, named: str | None = None) -> None:
+        """Use the stored almanac, and that of a file that the user has ``named``. Raises UserError."""
         almanac = stored()
-        self._use(almanac if named is None else almanac.joined(read(named)))
+        if named is not None:
+            try:
+                almanac = almanac.joined(read(Path(named).expanduser()))
+            except OSError as error:
+                raise UserError(f"--almanac {named}: {told(error)}") from None
+            except ValueError as error:
+                raise UserError(f"--almanac {named}: {error}") from None
+        self._use(almanac)
         self._sky.ask = self._asked.set
 
     async def keep(self) -> None:
@@ -174,7 +201,7 @@ class AlmanacKeeper:
 
     async def _renew(self, days: list[int]) -> None:
         try:
-            newer, trouble = await asyncio.to_thread(renewed, days, (), self._stopped)
+            newer, trouble = await _on_daemon(lambda: renewed(days, (), self._stopped))
         except (OSError, ValueError) as error:
             self._failed.append(time.monotonic())
             self._tell_once(

@@ -1,7 +1,7 @@
 """Opens the console and the connection to an MQTT broker for a gateway that serves.
 
-No program waits for either: the console is opened once the surfaces are ready, and the broker is connected in the
-background. Modules that are not needed are not loaded.
+No program waits for either: the console's port is opened once the surfaces are ready, its web server is loaded when a
+browser or another program sends something, and the broker is connected in the background.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
+    from gateway.clients.any_protocol.web import Web
+    from gateway.console.port import ConsolePort
     from gateway.console.server import Console
     from gateway.fleet import client as brokers
     from gateway.fleet.station import Station
 
 
-async def open_console(
-    config: Config, gateways: Sequence[Gateway], screen: Screen, phone: PhoneLines
-) -> Console | None:
-    """Open the console and print its address; return None if it is off or cannot be opened."""
+async def open_console(config: Config, web: Web, screen: Screen, phone: PhoneLines) -> ConsolePort | None:
+    """Open the console's port and print its address; return None if it is off or cannot be opened."""
     if config.page is None:
         return None
-    console = await asyncio.to_thread(_load_console)  # loading takes a quarter of a second, and clients must not wait
-    names = [*config.page.names, *_names(gateways)]
-    page = console(gateways, _access(config.page), config.page.pin or "", names, _shared_ports(gateways))
+    from gateway.console.port import ConsolePort
+
+    page = ConsolePort(web)
     host, port = split_address(config.page.at)
     try:
         await page.open(host, port)
@@ -53,11 +53,20 @@ async def open_console(
     return page
 
 
+async def load_console(page: ConsoleConfig, gateways: Sequence[Gateway]) -> Console:
+    """Load the web server of a console whose port is open."""
+    console = await asyncio.to_thread(_load_console)  # loading takes a quarter of a second, and clients must not wait
+    names = [*page.names, *_names(gateways)]
+    server = console(gateways, _access(page), page.pin or "", names, _shared_ports(gateways))
+    await server.open()
+    return server
+
+
 async def open_programs(gateway: Gateway) -> Console:
     """Open a server without a console or a port: for the HTTP programs at the mount's ports for every protocol."""
     console = await asyncio.to_thread(_load_console)
     server = console([gateway], names=_names([gateway]), ports=_shared_ports([gateway]), page=False)
-    await server.open("", 0)
+    await server.open()
     return server
 
 
@@ -109,14 +118,14 @@ def _access(page: ConsoleConfig) -> Access:
     return Access(*access_networks(page))
 
 
-def console_offer(page: Console) -> Offer:
+def console_offer(page: ConsolePort) -> Offer:
     """Return the console as an offer for announcements on the network."""
     from gateway.app.discovery.offer import WEB, Offer
 
     return Offer(WEB, "mount-gateway", "tcp", page.host, page.port)
 
 
-def http_offers(page: Console | None) -> list[Offer]:
+def http_offers(page: ConsolePort | None) -> list[Offer]:
     """Return the console's server as offers of the HTTP protocols, for their own discovery."""
     from gateway.app.discovery.offer import Offer
 
@@ -124,7 +133,7 @@ def http_offers(page: Console | None) -> list[Offer]:
     return [Offer(name, "", "tcp", one.host, one.port) for one in console_offers(page) for name in speaking]
 
 
-def console_offers(page: Console | None) -> list[Offer]:
+def console_offers(page: ConsolePort | None) -> list[Offer]:
     """Return the offers to announce for a console: none if only this computer reaches it."""
     return [found] if page is not None and (found := console_offer(page)).wide else []
 

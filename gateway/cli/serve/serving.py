@@ -10,6 +10,7 @@ import asyncio
 import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from gateway.cli.serve.console_and_broker import (
     console_offers,
     http_offers,
     http_surfaces,
+    load_console,
     open_broker,
     open_console,
     open_programs,
@@ -28,7 +30,7 @@ from gateway.cli.serve.console_and_broker import (
 from gateway.cli.serve.finding import GIVE_UP, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import before_suspension, unless, until_signal
-from gateway.core.errors import Fault, UserError, told
+from gateway.core.errors import Fault
 from gateway.core.wire_log import SKY_READY, Sink
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
@@ -37,12 +39,13 @@ from gateway.system.short_slices import ask_for_short_slices
 from gateway.system.systemd import notify
 
 if TYPE_CHECKING:
+    from gateway.app.config.tables import ConsoleConfig
     from gateway.app.discovery.offer import Offer
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
-    from gateway.astro.ephemeris.keeper import AlmanacKeeper
+    from gateway.console.port import ConsolePort
     from gateway.console.server import Console
 
 #: Seconds between two looks at the addresses of this computer.
@@ -97,10 +100,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     gateways: list[Gateway] = []
     recorders: list[Recorder] = []
     status_tasks: list[asyncio.Task[None]] = []
-    console = broker = None
+    page: ConsolePort | None = None
+    broker = None
     phone = PhoneLines()
     web = Web(asyncio.get_running_loop().call_later)
-    programs: list[Console] = []
+    servers: list[Console] = []
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def surfaces() -> list[Offer]:
@@ -111,7 +115,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     def reached() -> list[Offer]:
         every = network_offers(name for gateway in gateways for name in gateway.names())
-        return [offer for offer in [*every, *console_offers(console)] if offer.wide]
+        return [offer for offer in [*every, *console_offers(page)] if offer.wide]
 
     ask_for_short_slices()
     if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
@@ -140,7 +144,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     almanac = AlmanacKeeper(sky, screen.warn, exact, lambda: not any(gateway.busy for gateway in gateways), enter)
     try:
-        _open_almanac(almanac, config.almanac)
+        almanac.open(config.almanac)
         for gateway in gateways:
             await gateway.open()
         await announcement.answer(offers())
@@ -150,22 +154,27 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
         async def serve_programs(gateway: Gateway) -> None:
             await gateway.web.wanted.wait()
-            programs.append(server := await open_programs(gateway))
+            servers.append(server := await open_programs(gateway))
             gateway.web.open(server.serve)
 
         async def open_page() -> None:
-            nonlocal console
-            await web.wanted.wait()
-            console = await open_console(config, gateways, screen, phone)
-            garbage.started()  # again, for the objects of the web server
-            if console is not None:
-                web.open(console.serve, (console.host, console.port))
-            else:
+            nonlocal page
+            page = await open_console(config, web, screen, phone)
+            if page is None:
                 web.close()
 
-        page = asyncio.ensure_future(open_page())
-        status_tasks.append(page)
-        if config.page is None:
+        async def serve_page(settings: ConsoleConfig) -> None:
+            await web.wanted.wait()
+            await opening()
+            if page is not None:
+                servers.append(server := await load_console(settings, gateways))
+                garbage.started()  # again, for the objects of the web server
+                web.open(server.serve, (page.host, page.port))
+
+        opening = cache(lambda: asyncio.ensure_future(open_page()))
+        if config.page is not None:
+            status_tasks.append(asyncio.ensure_future(serve_page(config.page)))
+        else:
             status_tasks += [asyncio.ensure_future(serve_programs(one)) for one in gateways if shares_port(one)]
         broker = open_broker(config, access, gateways, screen)
         patient, longest = config.wait or len(gateways) > 1, 0.0 if config.wait is False else GIVE_UP
@@ -187,10 +196,9 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         await unless(done, asyncio.gather(*(serve(one, patient, longest, ready, screen.warn) for one in gateways)))
         garbage.started()
         if not done.is_set():
-            web.wanted.set()
-            await page
+            await opening()
         if config.discovery:
-            await announcement.answer_discovery([*surfaces(), *http_offers(console)])
+            await announcement.answer_discovery([*surfaces(), *http_offers(page)])
 
         def publish() -> None:
             announcement.publish(reached() if config.discovery else [])
@@ -205,7 +213,9 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         screen.clear()
         for one in {web, *(gateway.web for gateway in gateways)}:
             one.close()
-        for server in filter(None, [console, *programs]):
+        if page is not None:
+            page.close()
+        for server in servers:
             await server.close()
         moved = [gateway.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
@@ -219,14 +229,6 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
-
-
-def _open_almanac(almanac: AlmanacKeeper, named: str | None) -> None:
-    """Use the stored almanac, and the one that the user has named. Raises UserError if that cannot be used."""
-    try:
-        almanac.open(Path(named).expanduser() if named else None)
-    except (OSError, ValueError) as error:
-        raise UserError(f"--almanac {named}: {told(error) if isinstance(error, OSError) else error}") from None
 
 
 async def _say_new_addresses(
