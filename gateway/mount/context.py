@@ -17,7 +17,7 @@ from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.policy import Hold, Policy
 from gateway.mount.presence import Program
 from gateway.mount.readings.cache import POLL_PERIOD, ReadingsCache
-from gateway.mount.safety.stop_timing import StopTiming
+from gateway.mount.safety.allow import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance, TubeFrame
 from gateway.mount.site.pending_settings import IncomingSettings

@@ -18,8 +18,7 @@ from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.core.waiting import FairScheduler
 from gateway.mount.context import Context
 from gateway.mount.identification import Identification
-from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
-from gateway.mount.link.verification import ReplyVerifier
+from gateway.mount.link.driver_runner import DriverRunner, HibernationGate, ReplyVerifier
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.order_runner import Announce, Consequences, OrderRunner
 from gateway.mount.motion.outcomes import ended_short
@@ -31,8 +30,7 @@ from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.sun_ahead import SunAhead
-from gateway.mount.safety.unattended import Supervisor, TrackingAtLimit
+from gateway.mount.safety.unattended import SunAhead, Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.readers import ReadBy
@@ -72,7 +70,7 @@ class MountController:
         self.settings = SiteAndClock(context, runner, sync)
         # Limits and motion.
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
-        watch = self.watch = LimitWatch(context, reader, self.ends, lambda: sync.sky_pending)
+        watch = self.watch = LimitWatch(context, reader, self.ends)
         sync.moved_by_others = lambda: watch.moved_by_others
         self.admission = Admission(context, reader, watch)
         reader.goto_over.connect(watch.goto_ended)

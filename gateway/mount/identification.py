@@ -28,7 +28,7 @@ from gateway.mount.motion.wanted import Order
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import contradiction_warning
 from gateway.mount.safety.hour_angle import told_by_axes
-from gateway.mount.safety.positions import WATCH_CLOSELY
+from gateway.mount.safety.watch import WATCH_CLOSELY
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
 

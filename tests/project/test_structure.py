@@ -6,6 +6,7 @@ That imports point down is held by import-linter (``pyproject.toml``); how all t
 from __future__ import annotations
 
 import ast
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from gateway.diagnostics.virtual_time import run
 from tests.support import structure
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-from tests.support.walk import walk_of
+from tests.support.walk import walk_of, walk_of_read
 
 ROOT = Path(gateway.__file__).parent
 FOLDERS = sorted(path.parent for path in ROOT.rglob("__init__.py"))
@@ -27,15 +28,24 @@ LARGER = 450
 LARGE = {
     "gateway/app/control/requests.py",  # what people ask, carried out and followed
     "gateway/clients/commands/turn.py",  # a command that waits, and how it is carried out
+    "gateway/mount/safety/allow.py",  # what is known of a motion, and whether it may continue
+    "gateway/mount/safety/watch.py",  # each position: what it shows of the limits, and what it does not show
     "gateway/mount/readings/reader.py",  # what is asked of the mount, and what of it clients get
     "gateway/diagnostics/log/printing.py",  # which lines are shown, and how they are printed
+    "gateway/mount/link/driver_runner.py",  # what a driver sends, and whether the reply can be right
     "gateway/mount/link/transaction.py",  # an exchange, and how long its reply may take
     "gateway/mount/site/settings_sync.py",  # settings on their way, and what the log says of them
     "gateway/protocols/mechanics/mount.py",  # two motors by formula, and the orders to them
     "gateway/protocols/nexstar/driver/state.py",
 }
-#: Calls from one file into another on the way of a goto and back, those of them that lead up, and the files on it.
-HOPS, UP, WAY = 149, 4, 49
+#: The ways of a goto and of two reads for which the mount is asked, to it and back: the files on each, and the calls
+#: from one file into another; UP of these lead up at most.
+WAYS = {
+    ":MS# onto a NexStar": (partial(walk_of, b":MS#"), 44, 144),
+    ":GR# onto a NexStar": (partial(walk_of_read, b":GR#", "nexstar"), 40, 152),
+    "e onto a Meade": (partial(walk_of_read, b"e", "lx200"), 41, 181),
+}
+UP = 4
 #: What lies in a folder and is nothing that anybody reads.
 NO_PARTS = ("__pycache__", "py.typed")
 
@@ -99,10 +109,12 @@ def test_few_classes_of_a_mount_reach_each_other_at_run_time(driven: str) -> Non
     run(program())
 
 
-def test_the_way_of_a_command_is_short() -> None:
-    """From the client's ``:MS#`` to the mount and back to its ``0``: ``python -m tests.support.walk`` prints it."""
-    walk = walk_of(b":MS#")
-    assert 0 < len(walk.files) <= WAY and 0 < walk.hops.total() <= HOPS and walk.up.total() <= UP, walk
+@each("way", WAYS)
+def test_the_way_of_a_command_is_short(way: str) -> None:
+    """From the client's bytes to the mount and back to the reply: ``python -m tests.support.walk`` prints it."""
+    walked, files, hops = WAYS[way]
+    walk = walked()
+    assert 0 < len(walk.files) <= files and 0 < walk.hops.total() <= hops and walk.up.total() <= UP, walk
 
 
 def test_a_circle_is_seen_wherever_the_import_stands(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ Unless ``--first`` is given, the same command was carried out once before, so th
 or once per minute for all clients does not count (loading tables, compiling patterns, the rotation of the Earth and
 the position of the Sun); and the mount's state was read just before, as polling does every few seconds.
 
-    python -m tests.support.walk [--first] [BYTES]
+    python -m tests.support.walk [--first | --read MOUNT] [BYTES]
 """
 
 from __future__ import annotations
@@ -152,13 +152,40 @@ def walk_of(data: bytes, first: bool = False) -> Walk:
     return walk
 
 
+#: Seconds after which a reading is too old to be told, and reads before the one that is measured: by then the limits
+#: know that the mount rests.
+OLD, BEFORE = 2.0, 4
+#: Models of a mount of each protocol, and of the other protocol, which the gateway presents.
+MODELS = {"nexstar": ("6-8se", "autostar", "lx200"), "lx200": ("autostar", "6-8se", "nexstar")}
+
+
+def walk_of_read(data: bytes, driven: str) -> Walk:
+    """Measure the read of a client of the other protocol for which a resting mount must be asked."""
+    walk = Walk()
+    model, surface, presented = MODELS[driven]
+
+    async def program() -> None:
+        async with _Quiet(model, driven=driven, surface=surface, presented=presented, latency=0.01) as bridge:
+            client = bridge.client()
+            for _ in range(BEFORE):
+                await client.ask(data, until=b"#")
+                await asyncio.sleep(OLD)
+            with walking(walk):
+                assert await client.ask(data, until=b"#")
+
+    run(program())
+    return walk
+
+
 def main() -> None:
     """Print the counts, the calls upwards, and the most frequent calls between files."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--first", action="store_true", help="the first command of a gateway")
-    parser.add_argument("bytes", nargs="?", default=":MS#", help="a command of an LX200 client")
+    parser.add_argument("--read", choices=MODELS, help="a read, for which a mount of this protocol is asked")
+    parser.add_argument("bytes", nargs="?", default=":MS#", help="a command of a client")
     arguments = parser.parse_args()
-    walk = walk_of(arguments.bytes.encode(), arguments.first)
+    data = arguments.bytes.encode()
+    walk = walk_of(data, arguments.first) if arguments.read is None else walk_of_read(data, arguments.read)
     print(walk)
     for (caller, callee), count in walk.up.most_common():
         print(f"  up {count}: {caller} -> {callee}")

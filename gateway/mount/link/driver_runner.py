@@ -1,7 +1,11 @@
 """Runs the generators of a driver: sends the commands that they yield and gives the verified replies back to them.
 
-Signals report what a driver schedules for later, and a defect in a driver; the parts that act on them are in higher
-layers. While the mount hibernates, a command that it would not answer is refused without sending it.
+A byte that was changed on the way can leave the form of a reply intact. Therefore a reply like the last one is accepted
+at once. For any other reply the request is repeated until replies in a row agree: two if the mount can have moved that
+far, three if the value seldom changes, and one more than the late replies that may still arrive. A position that no
+motor can have reached since the last one is asked for again until five agree (three on a slow line): it is neither told
+nor used by a limit before. A reply that took unusually long does not count. While the mount hibernates, a command that
+it would not answer is refused without sending it.
 """
 
 from __future__ import annotations
@@ -11,17 +15,228 @@ import math
 from collections.abc import Awaitable, Callable, Generator, Mapping
 from typing import Any, TypeVar
 
-from gateway.core.errors import Asleep, Busy, Fault, Refused
+from msgspec import Struct
+
+from gateway.astro.spherical import wrap180
+from gateway.core.errors import Asleep, Busy, Fault, Garbled, NoAnswer, Refused, Silence
 from gateway.core.operations import Operation, Read
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
+from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_TOO_LATE, STOP
 from gateway.mount.link.transaction import GAP
-from gateway.mount.link.verification import ReplyVerifier
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Steps, Wait
 
+#: Degrees by which a position may differ from the last one and be accepted at once.
+NEAR = 0.05
+#: The highest speed of any mount in degrees a second: 8 on one axis, both axes combined.
+FASTEST = 8.0 * math.sqrt(2.0)
+#: Degrees by which a latitude grows at most between two replies in a row.
+POLEWARD = 2.0
+#: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
+CLOCK_TOLERANCE = 1.6
+#: A reply that took over SLOW_AFTER seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
+SLOW_AFTER, SLOW_TRIES = 0.5, 3
+#: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
+TRIES, GARBLED_TRIES = 9, 3
+#: How many replies in a row must agree on a position that no motor can have reached, if a round trip is this quick, and
+#: else; seconds.
+UNREACHABLE, QUICK, IF_SLOW = 5, 0.25, 3
+#: Shortest sleep in seconds: timers may fire this much too early.
+TICK = 0.001
+#: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
+LATE_REPLY_WAIT = 12.0
+#: How many late replies are taken into account at most: if one reply more agrees, one must be the request's own.
+MOST_LATE = 4
+#: How many requests have their last reply remembered: clients may ask for any number of devices.
+REMEMBERED = 100
+DAY = 86400.0
+#: Fields that describe the form of a reply, not its meaning.
+_FORM = ("length", "raw")
+#: The angles on a sphere: each longitude with its latitude.
+_LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 #: Seconds between two position reads that test whether the mount is awake: the heartbeat of a mount that is awake.
 TRY_AGAIN = 5.0
+_T = TypeVar("_T")
+
+
+class Reply(Struct):
+    """A reply, or a fault that counts as one (silence, no such device); the loop times of the request and the reply."""
+
+    values: Mapping[str, Any]
+    fault: Fault | None
+    asked: float
+    came: float
+
+
+class ReplyVerifier:
+    """Verifies replies for the drivers. A simulated mount slews ``speed_factor`` times faster than a real one."""
+
+    def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
+        self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
+        self._late_replies = line.transaction.late
+        self._known: dict[tuple[Any, ...], Reply] = {}
+        self._latitudes: dict[str, float] = {}
+
+    async def exchange(self, command: Send, priority: int) -> tuple[Reply, int]:
+        """Return a verified reply, and how many exchanges that took. Raises Fault."""
+        kind = self._line.reply_rules.expected(command).answer_kind
+        if kind is None:
+            asked = self._now()
+            return Reply(await self._send_order(command, priority), None, asked, self._now()), 1
+        key = (
+            command.command,
+            command.raw,
+            *sorted((name, value) for name, value in command.values.items() if name != "low"),
+        )
+        agreeing: list[Reply] = []
+        longest = slow = late_count = needed = 0
+        times = 0
+        while times < TRIES:
+            times += 1
+            late_count = max(late_count, self._late_replies.count(command, self._now()))
+            reply = await self._ask(command, priority)
+            mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
+            if mute and not command.raw:
+                break  # the driver asked for this answer by ``patience``
+            if command.unverified(reply.values) if callable(command.unverified) else command.unverified:
+                break
+            took = reply.came - reply.asked
+            if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.typical_rtt:
+                slow += 1
+                continue
+            if not (agreeing and self._agree(kind, agreeing[-1], reply)):
+                agreeing.clear()
+            agreeing.append(reply)
+            longest = max(longest, len(agreeing))
+            needed = self._replies_needed(kind, self._known.get(key), reply, late_count)
+            if len(agreeing) >= needed:
+                break
+        else:
+            moves = kind == "position" and longest == 1 and needed <= 2  # only a position may change so fast
+            if len(agreeing) < (2 if needed < UNREACHABLE else IF_SLOW) and not moves:
+                raise Garbled
+        self._remember(key, reply)
+        self._latitudes |= {name: reply.values[name] for name in _LATITUDE.values() if name in reply.values}
+        if reply.fault is not None:
+            raise type(reply.fault)(str(reply.fault))  # a copy: a raised exception keeps its callers' frames alive
+        return reply, times
+
+    def _remember(self, key: tuple[Any, ...], reply: Reply) -> None:
+        """Remember the last reply; if there are too many, forget the oldest."""
+        self._known.pop(key, None)
+        self._known[key] = reply
+        if len(self._known) > REMEMBERED:
+            del self._known[next(iter(self._known))]
+
+    async def _send_order(self, command: Send, priority: int) -> Mapping[str, Any]:
+        """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
+
+        A stop never waits: it is sent until one of its acknowledgements must be its own.
+        """
+        if priority != STOP:
+            try:
+                async with asyncio.timeout(MAX_START_DELAY if command.prompt else LATE_REPLY_WAIT):
+                    while (left := self._late_replies.until(command, self._now()) - self._now()) > 0:
+                        await asyncio.sleep(max(left, TICK))
+            except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
+                raise NoAnswer from None
+            return await self._line.exchange(command, priority)
+        times = 0
+        while True:
+            late_count = self._late_replies.count(command, self._now())
+            answer = await self._line.exchange(command, priority)
+            times += 1
+            if times > min(late_count, MOST_LATE):
+                return answer
+
+    async def _ask(self, command: Send, priority: int) -> Reply:
+        """Return one reply; if it is garbled, ask again. Raises NoAnswer (or Garbled) and Busy."""
+        for attempt in range(GARBLED_TRIES):
+            values: Mapping[str, Any] = {}
+            fault: Fault | None = None
+            try:
+                values, took = await self._line.timed(command, priority)
+            except Garbled:
+                if attempt == GARBLED_TRIES - 1:
+                    raise
+                continue
+            except (NoAnswer, Busy):  # neither is an answer to the request
+                raise
+            except Fault as fault_reply:
+                fault, took = fault_reply.with_traceback(None), fault_reply.took
+            came = self._now()
+            return Reply(values, fault, came - took, came)
+        raise NoAnswer
+
+    def _replies_needed(self, kind: str, known: Reply | None, reply: Reply, late_count: int) -> int:
+        """Return how many replies in a row must agree, this one included, for it to be accepted."""
+        least = min(late_count, MOST_LATE) + 1
+        if known is None:
+            return max(2, least)
+        if kind != "position":
+            return least if self._agree(kind, known, reply) else max(3, least)
+        if known.values.get("length") != reply.values.get("length"):  # the precision was switched
+            return max(2, least)
+        moved = self._distance(known, reply)
+        if moved <= NEAR:
+            return least
+        if moved <= self._possible_motion(known, reply):
+            return max(2, least)
+        return max(UNREACHABLE if self._line.typical_rtt <= QUICK else IF_SLOW, least)
+
+    def _agree(self, kind: str, before: Reply, after: Reply) -> bool:
+        """Whether both replies can be correct."""
+        if before.fault is not None or after.fault is not None:
+            return type(before.fault) is type(after.fault)
+        if kind == "position":
+            possible = self._possible_motion(before, after)
+            return self._distance(before, after, min(POLEWARD, possible)) <= possible
+        if kind == "clock":
+            return _clock_agrees(before, after)
+        return before.values == after.values
+
+    def _possible_motion(self, before: Reply, after: Reply) -> float:
+        """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
+        took = min(before.came - before.asked, 2.5 * self._line.typical_rtt)
+        return NEAR + self._fastest * (after.came - before.came + took)
+
+    def _distance(self, before: Reply, after: Reply, poleward: float = 0.0) -> float:
+        """Return the degrees between two replies; infinite if they differ in form.
+
+        If the latitude is read by a request of its own, it may have grown by ``poleward`` degrees since.
+        """
+        if before.fault is not None or after.fault is not None or before.values.keys() != after.values.keys():
+            return math.inf
+        if before.values.get("length") != after.values.get("length"):
+            return math.inf
+        total = 0.0
+        for name, value in after.values.items():
+            if name in _FORM:
+                continue
+            apart = wrap180(value - before.values[name])
+            if name in _LATITUDE:
+                latitude = after.values.get(_LATITUDE[name])
+                if latitude is None:
+                    latitude = min(90.0, abs(self._latitudes.get(_LATITUDE[name], 0.0)) + poleward)
+                apart *= math.cos(math.radians(latitude))
+            total += apart * apart
+        return math.sqrt(total)
+
+
+def _seconds(values: Mapping[str, Any]) -> float:
+    if "time" in values:
+        return float(values["time"])
+    return float(values["hour"] * 3600 + values["minute"] * 60 + values["second"])
+
+
+def _clock_agrees(before: Reply, after: Reply) -> bool:
+    """Whether two readings of a clock fit together; its date may change at midnight only."""
+    then, now = _seconds(before.values), _seconds(after.values)
+    drift = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
+    slack = CLOCK_TOLERANCE + (before.came - before.asked) + (after.came - after.asked)
+    others = [name for name in after.values if name not in ("time", "hour", "minute", "second", *_FORM)]
+    return abs(drift) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))
 
 
 class HibernationGate:
@@ -64,9 +279,6 @@ class HibernationGate:
         """Note a reply of a mount that was thought to hibernate; most replies show that it is awake."""
         if not self._answered_asleep(command):
             self._driver.asleep = False
-
-
-_T = TypeVar("_T")
 
 
 class DriverRunner:

@@ -17,7 +17,7 @@ from gateway.astro.spherical import separation, wrap180, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.mount.context import Context
-from gateway.mount.link.verification import FASTEST
+from gateway.mount.link.driver_runner import FASTEST
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import Entry, Kind, Pair, Reading, angles

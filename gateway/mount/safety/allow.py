@@ -1,20 +1,188 @@
-"""The safety rules: whether the motion of the mount may continue. The first rule that forbids it decides.
+"""Whether the observed motion may continue: pure rules over what is seen, what is wanted, and the limits.
 
-A rule is a pure function of a ``View``, evaluated at every position. It may only restrict motion, and it never forbids
-a motion that leads out of a forbidden region. A moving mount must not pass an altitude limit, come near the Sun, or go
-past the meridian, where the tube of an equatorial mount meets its pier. Gotos are checked beforehand, too.
+A rule is a pure function from a ``View`` to a ``Verdict``, evaluated at every position. It may only restrict motion,
+and it never forbids a motion that leads out of a forbidden region. A moving mount must not pass an altitude limit, come
+near the Sun, or go past the meridian, where the tube of an equatorial mount meets its pier. Gotos are checked
+beforehand, too. A motion must be stopped early enough to end before the limit (``StopTiming``): that depends on the
+exchanges of this line, on the inertia of motors, and on rates, which may grow by as much again as they have grown.
 """
 
 from __future__ import annotations
 
-from gateway.mount.policy import Limits
-from gateway.mount.safety.stop_timing import MIN_INTERVAL
-from gateway.mount.safety.view import ALLOWED, FASTER_THAN_TRACKING, Verdict, View
+from msgspec import Struct
 
+from gateway.core import operations as op
+from gateway.mount.motion.seen import Seen
+from gateway.mount.motion.wanted import Moving
+from gateway.mount.policy import Limits
+
+#: Positions closer together than this, in seconds, give no reliable rate.
+MIN_INTERVAL = 0.15
+#: Exchanges until a stop takes effect: the one that returned the position, one already sent, and the first of the stop.
+EXCHANGES = 3
+#: Seconds at full speed that a motor runs on after a stop: one that slows down evenly within a second covers half a
+#: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
+RUN_ON = 0.5
+#: Exchanges between stopping one axis and stopping the other, which alone may lead where both together do not.
+BETWEEN_AXES = 2.0
+#: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
+RUN_UP = 1.0
+#: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
+APPROACH = 0.2
+#: Degrees a second, faster than any tracking: the mount is moved, or a coarse position changed by a digit.
+FASTER_THAN_TRACKING = 0.1
+#: Degrees by which a goto that brakes before a limit stays behind what its last speed lets expect.
+BRAKED = 0.75
 #: Degrees by which a goto that ends at a limit may overshoot.
 OVERSHOOT = 0.05
 #: Degrees by which the Sun must have come nearer before it counts as an approach; less is jitter.
 NEARER = 0.05
+
+
+class StopTiming(Struct, frozen=True):
+    """Timing of one mount: ``exchange`` seconds each, ``reads`` per position, ``period`` seconds between positions."""
+
+    exchange: float
+    reads: int
+    period: float
+
+    @property
+    def lag(self) -> float:
+        """How much older the first coordinate of a position is than the second, when the second arrives."""
+        return 2.0 * (self.reads - 1) * self.exchange
+
+    @property
+    def interval(self) -> float:
+        """Seconds from one position to the next. While the mount moves, each coordinate is read twice."""
+        return max(self.period, 2.0 * self.reads * self.exchange)
+
+    @property
+    def to_stop(self) -> float:
+        """Seconds from the moment at which a position was true until the stop that it triggers has ended the motion."""
+        return (EXCHANGES + self.reads - 1) * self.exchange + RUN_ON
+
+    @property
+    def reaction(self) -> float:
+        """Seconds from one position until the stop that the next one triggers has ended the motion."""
+        return self.interval + self.to_stop
+
+    def overdue(self, elapsed: float) -> float:
+        """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next one may be as late."""
+        return max(self.reaction, elapsed + EXCHANGES * self.exchange + RUN_ON)
+
+    def between_axes(self, axes: int) -> float:
+        """Seconds between stopping one axis and stopping the other; 0 if at most one moves."""
+        return BETWEEN_AXES * self.exchange if axes > 1 else 0.0
+
+
+def ahead(rate: float, earlier: float | None, commanded: float, first: float, last: float) -> float:
+    """Return how fast the mount may approach a limit from now on, degrees a second.
+
+    ``rate`` was seen between the last two positions, ``earlier`` before that in the same motion; ``first`` and ``last``
+    are the seconds from the beginning of the motion to the two. ``commanded`` is the speed ordered, 0 if unknown.
+    """
+    grown = max(0.0, rate - earlier) if earlier is not None else 0.0
+    if first < RUN_UP and rate > APPROACH * commanded * _run_up(first, last):
+        return max(rate + grown, commanded)
+    return rate + grown
+
+
+def _run_up(first: float, last: float) -> float:
+    """The mean speed of a motor between two moments (seconds after its start) as a part of its full speed."""
+    if last >= RUN_UP or last <= max(0.0, first):
+        return 1.0
+    return (max(0.0, first) + last) / 2.0 / RUN_UP
+
+
+class PastNow(Struct, frozen=True):
+    """How far the tube is past the meridian, towards the pier; negative on the free side. ``rate``: how fast that
+    changes, degrees a second; ``earlier``: its rate before that, None if unknown.
+    """
+
+    degrees: float
+    rate: float
+    earlier: float | None = None
+
+
+class Verdict(Struct, frozen=True):
+    """``reason`` says why the motion must end; empty if it may continue.
+
+    It may continue for ``within`` seconds (None: without limit). If no new position arrives in that time, it must stop,
+    because it may have reached ``limit``.
+    """
+
+    reason: str = ""
+    within: float | None = None
+    limit: str = ""
+
+
+ALLOWED = Verdict()
+
+
+class CheckedPath:
+    """The path of the goto that is about to begin: whether it leads beyond an altitude limit, and whether it is known
+    to stay within all limits.
+    """
+
+    leaves_limits = clear = False
+
+
+class View(Struct, frozen=True):
+    """The state of a mount that the rules judge.
+
+    ``sun`` is the smallest allowed distance from the Sun, degrees. The first ``own_suns`` of those seen are shown by
+    the mount's own coordinates or axes, the others by other sources of site and time. ``past`` tells how far the tube
+    is past the meridian, None if unknown or during a goto. ``astray``: the goto may pass a limit on its path.
+    """
+
+    seen: Seen
+    limits: Limits
+    timing: StopTiming
+    moving: Moving
+    sun: float = 0.0
+    status: op.Status | None = None
+    past: PastNow | None = None
+    astray: bool = False
+    own_suns: int = 1
+
+    @property
+    def on_checked_path(self) -> bool:
+        """Whether only a checked goto moves the mount: no motion by hand took over, and none of its axes was stopped.
+
+        A goto whose path leads beyond a limit does not count: it is watched like a motion by hand.
+        """
+        return self.moving.slewing and self.moving.ordered and not self.moving.by_hand and not self.astray
+
+    @property
+    def _second_axis_alone(self) -> float:
+        """How far one of two axes moves the tube after the other has stopped, degrees."""
+        return self.seen.across * self.timing.between_axes(len(self.moving.by_hand))
+
+    def ahead(self, rate: float, earlier: float | None) -> float:
+        """How fast the mount may approach a limit from now on, after the rates ``earlier`` and ``rate``."""
+        seen = self.seen
+        if self.moving.slews_by_itself:
+            return rate
+        assert seen.before is not None
+        assert seen.last is not None
+        return ahead(rate, earlier, seen.ordered_speed, seen.before.at - seen.began, seen.last.at - seen.began)
+
+    def margin(self, rate: float) -> float:
+        """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto, which brakes."""
+        if self.on_checked_path or self.moving.slews_by_itself:
+            return 0.0
+        return rate * self.timing.overdue(self.seen.elapsed) + self._second_axis_alone
+
+    def allowed_within(self, room: float, rate: float, limit: str) -> Verdict:
+        """Return a verdict that allows the motion while a stop can still end it within ``room`` degrees.
+
+        A goto of the mount's own may brake and end just before the limit: it is stopped only when it gets there.
+        """
+        if rate <= FASTER_THAN_TRACKING or self.on_checked_path:
+            return ALLOWED
+        if self.moving.slews_by_itself:
+            return Verdict(within=(room + BRAKED) / rate - self.timing.exchange, limit=limit)
+        return Verdict(within=(room - self._second_axis_alone) / rate - self.timing.to_stop, limit=limit)
 
 
 def allow(view: View) -> Verdict:

@@ -2,31 +2,42 @@
 
 All motion is watched: by clients, at the hand control, and tracking. Each position is added to what was seen
 (``seen.py``), and the rules are evaluated (``allow.py``). If the mount would pass a limit before the next position and
-a stop can arrive, it is stopped now; tracking that carries it to a limit is turned off.
+a stop can arrive, it is stopped now; tracking that carries it to a limit is turned off. A motion by hand that positions
+do not show, because none arrive or they do not change, is ended and reported; coordinates that change only because site
+or clock were set are not a motion.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from msgspec import Struct
 from msgspec.structs import replace
 
+from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import GOTOS, MOVING
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
-from gateway.mount.motion.ends import EndWatch
+from gateway.mount.motion.ends import EndWatch, Sample
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
-from gateway.mount.motion.wanted import Slew
+from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.allow import allow, farthest, first_stretch
+from gateway.mount.safety.allow import (
+    FASTER_THAN_TRACKING,
+    MIN_INTERVAL,
+    CheckedPath,
+    Verdict,
+    View,
+    allow,
+    farthest,
+    first_stretch,
+)
 from gateway.mount.safety.altitude_axis import AltitudeAxis
-from gateway.mount.safety.hour_angle_watch import HourAngleWatch
-from gateway.mount.safety.positions import OthersWatch, SkyChange, StallWatch, blind
-from gateway.mount.safety.stop_timing import MIN_INTERVAL, StopDeadline
-from gateway.mount.safety.view import FASTER_THAN_TRACKING, CheckedPath, Verdict, View
+from gateway.mount.safety.hour_angle import HourAngleWatch
+from gateway.mount.site.pending_settings import SKY
 
 #: A position that changes so many times faster than the mount can move means a new alignment at the hand control.
 REALIGNED = 3.0
@@ -35,6 +46,17 @@ COASTING = 1.0
 #: Seconds for which a status "not aligned" or "not tracking" is trusted.
 STATUS_AGE = 5.0
 UNWATCHED = "not aligned: positions mean nothing yet, so no limit can be watched"
+#: Seconds: the age of the last position at which a mount counts as silent, and the least time between two stops for it.
+BLIND = 1.0
+#: A motion is judged if it is at least this fast, degrees a second, and has lasted this many seconds, including its
+#: start; at least this part of the commanded way must be seen.
+FROM, AFTER, PART = 0.1, 3.0, 0.1
+#: Seconds for which a mount that was moved at the hand control is watched closely.
+WATCH_CLOSELY = 3.0
+#: Seconds; setting the clock by more than this changes the sky.
+CLOCK_JUMP = 30.0
+#: Seconds after that during which a resting mount may report the old sky, the new one, or half of each.
+SETTLE_TIME = 3.0
 
 
 class LimitWatch:
@@ -45,7 +67,7 @@ class LimitWatch:
     ``motion_began``, ``sky_changed`` (site or clock were set), and ``position_checked`` (status, None if unknown).
     """
 
-    def __init__(self, mount: Context, reader: Reader, ends: EndWatch, being_set: Callable[[], bool]) -> None:
+    def __init__(self, mount: Context, reader: Reader, ends: EndWatch) -> None:
         self._mount, self._reader, self._ends = mount, reader, ends
         self.must_stop: Signal[str] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
@@ -58,9 +80,9 @@ class LimitWatch:
         #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
         self._at_own_park = self._parked = False
         self._astray = False
-        self._sky = SkyChange(mount, being_set)
+        self._sky = SkyChange(mount)
         self.sky_changed = self._sky.changed
-        self.altitude_axis, self._hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader)
+        self.altitude_axis, self._hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader.tube_side)
         #: When the last motion ended.
         self.at_rest_since = NEVER
         self.path = CheckedPath()
@@ -124,7 +146,7 @@ class LimitWatch:
             self._deadline.disarm()
         elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
             speed = sum(mount.speed(one) for one in {**moving.by_hand, operation.axis: operation}.values())
-            self._apply(first_stretch(self._view(), mount.now(), speed))
+            self._apply(first_stretch(self._view(mount.now(), moving), mount.now(), speed))
 
     def goto_ended(self, _: None = None) -> None:
         """A goto has ended. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
@@ -178,9 +200,9 @@ class LimitWatch:
             if self._status_age > STATUS_AGE:
                 self._reader.shared(op.GetStatus())
             return
-        self.seen = fold.see(self.seen, sample)
-        self._update_state(now, status)
-        view = self._view()
+        self.seen, moving = fold.see(self.seen, sample), self._mount.movement.now()
+        self._update_state(now, status, moving)
+        view = self._view(now, moving)
         verdict = allow(view)
         self.seen = replace(self.seen, farthest=farthest(view))
         self._apply(verdict)
@@ -214,9 +236,9 @@ class LimitWatch:
         suns, lifting = tuple(mount.suns.distances(here)), mount.wanted.by_hand.get(2)
         return PositionSample(now, place, altitude, hour_angle, suns, lifting, (mount.suns.era, shifts), unsynced)
 
-    def _update_state(self, now: float, status: op.Status | None) -> None:
+    def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
-        mount, moving, last = self._mount, self._mount.movement.now(), self.seen.last
+        mount, last = self._mount, self.seen.last
         self.position_checked.emit(status)
         self.others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
         mount.movement.by_others_until = self.others.until
@@ -244,9 +266,9 @@ class LimitWatch:
     def _status_age(self) -> float:
         return self._mount.cache.age(op.GetStatus, self._mount.now())
 
-    def _view(self) -> View:
-        mount, moving, limits, now = self._mount, self._mount.movement.now(), self._limits, self._mount.now()
-        past = self._hour_angle.look(self.seen)
+    def _view(self, now: float, moving: Moving) -> View:
+        mount, limits = self._mount, self._limits
+        past = None if mount.policy.limits.hour_angle is None else self._hour_angle.look(self.seen)
         if self.moved_by_others and not moving.ordered:
             limits = limits.for_keys()
             if mount.driver.exchanges > 1 and now - mount.cache.age(op.Slewing, now) < self.others.since:
@@ -258,7 +280,7 @@ class LimitWatch:
     def _check_axes(self, now: float, place: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""
         mount, by_hand = self._mount, self._mount.wanted.by_hand
-        if not (self._ends.pending or by_hand):
+        if self._ends.ending is None and not by_hand:
             self._stalls.clear()
             return
         status = mount.cache.value(op.GetStatus)
@@ -296,3 +318,133 @@ class LimitWatch:
     def _stop(self, words: str) -> None:
         self._mount.note(words)
         self.must_stop.emit(words)
+
+
+def blind(moving: Moving, age: float, since_stop: float) -> str:
+    """Return why a mount that moves by hand and reports no position must stop; empty if it need not.
+
+    ``age`` is that of the last position, seconds. An LX200GPS that seeks its home position is busy and reports nothing,
+    but it is not moved by hand meanwhile.
+    """
+    if moving.by_hand and age > BLIND and since_stop > BLIND:
+        return "it moves but does not report its position"
+    return ""
+
+
+class Course(Struct, frozen=True):
+    """The motion of one axis: commanded speed, time of the first position, last position, and degrees seen since."""
+
+    speed: float
+    began: float
+    last: Sample
+    seen: float = 0.0
+
+    def after(self, axis: int, sample: Sample) -> Course:
+        """Add one position. The distance is summed step by step, because the reading turns back over a pole."""
+        step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
+        return Course(self.speed, self.began, sample, self.seen + step)
+
+
+class StallWatch:
+    """Finds axes that do not move although they were told to; call ``find_stalled`` with every position.
+
+    Such a motor is stalled, or the mount reports an old position. Only speeds that a position shows clearly are judged,
+    and only after the mount has had time to start.
+    """
+
+    def __init__(self) -> None:
+        self._courses: dict[int, Course] = {}
+
+    def clear(self) -> None:
+        """Forget all motions: nothing moves by hand."""
+        self._courses.clear()
+
+    def find_stalled(self, sample: Sample, ordered: Mapping[int, float], round_trip: float) -> int | None:
+        """Return an axis that moved too little, or None. ``ordered``: commanded speed per axis, degrees a second."""
+        courses: dict[int, Course] = {}
+        for axis, speed in ordered.items():
+            if speed < FROM:
+                continue
+            before = self._courses.get(axis)
+            same = before is not None and before.speed == speed
+            courses[axis] = before.after(axis, sample) if before and same else Course(speed, sample.at, sample)
+        self._courses = courses
+        for axis, course in courses.items():
+            elapsed = sample.at - course.began
+            if elapsed >= max(AFTER, 3.0 * round_trip) and course.seen < PART * course.speed * elapsed:
+                return axis
+        return None
+
+
+class OthersWatch:
+    """Notices motion that no client ordered: at the mount's own keys, or by the mount itself.
+
+    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last one, and ``begins`` whether
+    the first is the last position; until the time ``until`` the mount is watched closely.
+    """
+
+    def __init__(self) -> None:
+        self.since = self.seen_at = self.until = NEVER
+        self.begins = self._moves = False
+
+    def see(self, now: float, moves: bool) -> None:
+        """Take whether the last two positions show such a motion."""
+        self.begins, self._moves = moves and not self._moves, moves
+        if self.begins or not moves:
+            self.since = now
+        if moves:
+            self.seen_at, self.until = now, now + WATCH_CLOSELY
+
+
+class SkyChange:
+    """Notices that site or clock were set: positions before and after then mean different altitudes.
+
+    The mount receives the settings one by one, so changes at rest while some are still to be sent are not a motion.
+    ``changed`` is emitted when site or clock have changed and the mount is at rest.
+    """
+
+    def __init__(self, mount: Context) -> None:
+        self._mount = mount
+        self._frame: tuple[op.Place | None, float] = None, 0.0
+        self._settles_until = NEVER
+        self.changed: Signal[None] = Signal()
+
+    def has_changed(self, now: float, moved_by_others: bool) -> bool:
+        """Whether the position read now cannot be compared with the one before."""
+        mount, (place, ahead) = self._mount, self._frame
+        known = mount.astrometry.site_clock
+        self._frame = known.site(), known.unix() - now
+        changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > CLOCK_JUMP)
+        if changed or any(kind in SKY for kind, _ in mount.incoming.pending):
+            self._settles_until = now + SETTLE_TIME
+        if now >= self._settles_until or mount.movement.anything:
+            return changed
+        if changed:
+            self.changed.emit(None)
+        return changed or not moved_by_others
+
+
+class StopDeadline:
+    """A timer that calls ``passed`` once with the name of a limit, unless it is armed again or disarmed."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, passed: Callable[[str], None]) -> None:
+        self._loop, self._passed = loop, passed
+        self._handle: asyncio.TimerHandle | None = None
+
+    def arm(self, seconds: float, limit: str) -> None:
+        """Set the deadline to ``seconds`` from now, unless an earlier one is set."""
+        at = self._loop.time() + max(0.0, seconds)
+        if self._handle is not None and self._handle.when() <= at:
+            return
+        self.disarm()
+        self._handle = self._loop.call_at(at, self._fire, limit)
+
+    def disarm(self) -> None:
+        """Cancel the deadline: no limit is near, or the next position has arrived."""
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+
+    def _fire(self, limit: str) -> None:
+        self._handle = None
+        self._passed(limit)

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.safety.stop_timing import ahead
+from gateway.mount.safety.allow import ahead
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import sampled
 

@@ -22,9 +22,8 @@ from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.last_readings import Readings
 from gateway.mount.safety.admission.contradictions import check_synced, too_near
 from gateway.mount.safety.admission.slew_paths import LONGEST
-from gateway.mount.safety.allow import leaving
+from gateway.mount.safety.allow import MIN_INTERVAL, leaving
 from gateway.mount.safety.hour_angle import meridian_known, past_by_axes, past_meridian, told_by_axes
-from gateway.mount.safety.stop_timing import MIN_INTERVAL
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift, Sun
 

@@ -35,8 +35,8 @@ from gateway.mount.safety.admission.contradictions import (
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.admission.ways import Journey, check_ways, leaves_limits, paths_of
+from gateway.mount.safety.allow import CheckedPath
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
-from gateway.mount.safety.view import CheckedPath
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 

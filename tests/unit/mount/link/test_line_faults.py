@@ -44,7 +44,7 @@ def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: in
 
 def test_the_proof_sees_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     """With every answer believed at once, garbled positions are delivered, and noticed."""
-    monkeypatch.setattr("gateway.mount.link.verification.ReplyVerifier._replies_needed", lambda *_: 1)
+    monkeypatch.setattr("gateway.mount.link.driver_runner.ReplyVerifier._replies_needed", lambda *_: 1)
     assert trial("nexstar", "cge", 3, 0.5, (Kind.ALTERED,), 120).wrong["position"]
 
 

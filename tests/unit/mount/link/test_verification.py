@@ -9,8 +9,8 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NoDevice
 from gateway.diagnostics.virtual_time import run
+from gateway.mount.link.driver_runner import REMEMBERED
 from gateway.mount.link.transaction import LateReplies
-from gateway.mount.link.verification import REMEMBERED
 from tests.support.in_process_gateway import Bridge
 
 

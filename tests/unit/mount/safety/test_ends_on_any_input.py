@@ -30,14 +30,12 @@ from gateway.mount.safety.admission.by_hand import Start, check_either_way, chec
 from gateway.mount.safety.admission.contradictions import contradictions, likely_mistake, site_text
 from gateway.mount.safety.admission.slew_paths import clear
 from gateway.mount.safety.admission.ways import Journey, check_ways, leaves_limits
-from gateway.mount.safety.allow import allow, farthest, first_stretch
+from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import altitude_of, corrected, corrected_azimuth
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft, past_meridian
-from gateway.mount.safety.positions import StallWatch
-from gateway.mount.safety.stop_timing import StopTiming, ahead
-from gateway.mount.safety.sun_ahead import SunAhead
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
-from gateway.mount.safety.view import View
+from gateway.mount.safety.unattended import SunAhead
+from gateway.mount.safety.watch import StallWatch
 from gateway.mount.site.astrometry import Shift
 from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT, Site, Time
 from tests.support.examples import some as a_few

@@ -10,11 +10,18 @@ from gateway.mount.motion.seen import PositionSample, Seen, begin, first, see
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.motions import needs_alignment
-from gateway.mount.safety.allow import allow, altitude, farthest, first_stretch, meridian, near_sun
-from gateway.mount.safety.hour_angle import PastNow
-from gateway.mount.safety.positions import blind
-from gateway.mount.safety.stop_timing import StopTiming
-from gateway.mount.safety.view import View
+from gateway.mount.safety.allow import (
+    PastNow,
+    StopTiming,
+    View,
+    allow,
+    altitude,
+    farthest,
+    first_stretch,
+    meridian,
+    near_sun,
+)
+from gateway.mount.safety.watch import blind
 from tests.support.each import each
 
 HERE = op.Equatorial(10.0, 20.0)

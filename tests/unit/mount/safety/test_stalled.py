@@ -9,7 +9,7 @@ import pytest
 
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.ends import Sample
-from gateway.mount.safety.positions import StallWatch
+from gateway.mount.safety.watch import StallWatch
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
