@@ -186,7 +186,7 @@ class Gateway:
             self.store.name,
             str(self.mount),
             orders(self.controller, self.store, self.entrance),
-            lambda word, line: self.request_handler.take_line(word, line),
+            self.request_handler.take_line,
             self.config.name or "",
         )
         try:

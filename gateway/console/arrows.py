@@ -60,7 +60,7 @@ class Arrows:
         elif 0 < press <= self._newest:
             return self._controller.spawn(_over())
         else:
-            for other in [one for one in self._held if one.axis == direction.axis]:
+            for other in [arrow for arrow in self._held if arrow.axis == direction.axis]:
                 self.release(other)
             self._newest = max(self._newest, press)
             held = Held(press, new_number(), rate, self._controller.now(), self._ends())
@@ -95,11 +95,11 @@ class Arrows:
 
         If the page is ``lost``, a motion that has not begun is dropped.
         """
-        for one in list(self._held) if direction is None else [direction]:
-            held = self._held.get(one)
+        for released in list(self._held) if direction is None else [direction]:
+            held = self._held.get(released)
             if held is not None and press in (0, held.press):
-                del self._held[one]
-                any(page.take_over(one, held) for page in self._pages)
+                del self._held[released]
+                any(page.take_over(released, held) for page in self._pages)
                 self._let_go(held, lost)
 
     def take_over(self, direction: Direction, released: Held) -> bool:

@@ -14,8 +14,6 @@ from msgspec import Meta, Struct
 
 from gateway.core import requests
 
-_Angle = Annotated[float, Meta(ge=0.0, le=360.0)]
-_Height = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Text = Annotated[str, Meta(max_length=200)]
 Arrow = Literal["north", "south", "east", "west"]
 
@@ -47,17 +45,9 @@ class Pin(Struct, frozen=True, tag="pin"):
 
 
 class LookUp(Struct, frozen=True, tag="look_up"):
-    """Return what is known of an object, and whether the mount may go there."""
+    """Return what is known of an object or a position on the sky, and whether the mount may go there."""
 
-    name: _Text = ""
-
-
-class Ask(Struct, frozen=True, tag="ask"):
-    """Like ``LookUp``, but for a position on the sky."""
-
-    ra: _Angle = 0.0
-    dec: _Height = 0.0
-    j2000: bool = True
+    where: requests.Target
 
 
 class Search(Struct, frozen=True, tag="search"):
@@ -98,7 +88,7 @@ class LetGo(Struct, frozen=True, tag="let_go"):
 
 
 #: What a view-only page may ask for, besides a stop.
-Looks = Beat | Talk | Pin | LookUp | Ask | Search | Explain | LetGo
+Looks = Beat | Talk | Pin | LookUp | Search | Explain | LetGo
 #: What of the common requests a page may ask for.
 Common = (
     requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Home | requests.Track
@@ -106,7 +96,7 @@ Common = (
 )  # fmt: skip
 Wish = Looks | Record | Jog | Common
 #: What a page calls otherwise than ``core/requests.py``.
-_NAMES = {"wake": "unpark"}
+_NAMES = {"wake": "unpark", "ask": "look_up"}
 
 
 class _Head(Struct):
@@ -129,7 +119,7 @@ def read(text: str | bytes, who: str) -> Message:
     fields: dict[str, Any] = msgspec.json.decode(text, type=dict[str, Any])
     head = msgspec.convert(fields, _Head)
     fields |= {"type": _NAMES.get(head.do, head.do), "number": requests.new_number(), "who": who}
-    if head.do in ("goto", "sync"):
+    if head.do in ("goto", "sync", "look_up", "ask"):
         kind = "spot" if fields.get("name") is None else "named"
         fields["where"] = {"j2000": True, **fields, "type": kind}
     return Message(head.id, head.mount, msgspec.convert(fields, Wish))

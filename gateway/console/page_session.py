@@ -13,17 +13,16 @@ from typing import Any, Protocol
 
 import msgspec
 
-from gateway.app.control.requests import of_date
 from gateway.console import messages
 from gateway.console.arrows import Arrows
 from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
-from gateway.console.places import look_up, suggestions, verdict
+from gateway.console.places import look_up, suggestions
 from gateway.console.shown.publisher import Frame, talk
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
-from gateway.core.requests import Answer, Spot, Stop
+from gateway.core.requests import Answer, Stop
 from gateway.core.waiting import BackgroundTasks
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
@@ -133,7 +132,9 @@ class PageSession:
         wish = message.wish
         if isinstance(wish, messages.Beat):
             for number, arrows in enumerate(self._arrows):
-                arrows.keep({(_direction(one.direction), one.press) for one in wish.held if one.mount == number})
+                arrows.keep(
+                    {(_direction(arrow.direction), arrow.press) for arrow in wish.held if arrow.mount == number}
+                )
             return bool(wish.held)
         if len(self._tasks) >= AT_ONCE and not isinstance(wish, Stop | messages.LetGo):
             self._tasks.spawn(self._answer(message.id, False, "too many requests at once; wait a moment"))
@@ -178,7 +179,6 @@ class PageSession:
         if not self._acts and not isinstance(wish, messages.Looks):
             await self._answer(message.id, False, LOOKS_ONLY)
             return
-        controller = gateway.controller
         match wish:
             case messages.Talk():
                 self._listen(wish.on)
@@ -189,10 +189,7 @@ class PageSession:
             case messages.LetGo() | messages.Jog():  # the outcome of a press is answered elsewhere
                 await self._answer(message.id, True, "let go")
             case messages.LookUp():
-                await self._answer(message.id, True, "", await look_up(controller, wish.name))
-            case messages.Ask():
-                goal = await of_date(controller, Spot(wish.ra, wish.dec, wish.j2000))
-                await self._answer(message.id, True, "", await verdict(controller, goal))
+                await self._answer(message.id, True, "", await look_up(gateway.controller, wish.where))
             case messages.Search():
                 await self._answer(message.id, True, "", {"found": await suggestions(wish.text)})
             case messages.Explain():

@@ -16,32 +16,35 @@ from gateway.app.control.requests import of_date
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.console.shown.view import coordinates
 from gateway.core import operations as op
+from gateway.core.requests import Named, Target
 from gateway.mount.controller import MountController
 
 #: How many names are suggested while the user types.
 SUGGESTED = 12
 
 
-async def look_up(controller: MountController, name: str) -> dict[str, Any]:
-    """Return an object's type and coordinates, and whether the mount may go there. Raises UserError, Fault."""
-    found = await asyncio.to_thread(objects.describe, name)
-    goal = await of_date(controller, found.where)
-    return {"name": found.name, "kind": found.kind, "magnitude": found.magnitude, **await verdict(controller, goal)}
+async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
+    """Return the coordinates of a target, when it rises and sets (Unix seconds or None), ``may`` the mount go, ``why``.
+
+    Of an object also its name, kind and magnitude. Raises UserError, Fault.
+    """
+    about: dict[str, Any] = {}
+    if isinstance(where, Named):
+        entry = await asyncio.to_thread(objects.describe, where.name)
+        about, where = {"name": entry.name, "kind": entry.kind, "magnitude": entry.magnitude}, entry.where
+    goal = await of_date(controller, where)
+    fault = await controller.preview(goal)
+    why = "" if fault is None else explain(fault, controller.policy.limits)
+    rises, sets = _rises_and_sets(controller, goal)
+    return {
+        **about, **coordinates(controller, goal), "rises": rises, "sets": sets, "may": fault is None, "why": why
+    }  # fmt: skip
 
 
 async def suggestions(text: str) -> list[dict[str, str]]:
     """Return objects whose names begin with the text typed so far."""
-    found = await asyncio.to_thread(objects.completions, text, SUGGESTED) if text.strip() else []
-    return [{"name": name} for name in found]
-
-
-async def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
-    """Return the coordinates of a position of date, when it rises and sets (Unix seconds or None), ``may``, ``why``."""
-    told = coordinates(controller, goal)
-    fault = await controller.preview(goal)
-    why = "" if fault is None else explain(fault, controller.policy.limits)
-    rises, sets = _rises_and_sets(controller, goal)
-    return {**told, "rises": rises, "sets": sets, "may": fault is None, "why": why}
+    names = await asyncio.to_thread(objects.completions, text, SUGGESTED) if text.strip() else []
+    return [{"name": name} for name in names]
 
 
 def _rises_and_sets(controller: MountController, goal: op.Equatorial) -> tuple[float | None, float | None]:

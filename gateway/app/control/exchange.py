@@ -56,20 +56,21 @@ class ControlEndpoint(Struct, frozen=True):
 
 def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
     """Return the endpoint files in a folder, with ``owner`` only those of that user. Raises OSError."""
-    found = []
+    endpoints = []
     for name in sorted(os.listdir(folder)):
         if name.endswith(ENDING):
             with contextlib.suppress(OSError, ValueError, RecursionError):  # msgspec's errors are ValueErrors
-                found.append((folder / name, msgspec.json.decode(_content(folder / name, owner), type=ControlEndpoint)))
-    return found
+                content = _content(folder / name, owner)
+                endpoints.append((folder / name, msgspec.json.decode(content, type=ControlEndpoint)))
+    return endpoints
 
 
 def _content(path: Path, owner: int | None) -> bytes:
     """Read a regular file. Raises OSError for anything else, or for a file of another user than ``owner``."""
     number = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     with open(number, "rb") as file:
-        seen = os.fstat(number)
-        if not stat.S_ISREG(seen.st_mode) or (owner is not None and seen.st_uid != owner):
+        status = os.fstat(number)
+        if not stat.S_ISREG(status.st_mode) or (owner is not None and status.st_uid != owner):
             raise OSError("no file of this user's")
         return file.read(LONGEST)
 
@@ -94,21 +95,21 @@ def remove_stale(folder: Path) -> None:
 
 def seal(secret: str, number: str, text: str) -> bytes:
     """Return a datagram with its seal."""
-    told = f"{number} {text}"
-    return f"{_seal(secret, told)} {told}".encode()
+    sealed = f"{number} {text}"
+    return f"{_seal(secret, sealed)} {sealed}".encode()
 
 
 def unseal(secret: str, data: bytes) -> tuple[str, str] | None:
     """Return the number and the text of a datagram; None if it was not sealed with this secret."""
-    given, _, told = data.decode("utf-8", "replace").partition(" ")
-    if len(data) > LARGEST or not hmac.compare_digest(given.encode(), _seal(secret, told).encode()):
+    given, _, sealed = data.decode("utf-8", "replace").partition(" ")
+    if len(data) > LARGEST or not hmac.compare_digest(given.encode(), _seal(secret, sealed).encode()):
         return None
-    number, _, text = told.partition(" ")
+    number, _, text = sealed.partition(" ")
     return number, text
 
 
-def _seal(secret: str, told: str) -> str:
-    return hmac.digest(secret.encode(), told.encode(), "sha256").hex()
+def _seal(secret: str, sealed: str) -> str:
+    return hmac.digest(secret.encode(), sealed.encode(), "sha256").hex()
 
 
 def parts(text: str) -> list[str]:

@@ -15,17 +15,8 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from gateway.app.control.exchange import (
-    REQUEST,
-    REQUEST_2,
-    UNKNOWN,
-    ControlEndpoint,
-    Parts,
-    is_listening,
-    read_endpoints,
-    seal,
-    unseal,
-)
+from gateway.app.control import exchange
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.state.file import MarkerContent, read_marker
 from gateway.app.status import State
 from gateway.core.requests import FAILED, Answer, Halt, Request, See, encode, new_number, read_answer
@@ -76,10 +67,10 @@ def reachable(process: processes.Process) -> bool:
 
 def search(scope: Scope) -> SearchResult:
     """Search the folders of the scope; this sends nothing to any gateway."""
-    seen, doubts = _all_endpoints(scope.folder)
+    endpoints, doubts = _all_endpoints(scope.folder)
     here = os.path.realpath(scope.folder)
     gateways: dict[tuple[int, int], tuple[Path, ControlEndpoint]] = {}
-    for path, endpoint in seen:
+    for path, endpoint in endpoints:
         if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == here:
             gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
     markers = [mark for mark in map(read_marker, sorted(scope.folder.glob("*.moving"))) if mark is not None]
@@ -88,10 +79,10 @@ def search(scope: Scope) -> SearchResult:
 
 def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:
     """Return the control endpoints of every gateway that this user may ask, and what could not be searched."""
-    found: list[tuple[Path, ControlEndpoint]] = []
+    endpoints: list[tuple[Path, ControlEndpoint]] = []
     doubts = []
     try:
-        found += read_endpoints(folder)
+        endpoints += exchange.read_endpoints(folder)
     except FileNotFoundError:
         pass
     except OSError as error:
@@ -100,15 +91,15 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
             "cannot be seen; stop as the user that the gateway runs as"
         )
     for own in folders()[0]:
-        found += _readable(own, user())
+        endpoints += _readable(own, user())
     for other, owner in folders_of_others():
-        found += _readable(other, owner)
-    return found, doubts
+        endpoints += _readable(other, owner)
+    return endpoints, doubts
 
 
 def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEndpoint]]:
     try:
-        return read_endpoints(folder, owner)
+        return exchange.read_endpoints(folder, owner)
     except OSError:
         return []
 
@@ -143,16 +134,16 @@ class _Asking(asyncio.DatagramProtocol):
     """One request. ``done`` is the answer or the system's error; ``heard``: any datagram of the gateway came."""
 
     def __init__(self, secret: str, number: str) -> None:
-        self._secret, self._number, self._parts = secret, number, Parts()
+        self._secret, self._number, self._parts = secret, number, exchange.Parts()
         self.heard = False
         self.done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
     def datagram_received(self, data: bytes, addr: object) -> None:
         """Take a part of the answer; ignore a datagram that does not belong to this request."""
-        found = unseal(self._secret, data)
-        if found is not None and found[0] == self._number:
+        opened = exchange.unseal(self._secret, data)
+        if opened is not None and opened[0] == self._number:
             self.heard = True
-            answer = self._parts.add(found[1])
+            answer = self._parts.add(opened[1])
             if answer is not None and not self.done.done():
                 self.done.set_result(answer)
 
@@ -185,7 +176,7 @@ async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | Non
             while not asking.done.done():
                 if not asking.heard and loop.time() > silence:
                     raise TimeoutError
-                transport.sendto(seal(endpoint.secret, number, f"ask {word}"))
+                transport.sendto(exchange.seal(endpoint.secret, number, f"ask {word}"))
                 await asyncio.wait({asking.done}, timeout=AGAIN)
         return asking.done.result()
     except ConnectionError:
@@ -198,22 +189,22 @@ async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | Non
 
 def running(only: str | None, state: str | None) -> list[ControlEndpoint]:
     """Return the gateways that run here and can be asked, of one mount or all, of a state folder or all."""
-    found = search(scope_of(state)).gateways
-    return [endpoint for _, endpoint in found if is_listening(endpoint) and endpoint.called(only)]
+    gateways = search(scope_of(state)).gateways
+    return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(only)]
 
 
 async def request(endpoint: ControlEndpoint, wish: Request, seconds: float = ANSWERED) -> Answer:
     """Send a request and return the answer; if there is none, it failed with ``NoAnswer``."""
     line = encode(wish)
-    plain = str(wish.__struct_config__.tag) if isinstance(wish, Halt) else f"{REQUEST} {line}"
-    for words in (plain,) if isinstance(wish, See) else (f"{REQUEST_2} {line}", plain):
-        text = await ask(endpoint, words, seconds)
-        if text is None or not text.startswith(UNKNOWN):
+    plain = str(wish.__struct_config__.tag) if isinstance(wish, Halt) else f"{exchange.REQUEST} {line}"
+    for form in (plain,) if isinstance(wish, See) else (f"{exchange.REQUEST_2} {line}", plain):
+        text = await ask(endpoint, form, seconds)
+        if text is None or not text.startswith(exchange.UNKNOWN):
             answer = read_answer(text or f"{FAILED} the gateway has ended")
-            unnamed = answer.outcome == FAILED and not answer.fault and words != plain
+            unnamed = answer.outcome == FAILED and not answer.fault and form != plain
             return answer._replace(fault="NoAnswer") if unnamed else answer
-    words = "this gateway is of an older version, and takes no requests from the command line; restart it"
-    return Answer(FAILED, words)
+    why = "this gateway is of an older version, and takes no requests from the command line; restart it"
+    return Answer(FAILED, why)
 
 
 async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWERED) -> State | Answer:

@@ -83,11 +83,11 @@ class RequestHandler:
 
     def state(self) -> State:
         """Return what is known of the mount, without asking it."""
-        told = tuple(served(self._gateway))
-        surfaces = [f"{one.name} {one.at}" for one in told]
+        ports = tuple(served(self._gateway))
+        surfaces = [f"{port.name} {port.at}" for port in ports]
         state = self._gateway.state().drawn(surfaces)
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
-        return replace(state, served=told, folder=folder)
+        return replace(state, served=ports, folder=folder)
 
     async def take_line(self, word: str, line: str) -> str:
         """Carry out a request that the control endpoint got after a ``word``, and return the answer as that asks."""
@@ -104,8 +104,8 @@ class RequestHandler:
         """Let a request enter and carry it out. A name becomes a position before: what is recorded is decided."""
         if isinstance(request, requests.Halt):
             assert self._gateway.store is not None
-            words = orders(self._controller, self._gateway.store, self._entrance)
-            answer = await words[str(request.__struct_config__.tag)]()
+            by_word = orders(self._controller, self._gateway.store, self._entrance)
+            answer = await by_word[str(request.__struct_config__.tag)]()
             return requests.read_answer(IN_WORDS.get(answer, answer))
         if isinstance(request, requests.Goto | requests.Sync) and isinstance(request.where, requests.Named):
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
@@ -114,7 +114,7 @@ class RequestHandler:
                 request = replace(request, where=await asyncio.to_thread(objects.find, request.where.name))
             except UserError as error:
                 return Answer(FAILED, str(error))
-        return await self._entrance.handle_request(request, self.carry_out)
+        return await self._entrance.carry_out("c", lambda: self.carry_out(request), request)
 
     async def carry_out(self, request: requests.Request) -> Answer:
         """Carry out a request that has entered, and is recorded if anything is."""
@@ -141,7 +141,7 @@ class RequestHandler:
         if active is None:
             active = self._active[number] = ActiveRequest(presence.connected(who), self._controller.stops)
             if len(self._active) > REMEMBERED:
-                oldest = next((one for one, known in self._active.items() if not self._holds(known)), number)
+                oldest = next((begun for begun, known in self._active.items() if not self._holds(known)), number)
                 presence.disconnected(self._active.pop(oldest).activity)
         return active
 
@@ -267,21 +267,21 @@ class RequestHandler:
         if active is None:
             return Answer(FAILED, "the gateway does not know this request: it may have been restarted meanwhile")
         await self._refresh()
-        seen = self._gateway.state().look
+        look = self._gateway.state().look
         follows = active.is_park and any(
             order.follow_up for order in controller.wanted.value.pending
         )  # after parking, its tracking is still to be turned off
         if self._in_motion(active) or follows:
-            return Answer(UNDER_WAY, format_position(seen.position) if seen.position else "")
+            return Answer(UNDER_WAY, format_position(look.position) if look.position else "")
         if controller.wanted.value.short:
             return Answer(FAILED, controller.wanted.value.short, "Stopped")
         if controller.stops != active.stops:
             return Answer(FAILED, "it was stopped on the way", "Stopped")
-        if active.goal is not None and seen.position is not None and (words := missed(active.goal, seen.position)):
-            return Answer(FAILED, f"{words}, or another goto came", "Stopped")
+        if active.goal is not None and look.position is not None and (short := missed(active.goal, look.position)):
+            return Answer(FAILED, f"{short}, or another goto came", "Stopped")
         if active.is_park:
             return Answer(DONE, "it is parked")
-        return Answer(DONE, f"it is there{': ' + format_position(seen.position) if seen.position else ''}")
+        return Answer(DONE, f"it is there{': ' + format_position(look.position) if look.position else ''}")
 
     async def _cancel(self, number: str) -> Answer:
         controller, active = self._controller, self._remember(number, "mount-gateway stop")

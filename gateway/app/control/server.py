@@ -16,18 +16,8 @@ from typing import Any, cast
 
 import msgspec
 
-from gateway.app.control.exchange import (
-    ENDING,
-    REQUEST,
-    REQUEST_2,
-    UNKNOWN,
-    WAIT,
-    ControlEndpoint,
-    parts,
-    remove_stale,
-    seal,
-    unseal,
-)
+from gateway.app.control import exchange
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.core.errors import Fault
 from gateway.system.files import replace_file
 from gateway.system.runtime_folders import protect_from_cleanup
@@ -42,7 +32,7 @@ Requests = dict[str, asyncio.Task[str]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """Serves requests: ``orders`` by their words, and ``handle_request`` with the two parts of a request ``wish LINE``.
+    """Serves requests: ``orders`` by their words, and ``handle_request`` with both parts of ``wish LINE``.
 
     Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's own name, or empty.
     """
@@ -56,7 +46,7 @@ class Control(asyncio.DatagramProtocol):
         handle_request: Callable[[str, str], Awaitable[str]] | None = None,
         called: str = "",
     ) -> None:
-        self.paths = [folder / f"{name}.{os.getpid()}{ENDING}" for folder in folders]
+        self.paths = [folder / f"{name}.{os.getpid()}{exchange.ENDING}" for folder in folders]
         self._state = str(folders[0].absolute())
         self._mount, self._orders, self._handle_request, self._called = mount, orders, handle_request, called
         self._secret = secrets.token_hex(16)
@@ -68,7 +58,7 @@ class Control(asyncio.DatagramProtocol):
         """Open a port and write endpoint files. Raises OSError if no port is free, or no file can be written."""
         for path in self.paths:
             with contextlib.suppress(OSError):
-                remove_stale(path.parent)
+                exchange.remove_stale(path.parent)
         loop = asyncio.get_running_loop()
         transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", 0))
         self._transport = transport
@@ -90,19 +80,19 @@ class Control(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: object) -> None:
         """Begin or continue a request; ignore any other datagram."""
-        found = unseal(self._secret, data)
-        if found is None or not found[1].startswith("ask "):
+        opened = exchange.unseal(self._secret, data)
+        if opened is None or not opened[1].startswith("ask "):
             return
-        number, word = found[0], found[1].removeprefix("ask ")
+        number, word = opened[0], opened[1].removeprefix("ask ")
         task = self._requests.get(number)
         if task is None:
             if len(self._requests) >= REMEMBERED and not self._forget():
                 return
             task = self._requests[number] = asyncio.get_running_loop().create_task(self._carry_out(word))
         elif not task.done():
-            self._send(number, WAIT, addr)
+            self._send(number, exchange.WAIT, addr)
             return
-        self._send(number, WAIT, addr)
+        self._send(number, exchange.WAIT, addr)
         task.add_done_callback(lambda done: self._answer(number, "" if done.cancelled() else done.result(), addr))
 
     def error_received(self, exc: Exception) -> None:
@@ -120,10 +110,10 @@ class Control(asyncio.DatagramProtocol):
         order = self._orders.get(word)
         first, _, line = word.partition(" ")
         try:
-            if first in (REQUEST, REQUEST_2) and self._handle_request is not None:
+            if first in (exchange.REQUEST, exchange.REQUEST_2) and self._handle_request is not None:
                 return await self._handle_request(first, line)
             if order is None:
-                return f"{UNKNOWN} {word!r}; it may be of another version"
+                return f"{exchange.UNKNOWN} {word!r}; it may be of another version"
             return await order()
         except asyncio.CancelledError:
             return ENDING_WORDS
@@ -133,12 +123,12 @@ class Control(asyncio.DatagramProtocol):
             return f"failed internal error, please report it: {error!r}"
 
     def _answer(self, number: str, answer: str, addr: object) -> None:
-        for part in parts(answer):
+        for part in exchange.parts(answer):
             self._send(number, part, addr)
 
     def _send(self, number: str, text: str, addr: Any) -> None:
         if self._transport is not None and not self._transport.is_closing():
-            self._transport.sendto(seal(self._secret, number, text), addr)
+            self._transport.sendto(exchange.seal(self._secret, number, text), addr)
 
     async def close(self) -> None:
         """Delete the endpoint files, answer the callers that still wait, and close the port."""

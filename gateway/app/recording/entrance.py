@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Protocol, TypeVar
 
-from gateway.core.requests import Answer, Request
+from gateway.core.requests import Request
 from gateway.mount.motion.order_runner import Announce
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Accept, Connected
@@ -19,7 +19,6 @@ from gateway.transport.wires import Transport
 _T = TypeVar("_T")
 #: Work that a request asks for, begun when the request enters.
 Work = Callable[[], Coroutine[object, object, _T]]
-CarryOut = Callable[[Request], Coroutine[object, object, Answer]]
 
 
 class Admitting(Protocol):
@@ -52,10 +51,9 @@ class Entrance:
         """Act on an outside event; ``arrow`` is its letter in a recording."""
         act()
 
-    async def carry_out(self, arrow: str, work: Work[_T]) -> _T:
-        """Carry out a request; ``arrow`` is its letter in a recording. Raises what the work raises."""
-        return await work()
+    async def carry_out(self, arrow: str, work: Work[_T], request: Request | None = None) -> _T:
+        """Carry out what was asked; ``arrow`` is its letter in a recording, which also holds a ``request``.
 
-    async def handle_request(self, request: Request, carry_out: CarryOut) -> Answer:
-        """Carry out a request from a door of the gateway, and return the answer."""
-        return await carry_out(request)
+        Raises what the work raises.
+        """
+        return await work()

@@ -17,12 +17,12 @@ import msgspec
 from msgspec.structs import replace
 
 from gateway.app.gateway import Gateway
-from gateway.app.recording.entrance import Admitting, CarryOut, Entrance, Work
+from gateway.app.recording.entrance import Admitting, Entrance, Work
 from gateway.app.recording.format import escape
 from gateway.app.recording.recorder import LONGEST, Recorder
 from gateway.app.recording.turns import BASE, TurnLoop
 from gateway.core.about import RULES, commit, version
-from gateway.core.requests import Answer, Request, encode
+from gateway.core.requests import Request, encode
 from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
 from gateway.mount.motion.order_runner import Announce
@@ -86,13 +86,8 @@ class RecordedEntrance(Entrance):
 
         self._loop.enter(go)
 
-    async def carry_out(self, arrow: str, work: Work[_T]) -> _T:
-        return await result_of(await self._task(arrow, work))  # a caller that gives up waiting does not cancel a stop
-
-    async def handle_request(self, request: Request, carry_out: CarryOut) -> Answer:
-        return await asyncio.shield(await self._task("c", lambda: carry_out(request), encode(request)))
-
-    async def _task(self, arrow: str, work: Work[_T], text: str = "") -> asyncio.Task[_T]:
+    async def carry_out(self, arrow: str, work: Work[_T], request: Request | None = None) -> _T:
+        text = "" if request is None else encode(request)
         begun: asyncio.Future[asyncio.Task[_T]] = self._loop.create_future()
 
         def go() -> None:
@@ -104,7 +99,7 @@ class RecordedEntrance(Entrance):
                 begun.set_result(task)
 
         self._loop.enter(go)
-        return await begun
+        return await result_of(await begun)  # a caller that gives up waiting does not cancel a stop
 
     async def wait_outside(self, work: Awaitable[None]) -> None:
         """Wait for something outside, and continue at the beginning of a turn. Raises OSError if it failed."""

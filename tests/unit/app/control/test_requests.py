@@ -11,7 +11,7 @@ import pytest
 
 from gateway.app.control.requests import RequestHandler
 from gateway.app.mount_state import mount_state
-from gateway.app.recording.entrance import CarryOut, Entrance
+from gateway.app.recording.entrance import Entrance, Work
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
@@ -93,9 +93,10 @@ def test_a_name_is_a_position_before_it_is_recorded(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(asyncio, "to_thread", at_once)
 
     class Recorded(Entrance):
-        async def handle_request(self, request: requests.Request, carry_out: CarryOut) -> requests.Answer:
+        async def carry_out(self, arrow: str, work: Work[Any], request: requests.Request | None = None) -> Any:
+            assert arrow == "c" and request is not None
             entered.append(request)
-            return await carry_out(request)
+            return await work()
 
     async def program() -> None:
         async with Bridge() as bridge:
