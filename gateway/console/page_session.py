@@ -18,7 +18,7 @@ from gateway.console.arrows import Arrows
 from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, suggestions
-from gateway.console.shown.publisher import Frame, talk
+from gateway.console.shown.publisher import PageFrame, talk
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
@@ -85,7 +85,7 @@ class PageSession:
             guard.cancel()
             self._tasks.cancel()
 
-    async def _show(self, frame: Frame) -> None:
+    async def _show(self, frame: PageFrame) -> None:
         """Send the changes, or the whole state if the page has not got the frame before; then the conversation."""
         follows, self._seen = frame.number == self._seen + 1, frame.number
         if text := frame.changes if follows else frame.whole:

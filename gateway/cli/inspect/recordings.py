@@ -88,7 +88,7 @@ def add_replay(commands: Commands) -> None:
 def _replay(arguments: argparse.Namespace) -> int:
     from gateway.app.recording.format import read
     from gateway.diagnostics.replay.replaying import replay, replay_on_simulator
-    from gateway.diagnostics.replay.told import in_words
+    from gateway.diagnostics.replay.replies import in_words
 
     recording = read(arguments.file)
     if arguments.sim:

@@ -32,7 +32,7 @@ Times = Mapping[str, Sequence[Sample]]
 NONE: Times = {}
 
 
-class Frame:
+class PageFrame:
     """The messages that all pages are sent at one moment. ``number`` counts frames.
 
     A page that has the frame ``before`` gets the ``changes``; a new one, or one that was behind, gets the ``whole``,
@@ -42,7 +42,7 @@ class Frame:
 
     def __init__(
         self,
-        before: Frame | None = None,
+        before: PageFrame | None = None,
         mounts: Sequence[State] = (),
         recordings: Sequence[Any] = (),
         times: Times = NONE,
@@ -54,7 +54,7 @@ class Frame:
         self._mounts, self._recordings, self._times, self.rows, self.row = mounts, recordings, times, rows, row
         self.changes = "" if before is None or not before._mounts else self._since(before, new)
 
-    def _since(self, before: Frame, new: Times) -> str:
+    def _since(self, before: PageFrame, new: Times) -> str:
         """Return the differences and the new answer times as a message; empty if nothing has changed."""
         mounts = {
             str(index): changed
@@ -100,10 +100,10 @@ class Publisher:
         self._recordings = recordings
         self._loop = asyncio.get_running_loop()
         #: The newest frame; its number is 0 if there is none yet.
-        self.frame = Frame()
+        self.frame = PageFrame()
         self._pages = self._listening = 0
         #: What the pages that have the newest frame wait for.
-        self._waiting: list[asyncio.Future[Frame]] = []
+        self._waiting: list[asyncio.Future[PageFrame]] = []
         self._task: asyncio.Task[None] | None = None
         self._rows: deque[Any] = deque(maxlen=MOST)
         #: How many rows of the conversation there have been.
@@ -127,11 +127,11 @@ class Publisher:
             self._forget()
 
     def _forget(self) -> None:
-        self.frame = Frame()
+        self.frame = PageFrame()
         for mount in self.mounts:
             mount.stop()
 
-    async def next(self, seen: int) -> Frame:
+    async def next(self, seen: int) -> PageFrame:
         """Return the newest frame as soon as its number is not ``seen``. Raises ConnectionError after the end."""
         if self.frame.number and self.frame.number != seen:
             return self.frame
@@ -162,7 +162,7 @@ class Publisher:
                 await let_others_run()
             await asyncio.sleep(max(began + EVERY - self._loop.time(), PAUSE))
 
-    async def _next(self) -> Frame:
+    async def _next(self) -> PageFrame:
         states = [await mount.state() for mount in self.mounts]
         first = self.count
         if self._listening:
@@ -170,7 +170,7 @@ class Publisher:
         new = {str(index): mount.answer_times.take() for index, mount in enumerate(self.mounts)}
         kept = {str(index): list(mount.answer_times.samples) for index, mount in enumerate(self.mounts)}
         await let_others_run()
-        return Frame(self.frame, states, self._recordings(), kept, new, self.since(first), first)
+        return PageFrame(self.frame, states, self._recordings(), kept, new, self.since(first), first)
 
     async def _take_rows(self) -> None:
         """Make the rows of the conversation since the last frame, at most as many as are stored."""

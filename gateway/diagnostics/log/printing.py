@@ -32,7 +32,7 @@ UNASKED = b""
 HOSTS = 64
 
 
-class Told(Struct, frozen=True):
+class LogLine(Struct, frozen=True):
     """A line that may be shown, with its host and its description; ``asked`` is the command that a reply answers."""
 
     row: Row
@@ -75,49 +75,49 @@ class Folding:
         self._parties: dict[str, _Party] = {}
         self._gone: dict[str, _Party] = {}
 
-    def take(self, told: Told) -> list[Row]:
+    def take(self, line: LogLine) -> list[Row]:
         """Process the next line and return the rows to show now."""
-        match told.row.arrow:
+        match line.row.arrow:
             case "+":
-                return self._come(told)
+                return self._come(line)
             case "~":
-                return self._turned_out(told)
+                return self._turned_out(line)
             case "-":
-                return self._go(told)
+                return self._go(line)
             case ">":
-                return self._request(told)
+                return self._request(line)
             case "<":
-                return self._reply(told)
-        return self._shown(self._party(told), told)
+                return self._reply(line)
+        return self._shown(self._party(line), line)
 
-    def _party(self, told: Told) -> _Party:
-        return self._parties.setdefault(told.row.side, _Party())
+    def _party(self, line: LogLine) -> _Party:
+        return self._parties.setdefault(line.row.side, _Party())
 
     # --- connections --------------------------------------------------------------------------------------------------
 
-    def _come(self, told: Told) -> list[Row]:
-        party = self._gone.pop(told.host, None)
-        here = any(side.rpartition(":")[0] == told.host for side in self._parties)
-        if party is None or here or told.row.time - party.left > BACK:
+    def _come(self, line: LogLine) -> list[Row]:
+        party = self._gone.pop(line.host, None)
+        here = any(side.rpartition(":")[0] == line.host for side in self._parties)
+        if party is None or here or line.row.time - party.left > BACK:
             party = _Party()
-        self._parties[told.row.side] = party
+        self._parties[line.row.side] = party
         if not party.runs and self._kept != "refusals":
-            return [told.row]
-        party.held = [told.row]
+            return [line.row]
+        party.held = [line.row]
         return []
 
-    def _turned_out(self, told: Told) -> list[Row]:
+    def _turned_out(self, line: LogLine) -> list[Row]:
         """The protocol of a connection was recognised; it is shown together with the connection."""
-        party = self._party(told)
+        party = self._party(line)
         if not party.held and self._kept != "refusals":
-            return self._shown(party, told)
-        party.held.append(told.row)
+            return self._shown(party, line)
+        party.held.append(line.row)
         return []
 
-    def _go(self, told: Told) -> list[Row]:
-        party = self._parties.pop(told.row.side, None) or _Party()
-        party.left = told.row.time
-        self._gone[told.host] = party
+    def _go(self, line: LogLine) -> list[Row]:
+        party = self._parties.pop(line.row.side, None) or _Party()
+        party.left = line.row.time
+        self._gone[line.host] = party
         if len(self._gone) > HOSTS:
             del self._gone[next(iter(self._gone))]
         silent = bool(party.held) and party.held[0].arrow == "+"
@@ -125,58 +125,58 @@ class Folding:
         if silent and not rows:
             party.held.clear()
             return []
-        return [*rows, *self._counted(party, told.row), told.row] if self._kept != "refusals" else rows
+        return [*rows, *self._counted(party, line.row), line.row] if self._kept != "refusals" else rows
 
     # --- commands and replies -----------------------------------------------------------------------------------------
 
-    def _request(self, told: Told) -> list[Row]:
-        party = self._party(told)
+    def _request(self, line: LogLine) -> list[Row]:
+        party = self._party(line)
         rows = self._unanswered(party)
-        if told.heard.fails:
-            return [*rows, *self._shown(party, told)]
-        if not told.heard.asks:
+        if line.heard.fails:
+            return [*rows, *self._shown(party, line)]
+        if not line.heard.asks:
             if self._kept == "refusals":
-                party.held.append(told.row)
+                party.held.append(line.row)
                 return rows
-            return [*rows, *self._shown(party, told)]
-        if told.row.data in party.runs or self._kept in ("changes", "refusals"):
-            party.held.append(told.row)
+            return [*rows, *self._shown(party, line)]
+        if line.row.data in party.runs or self._kept in ("changes", "refusals"):
+            party.held.append(line.row)
             return rows
-        party.runs[told.row.data] = _Run(told.row.time)
-        return [*rows, *self._held(party), told.row]
+        party.runs[line.row.data] = _Run(line.row.time)
+        return [*rows, *self._held(party), line.row]
 
-    def _reply(self, told: Told) -> list[Row]:
-        party = self._party(told)
-        if told.heard.fails:
-            return self._shown(party, told)
-        if self._kept == "refusals" or (told.heard.asks and self._kept == "changes"):
+    def _reply(self, line: LogLine) -> list[Row]:
+        party = self._party(line)
+        if line.heard.fails:
+            return self._shown(party, line)
+        if self._kept == "refusals" or (line.heard.asks and self._kept == "changes"):
             party.held = [row for row in party.held if row.arrow in COMING]
             return []
-        if told.heard.pushed:
-            return self._unasked(party, told)
-        run = party.runs.get(told.asked) if told.heard.asks else None
+        if line.heard.pushed:
+            return self._unasked(party, line)
+        run = party.runs.get(line.asked) if line.heard.asks else None
         if run is None:
-            return self._shown(party, told)
+            return self._shown(party, line)
         asked = next((row for row in party.held if row.arrow == ">"), None)
-        new, run.values = run.values != told.heard.values, told.heard.values
+        new, run.values = run.values != line.heard.values, line.heard.values
         if asked is None or new:
-            counted = self._count(told.asked, run, asked) if asked is not None else []
-            run.since = told.row.time
-            return [*counted, *self._held(party), told.row]
+            counted = self._count(line.asked, run, asked) if asked is not None else []
+            run.since = line.row.time
+            return [*counted, *self._held(party), line.row]
         party.held.remove(asked)
-        run.count, run.last = run.count + 1, told.row.words
-        return self._count(told.asked, run, told.row) if told.row.time - run.since >= EVERY else []
+        run.count, run.last = run.count + 1, line.row.words
+        return self._count(line.asked, run, line.row) if line.row.time - run.since >= EVERY else []
 
-    def _unasked(self, party: _Party, told: Told) -> list[Row]:
+    def _unasked(self, party: _Party, line: LogLine) -> list[Row]:
         """Show a pushed message once, then count it."""
         run = party.runs.get(UNASKED)
-        if run is None or run.values != told.heard.values:
-            counted = [] if run is None else self._count(UNASKED, run, told.row)
-            run = party.runs[UNASKED] = _Run(told.row.time)
-            run.values = told.heard.values
-            return [*counted, *self._held(party), told.row]
-        run.count, run.last = run.count + 1, told.row.words
-        return self._count(UNASKED, run, told.row) if told.row.time - run.since >= EVERY else []
+        if run is None or run.values != line.heard.values:
+            counted = [] if run is None else self._count(UNASKED, run, line.row)
+            run = party.runs[UNASKED] = _Run(line.row.time)
+            run.values = line.heard.values
+            return [*counted, *self._held(party), line.row]
+        run.count, run.last = run.count + 1, line.row.words
+        return self._count(UNASKED, run, line.row) if line.row.time - run.since >= EVERY else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """Show a request that was held back and is still unanswered when the next one arrives."""
@@ -187,9 +187,9 @@ class Folding:
             return []
         return self._held(party)
 
-    def _shown(self, party: _Party, told: Told) -> list[Row]:
+    def _shown(self, party: _Party, line: LogLine) -> list[Row]:
         """Show a line that is not a query, together with the lines that led to it, and end the folding."""
-        rows = [*self._counted(party, told.row), *self._held(party), told.row]
+        rows = [*self._counted(party, line.row), *self._held(party), line.row]
         party.runs.clear()
         return rows
 
@@ -199,7 +199,7 @@ class Folding:
 
     def _counted(self, party: _Party, by: Row) -> list[Row]:
         """Return one line, at the end of a fold, with all counts that were not shown yet."""
-        counts = {show(asked) or "told unasked": run.count for asked, run in party.runs.items() if run.count}
+        counts = {show(asked) or "line unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
             run.count, run.since = 0, by.time
         if not counts:
@@ -260,7 +260,7 @@ class Rows:
         elif entry.arrow == "-":
             self._sides.pop(entry.side, None)
             self._asked.pop(entry.side, None)
-        return self._folding.take(Told(row, host, heard, asked))
+        return self._folding.take(LogLine(row, host, heard, asked))
 
     def _surface(self, entry: Entry) -> str:
         """Return the surface to which a client has connected; the entry contains its number. Empty if it is unknown."""

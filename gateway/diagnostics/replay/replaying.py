@@ -26,9 +26,9 @@ from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
 from gateway.diagnostics.log.layout import plain
 from gateway.diagnostics.log.printing import Rows
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLoop, RecordedQueue, RecordedWire
+from gateway.diagnostics.replay.replies import Difference, ReplayedConnection
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import AFTERWARDS, Retracing, exchanges
-from gateway.diagnostics.replay.told import Difference, Told
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.protocols.base.reply_rules import ReplyRules
@@ -216,13 +216,13 @@ class _Clients:
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
-        self._here: dict[str, Told] = {}
-        self.all: list[Told] = []
+        self._here: dict[str, ReplayedConnection] = {}
+        self.all: list[ReplayedConnection] = []
 
     def play(self, event: Event) -> None:
         """Replay an event of a client."""
         if event.arrow == "+":
-            talk = self._here[event.side] = Told(event.side)
+            talk = self._here[event.side] = ReplayedConnection(event.side)
             talk.come(self._gateway, event)
             self.all.append(talk)
         elif event.arrow in (">", "e", "-") and event.side in self._here:
@@ -232,7 +232,7 @@ class _Clients:
 
     def compare(self, events: list[Event]) -> list[Difference]:
         """Compare what every client received then and now; return one difference for each that differs."""
-        then: dict[str, Told] = {}
+        then: dict[str, ReplayedConnection] = {}
         talks = iter(self.all)
         for event in events:
             if event.side == MOUNT:

@@ -17,8 +17,8 @@ from gateway.app.recording.format import Event, Recording
 from gateway.app.recording.turns import BASE
 from gateway.core.requests import decode
 from gateway.core.wire_log import MOUNT, SKY_READY
+from gateway.diagnostics.replay.replies import Difference, ReplayedConnection, surface_and_host
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
-from gateway.diagnostics.replay.told import Difference, Told, surface_and_host
 from gateway.mount.link.line import MountLink
 
 #: How long the gateway may take to end after the last event, seconds.
@@ -39,12 +39,12 @@ class Retracing:
         self.wire = RetracedWire(self.entrance, lambda: loop.elapsed)
         self.clients = self.replies = 0
         self.differences: list[Difference] = []
-        self._here: dict[str, Told] = {}
+        self._here: dict[str, ReplayedConnection] = {}
         #: The connections as far as the recording has been read, which is ahead of what has been replayed.
-        self._there: dict[str, Told] = {}
-        self._coming: deque[Told] = deque()
-        self._touched: list[Told] = []
-        self._left: list[Told] = []
+        self._there: dict[str, ReplayedConnection] = {}
+        self._coming: deque[ReplayedConnection] = deque()
+        self._touched: list[ReplayedConnection] = []
+        self._left: list[ReplayedConnection] = []
         self._tasks: list[asyncio.Task[object]] = []
         self._host = float("nan")
         #: Whether the recording includes the end of the gateway.
@@ -92,7 +92,7 @@ class Retracing:
             elif event.side == MOUNT:
                 self.wire.then(event)
             elif event.arrow == "+":
-                self._there[event.side] = Told(event.side)
+                self._there[event.side] = ReplayedConnection(event.side)
                 self._coming.append(self._there[event.side])
             elif event.arrow == "-":
                 self._there.pop(event.side, None)  # later replies to it were not delivered
@@ -111,7 +111,7 @@ class Retracing:
             self._settle(talk)
         self._left.clear()
 
-    def _settle(self, talk: Told) -> None:
+    def _settle(self, talk: ReplayedConnection) -> None:
         if talk.difference is not None and len(self.differences) < TOLD:
             self.differences.append(talk.difference)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.svg import TOP, Frame, path, picture, tag
+from gateway.diagnostics.report.svg import TOP, PlotFrame, path, picture, tag
 
 #: The number of intervals of the night, and of bars of the histogram.
 PARTS, BARS = 240, 60
@@ -61,7 +61,7 @@ def _round(value: float) -> float:
 def over_time(night: Night) -> str:
     """Plot the median as a line, nine of ten as a band, the maxima as dots, and problems as red lines."""
     reach = _reach(night)
-    frame = Frame(night.began, night.ended, 0.0, reach, height=220.0)
+    frame = PlotFrame(night.began, night.ended, 0.0, reach, height=220.0)
     step = _round(reach)
     drawn = [frame.axes((step * number, f"{step * number:g} ms") for number in range(int(reach / step) + 1))]
     found = spreads(night)
@@ -96,7 +96,7 @@ def histogram(night: Night) -> str:
     counts = [0] * (BARS + 1)
     for took in night.took:
         counts[min(BARS, int(took * 1000.0 / reach * BARS))] += 1
-    frame = Frame(0.0, reach * (BARS + 1) / BARS, 0.0, max(counts) * 1.08, width, height)
+    frame = PlotFrame(0.0, reach * (BARS + 1) / BARS, 0.0, max(counts) * 1.08, width, height)
     side = (frame.x(frame.ended) - frame.x(0.0)) / (BARS + 1)
     step = _round(max(counts))
     values = [(step * number, f"{step * number:,.0f}") for number in range(int(max(counts) / step) + 1)]

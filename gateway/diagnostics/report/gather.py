@@ -17,7 +17,7 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.recorded_sides import RecordedSides
-from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, Site
+from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, SiteOfNight
 from gateway.protocols.registry import PROTOCOLS
 
 #: Positions are kept every so many seconds, or when the tube has moved by more than so many degrees.
@@ -57,7 +57,7 @@ class _Gathering:
         by = recording.settings
         self.night.recorded_by = full_version(by.get("version", ""), by.get("commit", ""))
         if mount.get("site"):
-            self.night.site = Site(float(mount["site"][0]), float(mount["site"][1]), "the settings")
+            self.night.site = SiteOfNight(float(mount["site"][0]), float(mount["site"][1]), "the settings")
         self.taken = 0
         protocol = PROTOCOLS[self.sides.protocol(MOUNT)]
         self._rows = protocol.night
@@ -138,7 +138,7 @@ class _Gathering:
             return
         latitude, longitude = (found[1] for found in told if found is not None)
         if abs(latitude) <= 90.0:
-            self.night.site = Site(latitude, wrap180(longitude * self._rows.east), "the mount")
+            self.night.site = SiteOfNight(latitude, wrap180(longitude * self._rows.east), "the mount")
 
     # --- programs ---------------------------------------------------------------------------------------------------
 

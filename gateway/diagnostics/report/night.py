@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 
-class Site(NamedTuple):
+class SiteOfNight(NamedTuple):
     """Longitude is positive to the east. ``source`` says who reported the site."""
 
     latitude: float
@@ -65,7 +65,7 @@ class Night:
     equinox: str = "jnow"
     lowest: float = 0.0
     highest: float = 90.0
-    site: Site | None = None
+    site: SiteOfNight | None = None
     pointings: list[Pointing] = field(default_factory=list)
     #: When each query was sent to the mount, and how long its reply took; a night has a million of them.
     asked: array[float] = field(default_factory=lambda: array("d"))

@@ -14,7 +14,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.diagnostics.report import answer_plots, sky_plots
 from gateway.diagnostics.report.answer_plots import at
 from gateway.diagnostics.report.night import Night, Remark
-from gateway.diagnostics.report.sky_plots import Seen, light, track
+from gateway.diagnostics.report.sky_plots import TrackPoint, light, track
 from gateway.diagnostics.report.svg import clock
 
 #: How many commands of each program are named, and how many rows of refusals and notes are shown.
@@ -122,7 +122,7 @@ def title(night: Night) -> str:
     return f"The night of {datetime.fromtimestamp(night.began, UTC):%d %B %Y}".replace(" 0", " ")
 
 
-def sentences(night: Night, seen: list[Seen]) -> list[str]:
+def sentences(night: Night, seen: list[TrackPoint]) -> list[str]:
     """Describe what happened, the most important first."""
     return [
         f"From {clock(night.began)} to {clock(night.ended)} UTC, {_lasting(night.ended - night.began)}, with the mount "
@@ -147,7 +147,7 @@ def counted(number: int, thing: str) -> str:
     return f"{number:,} {thing}{'s' * (number != 1)}"
 
 
-def _pointing(night: Night, seen: list[Seen]) -> str:
+def _pointing(night: Night, seen: list[TrackPoint]) -> str:
     if not night.pointings:
         return "The mount never told where it pointed."
     gotos = f"It was sent to {counted(night.gotos, 'place')}" if night.gotos else "It was sent nowhere"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.svg import Frame, Point, clock, path, picture, tag, text
+from gateway.diagnostics.report.svg import PlotFrame, Point, clock, path, picture, tag, text
 
 #: Motion faster than this (degrees a second) counts as slewing; a longer gap than this (seconds) breaks the line.
 FAST, GAP = 0.05, 120.0
@@ -22,7 +22,7 @@ SIDE, RADIUS = 460.0, 200.0
 WIDE, HIGH = 46.0, 15.0
 
 
-class Seen(NamedTuple):
+class TrackPoint(NamedTuple):
     """A position in altitude and azimuth. ``slewing``: the tube was slewing to it; ``joined``: a line connects it with
     the position before."""
 
@@ -33,25 +33,25 @@ class Seen(NamedTuple):
     joined: bool
 
 
-def track(night: Night, sky: Sky) -> list[Seen]:
+def track(night: Night, sky: Sky) -> list[TrackPoint]:
     """Return the positions in altitude and azimuth; empty if no site is known."""
     if night.site is None:
         return []
     latitude, longitude, _ = night.site
-    found: list[Seen] = []
+    found: list[TrackPoint] = []
     for time, ra, dec in night.pointings:
         if night.equinox == "j2000":
             ra, dec = sky.to_of_date(ra, dec, time)
         az, alt = sky.horizon(ra, dec, latitude, longitude, time)
         joined = bool(found) and time - found[-1].time <= GAP
         slewing = joined and separation(az, alt, found[-1].az, found[-1].alt) > FAST * (time - found[-1].time)
-        found.append(Seen(time, alt, az, slewing, joined))
+        found.append(TrackPoint(time, alt, az, slewing, joined))
     return found
 
 
-def pieces(seen: list[Seen]) -> Iterator[list[Seen]]:
+def pieces(seen: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
     """Split into stretches of one kind, each beginning at the end of the one before."""
-    piece: list[Seen] = []
+    piece: list[TrackPoint] = []
     for place in seen:
         if piece and (not place.joined or (len(piece) > 1 and place.slewing != piece[-1].slewing)):
             yield piece
@@ -92,7 +92,7 @@ def _daylight(night: Night, sky: Sky, time: float) -> str:
     return "day" if alt > SET else "twilight" if alt > DARK else "dark"
 
 
-def all_sky(seen: list[Seen], night: Night) -> str:
+def all_sky(seen: list[TrackPoint], night: Night) -> str:
     """Draw the sky in stereographic projection: zenith in the middle, north up, east to the left."""
     middle = SIDE / 2
     drawn = [tag("circle", cx=middle, cy=middle, r=RADIUS, class_="sky")]
@@ -124,11 +124,11 @@ def _point(azimuth: float, altitude: float, radius: float | None = None) -> Poin
     return SIDE / 2 - reach * math.sin(turn), SIDE / 2 - reach * math.cos(turn)
 
 
-def _kind(piece: list[Seen]) -> str:
+def _kind(piece: list[TrackPoint]) -> str:
     return "slew" if piece[-1].slewing else "track"
 
 
-def _times(seen: Iterable[Seen]) -> list[str]:
+def _times(seen: Iterable[TrackPoint]) -> list[str]:
     """Draw a dot and the time where the tube tracks or rests, if there is room."""
     drawn: list[str] = []
     taken: list[Point] = []
@@ -142,9 +142,9 @@ def _times(seen: Iterable[Seen]) -> list[str]:
     return drawn
 
 
-def altitude(seen: list[Seen], lights: list[Light], night: Night) -> str:
+def altitude(seen: list[TrackPoint], lights: list[Light], night: Night) -> str:
     """Plot altitude over time, with day and twilight as background, the limits, and problems at the bottom."""
-    frame = Frame(night.began, night.ended, 0.0, 90.0)
+    frame = PlotFrame(night.began, night.ended, 0.0, 90.0)
     drawn = [frame.band(part.began, part.ended, part.kind) for part in lights]
     drawn.append(frame.axes((value, f"{value}°") for value in (0, 30, 60, 90)))
     for limit in {night.lowest, night.highest} - {0.0, 90.0}:

@@ -48,7 +48,7 @@ def clock(unix: float, seconds: bool = False) -> str:
 
 
 @dataclass(frozen=True)
-class Frame:
+class PlotFrame:
     """The frame of a plot over time: the ranges of times and values, and its size in pixels."""
 
     began: float

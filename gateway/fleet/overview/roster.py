@@ -21,7 +21,7 @@ MOST, LONGEST = 5000, 200
 RESULTS = ("done", "failed", "refused")
 
 
-class State(Struct, frozen=True):
+class ShownState(Struct, frozen=True):
     """The shown part of a mount's state."""
 
     online: bool = False
@@ -37,7 +37,7 @@ class State(Struct, frozen=True):
     time: float = 0.0
 
 
-class Event(Struct, frozen=True):
+class ShownEvent(Struct, frozen=True):
     """The shown part of an event."""
 
     kind: str
@@ -51,8 +51,8 @@ class Roster:
     def __init__(self, prefix: str, clock: Callable[[], float]) -> None:
         self._topics, self._clock = Topics(prefix, "+"), clock
         self._available: dict[str, bool] = {}
-        self._states: dict[_Name, tuple[State, float]] = {}
-        self._results: dict[_Name, tuple[Event, float]] = {}
+        self._states: dict[_Name, tuple[ShownState, float]] = {}
+        self._results: dict[_Name, tuple[ShownEvent, float]] = {}
 
     @property
     def subscriptions(self) -> list[str]:
@@ -66,9 +66,9 @@ class Roster:
             case [gateway, "availability"] if gateway in self._available or len(self._available) < MOST:
                 self._available[gateway] = received.payload == ONLINE
             case [gateway, mount, "state"]:
-                self._put(self._states, (gateway, mount), received, State)
+                self._put(self._states, (gateway, mount), received, ShownState)
             case [gateway, mount, "event"] if not received.retained:
-                self._put(self._results, (gateway, mount), received, Event)
+                self._put(self._results, (gateway, mount), received, ShownEvent)
 
     def _put(self, known: dict[_Name, tuple[Any, float]], of: _Name, received: Received, kind: Any) -> None:
         if not received.payload:
@@ -78,10 +78,10 @@ class Roster:
             value = msgspec.json.decode(received.payload, type=kind)
         except (ValueError, RecursionError):
             return
-        if isinstance(value, Event) and (value.kind not in RESULTS or value.who != "mqtt"):
+        if isinstance(value, ShownEvent) and (value.kind not in RESULTS or value.who != "mqtt"):
             return
         if of in known or len(known) < MOST:
-            then = value.time if received.retained and isinstance(value, State) else self._clock()
+            then = value.time if received.retained and isinstance(value, ShownState) else self._clock()
             known[of] = value, then
 
     def mounts(self) -> list[dict[str, Any]]:

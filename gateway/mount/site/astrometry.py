@@ -103,7 +103,7 @@ class Shift(NamedTuple):
     polar: bool
 
 
-class Frame(NamedTuple):
+class PointingFrame(NamedTuple):
     """What the mount's coordinates hang on: whether its first axis is ``polar``, and how far the tube may be off.
 
     ``measured`` is how far it is off if its axes tell.
@@ -114,7 +114,7 @@ class Frame(NamedTuple):
     measured: Shift | None = None
 
 
-_POLAR, _ALTAZ = Frame(True), Frame(False)
+_POLAR, _ALTAZ = PointingFrame(True), PointingFrame(False)
 
 
 class TubeFrame:
@@ -129,7 +129,7 @@ class TubeFrame:
         self.measured: tuple[float | None, float] | None = None
         self._polar = False
 
-    def __call__(self) -> Frame:
+    def __call__(self) -> PointingFrame:
         status, total = self._cache.value(op.GetStatus), self._synced.value
         turned = total.turned or (total.east, total.north)
         self._polar = self._polar if status is None else status.equatorial
@@ -146,8 +146,8 @@ class TubeFrame:
         if max(abs(shift.first), abs(shift.second)) <= OFF:
             return _POLAR if self._polar else _ALTAZ
         if polar and self._driver.german and abs(shift.second) > OFF:  # the other way on the other side of the pier
-            return Frame(self._polar, (shift, shift._replace(second=-shift.second)))
-        return Frame(self._polar, (shift,), None if shift.polar or self.measured is None else shift)
+            return PointingFrame(self._polar, (shift, shift._replace(second=-shift.second)))
+        return PointingFrame(self._polar, (shift,), None if shift.polar or self.measured is None else shift)
 
 
 class Sun(NamedTuple):
@@ -180,7 +180,7 @@ class SunAvoidance:
         astrometry: SiteAstrometry,
         sources: BestSources,
         now: Callable[[], float],
-        frame: Callable[[], Frame],
+        frame: Callable[[], PointingFrame],
         settled: asyncio.Event,
         note_once: Callable[[str], None],
     ) -> None:
@@ -239,7 +239,7 @@ class SunAvoidance:
         """Return the distances from every Sun to be avoided, degrees; those from the mount's own come first."""
         return [self.distance(seen, sun) for sun in self.up()]
 
-    def suns(self, frame: Frame, ahead: float = 0.0) -> list[Sun]:
+    def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
         """Return the Suns to avoid in ``ahead`` seconds, the mount's own first. Without a site they count as up."""
         sky, sites = self._sky, self._sources.sites()
         times = [time._replace(unix=time.unix + ahead) for time in self._sources.times()]

@@ -26,7 +26,7 @@ class Difference(NamedTuple):
     now: bytes
 
 
-class Told:
+class ReplayedConnection:
     """One connection; ``at`` is the time of the last bytes of ``then``."""
 
     def __init__(self, name: str) -> None:
