@@ -35,7 +35,8 @@ class MountState(Struct, frozen=True, dict=True):
 
     ``over`` is where it points over the horizon, ``goal`` where a goto under way leads; both None if not known.
     ``programs`` are the hosts of connected programs, ``sites`` and ``times`` all that is told of them, best first.
-    ``answers`` counts the replies of the mount, ``reply`` is its typical reply time in seconds.
+    ``answers`` counts the replies of the mount, ``reply`` is its typical reply time in seconds; ``sky`` says what the
+    sky at its time is calculated from.
     """
 
     look: StatusLine
@@ -56,6 +57,7 @@ class MountState(Struct, frozen=True, dict=True):
     answers: int
     refusals: int
     notices: Sequence[Notice]
+    sky: str
     now: float
     clock: float
 
@@ -75,6 +77,7 @@ class MountState(Struct, frozen=True, dict=True):
             self.answers,
             tuple(self._lately()),
             title=self.title,
+            sky=self.sky,
         )
 
     @cached_property
@@ -174,7 +177,7 @@ def mount_state(
         readings.age(op.Position, now), controller.slewing, by_hand, readings.value(op.GetStatus), len(programs),
         0.0, driver.asleep, controller.hold.on, ends, run_on.unknown,
     )  # fmt: skip
-    sites = controller.sources.sites()
+    sites, times = controller.sources.sites(), controller.sources.times()
     return MountState(
         look=look,
         mount=mount,
@@ -188,12 +191,13 @@ def mount_state(
         sun_ahead=controller.sun_ahead.words,
         policy=controller.policy,
         sites=sites,
-        times=controller.sources.times(),
+        times=times,
         programs=programs,
         reply=line.typical_rtt,
         answers=line.answers,
         refusals=controller.wire_log.refusals,
         notices=tuple(controller.wire_log.recent),
+        sky=astrometry.sky.source(times[0].unix),
         now=now,
         clock=controller.wire_log.clock(),
     )

@@ -91,6 +91,8 @@ class State(Struct, frozen=True):
     folder: str = ""
     #: What people call a mount that names itself otherwise.
     title: str = ""
+    #: What the sky at its time is calculated from: ``almanac of`` that date, or ``closed form``.
+    sky: str = ""
 
     @property
     def found(self) -> str:

@@ -9,13 +9,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-from gateway.astro.spherical import (
-    fold_declination,
-    horizon_to_hour_angle,
-    hour_angle_to_horizon,
-    sidereal_time,
-    wrap180,
-)
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import fold_declination, horizon_to_hour_angle, hour_angle_to_horizon, wrap180
 
 Pair = tuple[float, float]
 

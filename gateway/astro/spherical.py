@@ -1,4 +1,4 @@
-"""Spherical astronomy with the standard module `math` alone: angles, horizon, sidereal time.
+"""Spherical astronomy with the standard module `math` alone: angles, vectors, horizon.
 
 Every angle is in degrees. Azimuth counts from north through east, hour angle is positive west of the
 meridian, longitude is positive EAST. Right ascension is in degrees too, never in hours.
@@ -10,7 +10,6 @@ number in range.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -18,8 +17,6 @@ Matrix = tuple[Vector, Vector, Vector]
 UNIX_AT_J2000 = 946728000.0  # 2000-01-01 12:00, as a Unix time
 SIDEREAL_RATE = 360.0 * 1.002737909350795 / 86400.0  # degrees of mean sidereal time in a second of UT1
 SIDEREAL_ARCSECONDS = 15.041067  # the same in arcseconds, as precisely as makers and programs use it
-_TT_MINUS_UTC = 69.184  # since 2017; ten seconds of error here cost less than a milliarcsecond below
-_CENTURY = 36525.0 * 86400.0
 
 
 # -- angles ---------------------------------------------------------------------------------------------
@@ -151,57 +148,3 @@ def declination_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
     along = math.sin(phi) * math.cos(h) - math.cos(phi) * math.sin(h) * math.cos(a)
     from_pole = max(math.hypot(across, along), _NEAR_ZENITH)
     return across / from_pole / max(math.cos(h), _NEAR_ZENITH), along / from_pole
-
-
-# -- time -----------------------------------------------------------------------------------------------
-
-
-def centuries(unix: float) -> float:
-    """Return the Julian centuries of Terrestrial Time since J2000, for a Unix time (UTC).
-
-    Limited to 50 centuries: beyond, the polynomials that use it mean nothing, and they must not overflow.
-    """
-    return max(-50.0, min(50.0, (unix + _TT_MINUS_UTC - UNIX_AT_J2000) / _CENTURY))
-
-
-def obliquity(t: float) -> float:
-    """Return the mean obliquity of the ecliptic, degrees, IAU 2006; t in centuries of TT since J2000."""
-    return (84381.406 + t * (-46.836769 + t * (-0.0001831 + t * 0.0020034))) / 3600.0
-
-
-def nutation(t: float) -> tuple[float, float]:
-    """Return nutation in longitude and in obliquity, in degrees: the four largest terms of the IAU series.
-
-    Accurate to 0.5" and 0.15" (Meeus, Astronomical Algorithms, chapter 22). t in centuries of TT since J2000.
-    """
-    node = math.radians(125.04452 - 1934.136261 * t)
-    twice_sun = 2.0 * math.radians(280.4665 + 36000.7698 * t)
-    twice_moon = 2.0 * math.radians(218.3165 + 481267.8813 * t)
-    longitude = (
-        -17.2064 * math.sin(node)
-        - 1.3171 * math.sin(twice_sun)
-        - 0.2276 * math.sin(twice_moon)
-        + 0.2075 * math.sin(2.0 * node)
-    )
-    tilt = (
-        9.2052 * math.cos(node)
-        + 0.5730 * math.cos(twice_sun)
-        + 0.0978 * math.cos(twice_moon)
-        - 0.0897 * math.cos(2.0 * node)
-    )
-    return longitude / 3600.0, tilt / 3600.0
-
-
-@lru_cache(256)  # callers ask many times for the same moment
-def sidereal_time(unix: float, longitude_east: float) -> float:
-    """Return the apparent sidereal time in [0, 360), with UTC taken as UT1.
-
-    IAU 2006 mean sidereal time and the equation of the equinoxes from `nutation`: accurate to 0.03 s of time, plus
-    UT1-UTC, which leap seconds keep below 0.9 s.
-    """
-    days = (unix - UNIX_AT_J2000) / 86400.0
-    t = centuries(unix)
-    rotation = 360.0 * (0.779057273264 + 0.00273781191135448 * days + days % 1.0)
-    precession = 0.014506 + t * (4612.156534 + t * (1.3915817 + t * (-0.00000044 - t * 0.000029956)))
-    equinoxes = nutation(t)[0] * math.cos(math.radians(obliquity(t)))
-    return wrap360(wrap360(rotation) + precession / 3600.0 + equinoxes + wrap180(longitude_east))

@@ -68,6 +68,15 @@ def suspended(pid: int) -> bool:
     return state in ([b"T"], [b"t"])
 
 
+def age(pid: int) -> float:
+    """Return for how many seconds a process has run; 0 if the system does not tell."""
+    try:
+        ticks = int(PROC.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[19])
+        return float((PROC / "uptime").read_text().split()[0]) - ticks / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return 0.0
+
+
 def _argv(pid: int) -> list[str]:
     """Return the command line of a process; empty if it has ended or is hidden."""
     try:

@@ -80,7 +80,7 @@ def load(folder: Path, seconds: float) -> None:
     alone = [Gateway(folder, f"alone{one}", MOUNTS, None) for one in range(GATEWAYS)]
     every = [*shown, *alone]
     try:
-        time.sleep(15.0)  # until the sky is loaded
+        time.sleep(15.0)  # until it is at rest
         slew(every)
         time.sleep(2.0)
         before, heard, began = [one.seconds_used() for one in every], len(onlooker.heard), time.monotonic()

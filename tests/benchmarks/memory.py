@@ -1,11 +1,11 @@
-"""The memory of the gateway: when it gives its first answer, and with the astronomy library loaded."""
+"""The memory of the gateway: when it gives its first answer, and while it serves many programs."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 GOAL_EARLY = 45.0
-GOAL_STEADY = 110.0
+GOAL_STEADY = 60.0
 
 
 def resident(pid: int) -> float:

@@ -2,11 +2,12 @@
 
 Each is started with the interpreter that runs the benchmark, listens on a free port of the loopback interface, and is
 ended by its own process id. Compiled bytecode goes to a temporary directory, so that an installation and a checkout
-start alike and the checkout stays clean; a gateway's state goes there too.
+start alike and the checkout stays clean; a gateway's state and the almanac go there too.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import socket
@@ -27,7 +28,15 @@ PATIENCE = 20.0
 def environment(bytecode: str) -> dict[str, str]:
     """Return this process's environment, with bytecode and a gateway's state in the directory ``bytecode``."""
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    return {**kept, "PYTHONPYCACHEPREFIX": bytecode, "STATE_DIRECTORY": bytecode}
+    return {**kept, "PYTHONPYCACHEPREFIX": bytecode, "STATE_DIRECTORY": bytecode, "CACHE_DIRECTORY": bytecode}
+
+
+def exact(bytecode: str) -> bool:
+    """Whether the gateway that runs has calculated its readings from the almanac, as ``status --json`` says."""
+    command = [sys.executable, "-m", "gateway", "status", "--json", "--state", bytecode]
+    told = subprocess.run(command, cwd=ROOT, env=environment(bytecode), check=True, capture_output=True, text=True)
+    [mount] = json.loads(told.stdout)
+    return str(mount["sky"]).startswith("almanac of ")
 
 
 @contextmanager

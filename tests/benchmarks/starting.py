@@ -1,4 +1,4 @@
-"""From the start of the process to the first right answer, against a Python that only imports asyncio and pyserial.
+"""From the start of the process to the first exact answer, against a Python that only imports asyncio and pyserial.
 
 The client starts first and tries to connect every millisecond. A reply counts if it is where the simulated hand control
 points. The two programs are started in turn, after one start each that only writes the bytecode.
@@ -51,6 +51,8 @@ def _first_answer(bytecode: str, mount: int, truth: float) -> tuple[float, float
             reply = processes.ask(connection, b":GR#")
             taken = (time.perf_counter() - began) * 1000.0
         size = memory.resident(process.pid)
+        if not processes.exact(bytecode):
+            raise RuntimeError("the gateway has answered without an almanac")
     hours, minutes, seconds = (int(part) for part in reply.rstrip(b"#").split(b":"))
     off = (hours * 3600 + minutes * 60 + seconds - truth + 43200.0) % 86400.0 - 43200.0
     if abs(off) > 1.5:

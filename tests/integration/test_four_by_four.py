@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.spherical import separation, sidereal_time, wrap180, wrap360
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import separation, wrap180, wrap360
 from gateway.diagnostics.virtual_time import run
 from tests.integration.test_scenarios import dms, hms, parse_dec, parse_ra
 from tests.support.in_process_gateway import Bridge, Visitor

@@ -70,7 +70,8 @@ def truth(bridge: Bridge) -> Equatorial:
 
 def target_near(bridge: Bridge, site: tuple[float, float], hour_angle: float, dec: float) -> Equatorial:
     """A place at a small hour angle and a declination that is well up at that site."""
-    from gateway.astro.spherical import sidereal_time, wrap360
+    from gateway.astro.ephemeris.closed_forms import sidereal_time
+    from gateway.astro.spherical import wrap360
 
     return Equatorial(wrap360(sidereal_time(bridge.clock(), site[1]) - hour_angle), dec if site[0] > 0 else -dec)
 

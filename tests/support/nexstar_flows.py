@@ -6,7 +6,8 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from gateway.astro.spherical import separation, sidereal_time, wrap360
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import separation, wrap360
 from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
 

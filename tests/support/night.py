@@ -16,12 +16,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import (
     fold_declination,
     horizon_to_hour_angle,
     hour_angle_to_horizon,
     separation,
-    sidereal_time,
     wrap180,
     wrap360,
 )

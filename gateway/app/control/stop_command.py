@@ -20,10 +20,12 @@ from gateway.app.control.reach import Scope, ask, explain_unreachable, reachable
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
 from gateway.mount.readings.rest import come_to_rest
+from gateway.system.processes import age
 from gateway.system.runtime_folders import user
 
-#: A process that cannot be asked may be just starting or ending: search so many times, so many seconds apart.
-LOOKS, BETWEEN = 5, 0.25
+#: A process that cannot be asked may be just starting: search so many times, so many seconds apart. One that has run
+#: longer than this may be ending: search once more, and tell of it.
+LOOKS, BETWEEN, STARTED = 5, 0.25, 30.0
 
 
 class Report(Struct):
@@ -78,7 +80,8 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
         ]
         others = unreachable_gateways(scope)
         report.doubts = [*found.doubts, *map(explain_unreachable, others)]
-        if not any(reachable(process) for process in others):
+        coming = [process for process in others if reachable(process)]
+        if not coming or (attempt and all(age(process.pid) > STARTED for process in coming)):
             break
         await asyncio.sleep(BETWEEN)
     return report

@@ -6,7 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.astro.spherical import sidereal_time, wrap360
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import wrap360
 from gateway.core.errors import Busy
 from gateway.core.operations import Position, SetClock, SetSite
 from gateway.diagnostics.virtual_time import run

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.spherical import horizon_to_hour_angle, separation, sidereal_time, wrap180
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import horizon_to_hour_angle, separation, wrap180
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.readings.cache import NOT_CACHED

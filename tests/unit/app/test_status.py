@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from datetime import UTC, datetime
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 
 from gateway.app.mount_state import mount_state
 from gateway.app.status import Rate, State, StatusLine, status
+from gateway.astro.ephemeris.almanac import Almanac
+from gateway.astro.ephemeris.day_table import DAY
 from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
 from gateway.core import operations as op
@@ -110,6 +113,10 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
                 assert status_line(pier, rate).state == "up"
                 await asyncio.sleep(0.1)
             assert len(bridge.sent()) - unseen <= unseen - settled + 2  # heartbeats and site, as before
+            assert pier.state().drawn().sky == "closed form"
+            moment = bridge.controller.sources.times()[0].unix
+            bridge.controller.astrometry.sky.use(Almanac("", {int(moment // DAY): bytes(8 * 333)}))
+            assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
             first = status_line(pier, rate)
             assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
             assert first.position is not None and first.status is not None and first.status.aligned

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import (
     fold_declination,
     from_vector,
@@ -16,7 +17,6 @@ from gateway.astro.spherical import (
     hour_angle_to_horizon,
     rotate,
     separation,
-    sidereal_time,
     to_vector,
     transpose,
     wrap180,

@@ -206,6 +206,22 @@ def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Pr
     assert "a gateway runs as process 4711 and cannot be asked" in words and "kill 4711" in words
 
 
+@each(("seconds", "looks"), [(5.0, stop_command.LOOKS), (3600.0, 2)])
+def test_one_that_cannot_be_asked_is_waited_for_only_while_it_may_be_starting(
+    seconds: float, looks: int, stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked = list[int]()
+    monkeypatch.setattr(stop_command, "age", lambda pid: seconds)
+    monkeypatch.setattr(processes, "gateways", lambda: looked.append(1) or [Process(4711, os.getuid())])
+    assert stop()[0] == 1
+    assert len(looked) == looks
+
+
+@LINUX
+def test_the_age_of_a_process_is_known() -> None:
+    assert processes.age(1) > processes.age(os.getpid()) > 0.0 == processes.age(GONE)
+
+
 @pytest.mark.safety_line(2)
 def test_without_a_folder_given_every_gateway_of_this_user_is_stopped(
     tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch

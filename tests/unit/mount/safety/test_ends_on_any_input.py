@@ -18,7 +18,8 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from gateway.astro.axes import Build, Geometry
-from gateway.astro.spherical import fold_declination, separation, sidereal_time
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import fold_declination, separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run

@@ -8,7 +8,8 @@ from itertools import pairwise
 import pytest
 
 from gateway.astro.axes import Build, Geometry, Sky
-from gateway.astro.spherical import separation, sidereal_time, wrap180
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import separation, wrap180
 from gateway.protocols.mechanics.mount import Mechanics
 from tests.support.each import each
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from gateway import FrameError, decode_reply
-from gateway.astro.spherical import separation, sidereal_time, wrap360
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import separation, wrap360
 from gateway.protocols.lx200.simulator.server import HANDLERS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each

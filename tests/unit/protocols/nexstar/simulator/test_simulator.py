@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.astro.spherical import separation, sidereal_time, wrap180
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import UserError
 from gateway.protocols.nexstar.simulator.hand_control import HANDLERS, SimulatedHandControl
 from gateway.protocols.wireformat.command_set import load
