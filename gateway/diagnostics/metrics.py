@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import accumulate
 from typing import Any
 
 from gateway.app.gateway import Gateway
@@ -40,11 +41,8 @@ class Histogram:
 
     def buckets(self) -> list[tuple[str, float]]:
         """Return Prometheus' cumulative buckets: every bound with the number of values up to it."""
-        total, found = 0, []
-        for bound, count in zip((*map(str, self.bounds), "+Inf"), self.counts, strict=True):
-            total += count
-            found.append((bound, float(total)))
-        return found
+        bounds, totals = (*map(str, self.bounds), "+Inf"), map(float, accumulate(self.counts))
+        return list(zip(bounds, totals, strict=True))
 
 
 class Counts:
@@ -111,8 +109,8 @@ class Metrics:
     """The metrics of all mounts. Nothing is counted, and ``text`` is None, if prometheus-client is not installed."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
-        there = find_spec("prometheus_client") is not None
-        self._mounts = [(one, Counts(one.controller)) for one in gateways if there]
+        installed = find_spec("prometheus_client") is not None
+        self._mounts = [(gateway, Counts(gateway.controller)) for gateway in gateways if installed]
         self._registry: Any = None
 
     async def text(self) -> bytes | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -103,8 +103,8 @@ class Events:
 
     def _send(self, now: float, kind: str, who: str, words: str) -> None:
         time = datetime.fromtimestamp(now, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
-        told = {"time": time, "kind": kind, "who": show(who.encode()), "words": words[:LONGEST]}
-        self._publish(json.dumps(told).encode())
+        event = {"time": time, "kind": kind, "who": show(who.encode()), "words": words[:LONGEST]}
+        self._publish(json.dumps(event).encode())
 
 
 def discovery(
@@ -112,14 +112,14 @@ def discovery(
 ) -> Message:  # fmt: skip
     """Return the message that describes a mount to Home Assistant; ``orders`` are those that are allowed."""
     device = re.sub(r"[^A-Za-z0-9_-]", "_", f"{topics.prefix}_{topics.id}_{mount}")
-    told: dict[str, Any] = {
-        "device": {
-            "identifiers": [device],
-            "name": mount if mount != "mount" else f"Mount of {topics.id}",
-            "manufacturer": state["product"],
-            "model": state["model"],
-            "sw_version": state["version"],
-        },
+    description: dict[str, Any] = {
+        "device": _known(
+            identifiers=[device],
+            name=mount if mount != "mount" else f"Mount of {topics.id}",
+            manufacturer=state["product"],
+            model=state["model"],
+            sw_version=state["version"],
+        ),
         "origin": {"name": "mount-gateway", "sw_version": version()},
         "availability_topic": topics.availability,
         "state_topic": topics.of(mount, "state"),
@@ -128,28 +128,27 @@ def discovery(
             for key, part in (*_readings(), *_buttons(topics.of(mount, "command"), orders))
         },
     }
-    told["device"] = {key: value for key, value in told["device"].items() if value is not None}
-    return Message(f"{prefix}/device/{device}/config", json.dumps(told).encode(), retain=True, newest=True)
+    return Message(f"{prefix}/device/{device}/config", json.dumps(description).encode(), retain=True, newest=True)
 
 
-def _readings() -> list[tuple[str, dict[str, Any]]]:
-    found: list[tuple[str, dict[str, Any]]] = [
-        ("does", {"platform": "sensor", "name": "Does", "value_template": "{{ value_json.does }}"})
-    ]
+def _known(**values: Any) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _readings() -> Iterator[tuple[str, dict[str, Any]]]:
+    yield "does", {"platform": "sensor", "name": "Does", "value_template": "{{ value_json.does }}"}
     for key, (name, unit, decimals) in NUMBERS.items():
-        number = {"platform": "sensor", "name": name, "value_template": f"{{{{ value_json.{key} }}}}",
-                  "suggested_display_precision": decimals, "unit_of_measurement": unit}  # fmt: skip
-        found.append((key, {word: value for word, value in number.items() if value is not None}))
+        yield key, _known(
+            platform="sensor", name=name, value_template=f"{{{{ value_json.{key} }}}}",
+            suggested_display_precision=decimals, unit_of_measurement=unit,
+        )  # fmt: skip
     for key, (name, kind) in FLAGS.items():
-        flag = {"platform": "binary_sensor", "name": name, "device_class": kind,
-                "value_template": f"{{{{ 'ON' if value_json.{key} else 'OFF' }}}}"}  # fmt: skip
-        found.append((key, {word: value for word, value in flag.items() if value is not None}))
-    return found
+        value = f"{{{{ 'ON' if value_json.{key} else 'OFF' }}}}"
+        yield key, _known(platform="binary_sensor", name=name, device_class=kind, value_template=value)
 
 
-def _buttons(topic: str, orders: Collection[str]) -> list[tuple[str, dict[str, Any]]]:
-    return [
-        (order, {"platform": "button", "name": name, "icon": icon, "command_topic": topic, "payload_press": order})
-        for order, (name, icon) in BUTTONS.items()
-        if order == "stop" or order in orders
-    ]
+def _buttons(topic: str, orders: Collection[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    for order, (name, icon) in BUTTONS.items():
+        if order == "stop" or order in orders:
+            button = {"platform": "button", "name": name, "icon": icon, "command_topic": topic, "payload_press": order}
+            yield order, button

@@ -48,19 +48,19 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
     yield _goal(controller, state, here)
 
 
-def coordinates(controller: MountController, seen: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:
+def coordinates(controller: MountController, place: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:
     """Return a position of date, also as J2000 and ``over`` the horizon (None while the site is unknown)."""
     derived = controller.astrometry
-    ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.site_clock.unix())
-    found: dict[str, Any] = {
-        "ra": round(seen.ra, FINE), "dec": round(seen.dec, FINE), "ra2000": round(ra2000, FINE),
+    ra2000, dec2000 = derived.sky.to_j2000(place.ra, place.dec, derived.site_clock.unix())
+    shown: dict[str, Any] = {
+        "ra": round(place.ra, FINE), "dec": round(place.dec, FINE), "ra2000": round(ra2000, FINE),
         "dec2000": round(dec2000, FINE), "alt": None, "az": None,
     }  # fmt: skip
     if over is None and derived.site_clock.site() is not None:
-        over = derived.horizon(seen)
+        over = derived.horizon(place)
     if over is not None:
-        found |= {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
-    return found
+        shown |= {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
+    return shown
 
 
 def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
@@ -68,8 +68,8 @@ def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
     for name in BODIES:
         where = _body(controller, name)
         if where is not None:
-            told = coordinates(controller, where)
-            yield {"name": name, **{key: told[key] for key in ("ra2000", "dec2000", "alt", "az")}}
+            place = coordinates(controller, where)
+            yield {"name": name, **{key: place[key] for key in ("ra2000", "dec2000", "alt", "az")}}
 
 
 def _body(controller: MountController, name: str) -> op.Equatorial | None:
@@ -80,16 +80,16 @@ def _body(controller: MountController, name: str) -> op.Equatorial | None:
     if name == "Moon":
         site = derived.site_clock.site()
         return None if site is None else op.Equatorial(*derived.sky.moon(unix, site.latitude, site.longitude)[:2])
-    found = derived.sky.planet(name, unix)
-    return None if found is None else op.Equatorial(*found)
+    planet = derived.sky.planet(name, unix)
+    return None if planet is None else op.Equatorial(*planet)
 
 
 def _sky(controller: MountController, state: MountState) -> dict[str, Any]:
     """Return sidereal time and hour angle, degrees; None while the site is unknown."""
     if not state.sites:
         return {"sidereal": None, "hour_angle": None}
-    sidereal, seen = controller.astrometry.sidereal_time(), state.look.position
-    angle = None if seen is None else round(wrap180(sidereal - seen.ra), COARSE)
+    sidereal, position = controller.astrometry.sidereal_time(), state.look.position
+    angle = None if position is None else round(wrap180(sidereal - position.ra), COARSE)
     return {"sidereal": round(sidereal, COARSE), "hour_angle": angle}
 
 
@@ -116,13 +116,13 @@ def expected_path(
         turn, rise = wrap180(goal["az"] - here["az"]), goal["alt"] - here["alt"]
         return [(round((here["az"] + turn * part) % 360.0, 1), round(here["alt"] + rise * part, 1)) for part in parts]
     turn, rise = wrap180(goal["ra"] - here["ra"]), goal["dec"] - here["dec"]
-    found = []
+    path = []
     for part in parts:
         over = controller.astrometry.horizon(
             op.Equatorial((here["ra"] + turn * part) % 360.0, here["dec"] + rise * part)
         )
-        found.append((round(over.az, 1), round(over.alt, 1)))
-    return found
+        path.append((round(over.az, 1), round(over.alt, 1)))
+    return path
 
 
 def _site_and_clock(state: MountState) -> dict[str, Any]:
