@@ -68,8 +68,6 @@ class _SimulatedConnection:
     With ``baud`` the bytes are paced at that rate in both directions.
     """
 
-    ended = False
-
     def __init__(
         self, simulator: Simulated, latency: float, baud: int | None, write: Callable[[bytes], object]
     ) -> None:

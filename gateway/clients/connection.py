@@ -1,4 +1,4 @@
-"""One client connection: recognises the client, lets its bytes in when it is their turn, and cleans up at its end.
+"""One client connection: recognises the client, tells when its bytes are old, and cleans up at its end.
 
 On network ports anyone may connect. A web browser or port scanner is recognised by its first bytes and disconnected
 before anything it sent is processed.
@@ -19,12 +19,12 @@ from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, Piece, StrangerFilter, page
 from gateway.clients.wrong_preset import FirstCommands
 from gateway.transport.handler import Connected
-from gateway.transport.intake import LATE, SHARE
+from gateway.transport.tcp import SHARE
 
 #: Logged when a connection ends and its first bytes were neither a command nor recognised.
 UNRECOGNISED = "no command of this surface's protocol begins like this"
-#: Bytes of one connection that may wait for their turn.
-MAX_WAITING = 512
+#: Seconds after which a connection that is behind is late.
+LATE = 1.0
 #: Seconds without data after which a connection that was behind has caught up.
 CAUGHT_UP = 5.0
 
@@ -64,8 +64,7 @@ class ClientConnection:
 
     ``lasting``: a serial line, whose clients do not visibly connect or disconnect. ``heard``: the loop time of its last
     bytes. ``first_bytes`` were received and answered elsewhere before; the client program may be recognised by them.
-    From the network, the first bytes are checked before any is processed. With many connections it takes turns, except
-    to end a motion.
+    From the network, the first bytes are checked before any is processed.
     """
 
     def __init__(
@@ -90,8 +89,6 @@ class ClientConnection:
         self.stranger = False
         self.host, self.heard = connected.host, -1e9
         self._first_bytes = first_bytes
-        #: Bytes that wait for their turn, each with the number of stops when they arrived.
-        self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
         #: Whether its lateness was logged; whether the other end has closed.
         self._logged_late = self._peer_closed = False
@@ -108,14 +105,9 @@ class ClientConnection:
         return self._binding.surface.protocol.name
 
     @property
-    def ended(self) -> bool:
-        """Whether the last bytes only ended motions and need no reply."""
-        return self.client.ended and not self._waiting
-
-    @property
     def answered(self) -> bool:
         """Whether all commands were answered that are answered at all."""
-        return not self._waiting and self.client.answered
+        return self.client.answered
 
     def feed(self, data: bytes) -> None:
         if self._first is not None:
@@ -127,7 +119,7 @@ class ClientConnection:
             self._note_late()
         elif was_late and not self._peer_closed:
             self._controller.presence.returned(self.client.activity)  # it has caught up, so a client is there
-        self._feed(data, sent)
+        self._deliver(data, sent, None)
         self._backlog.add(len(data), now, self._wanted.value.stops)
 
     def _note_late(self) -> None:
@@ -147,28 +139,6 @@ class ClientConnection:
         self.client.unread.whole()
         if not self.stranger:
             self._save_state()
-
-    def _feed(self, data: bytes, behind: int | None) -> None:
-        """Process bytes now or in their turn; ``behind`` is the number of stops when they may have been sent."""
-        urgent = self._binding.surface.protocol.may_end_motion(data)
-        piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > MAX_WAITING
-        if (
-            urgent
-            or (self._waiting and piled_up)
-            or (not self._waiting and self._controller.fair_scheduler.try_acquire())
-        ):
-            self._process_waiting()
-            self._deliver(data, behind, None)
-            return
-        self._waiting.append((data, self._wanted.value.stops if behind is None else behind))
-        if len(self._waiting) == 1:
-            self._controller.fair_scheduler.run(self._process_waiting)
-
-    def _process_waiting(self) -> None:
-        """Process all waiting bytes in the order of arrival."""
-        waiting, self._waiting = self._waiting, []
-        for data, stops in waiting:
-            self._deliver(data, stops, None)
 
     def _deliver_serial(self, data: bytes, stops: int | None, arrived: float | None) -> None:
         """Feed the client of a serial line, and remember when it was last heard."""
@@ -218,7 +188,6 @@ class ClientConnection:
         self._hang_up(page(titles, greeting.head_only) if greeting.http else b"")
 
     def close(self) -> None:
-        self._process_waiting()
         if self._filter is not None and not self.stranger and self._filter.waiting:
             self.client.log.put("x", self._filter.waiting, UNRECOGNISED)
         self.client.close()

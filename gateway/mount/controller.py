@@ -15,7 +15,6 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned
-from gateway.core.waiting import FairScheduler
 from gateway.mount.context import Context
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate, ReplyVerifier
@@ -60,9 +59,8 @@ class MountController:
         gate = HibernationGate(context)
         self.verifier = ReplyVerifier(line, self.now, self.driver.speed_factor)
         runner = DriverRunner(context, self.verifier, gate)
-        self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
         # Readings.
-        reader = self.reader = Reader(context, runner, self.fair_scheduler)
+        reader = self.reader = Reader(context, runner)
         self.read, self.read_now = reader.read, reader.read_now
         self.touch, self.fresh_until = cache.touch, reader.fresh_until
         context.run_on.sent = runner.may_move

@@ -44,10 +44,6 @@ class ConnectionRefused(Exception):
 
 class ConnectionHandler(Protocol):
     @property
-    def ended(self) -> bool:
-        """Whether the last bytes only ended motions without a reply, so that repeating them has no effect."""
-
-    @property
     def answered(self) -> bool:
         """Whether all commands were answered that are answered at all."""
 

@@ -48,9 +48,6 @@ _server: Callable[[Any, Any], PortManager] = PortManager
 class _TelnetFilter:
     """A handler in front of the real one that handles Telnet for clients that use it."""
 
-    #: Always False: Telnet commands count, so none may be skipped.
-    ended = False
-
     def __init__(self, accept: Accept, connected: Connected) -> None:
         self.write = connected.write
         self._held = b""

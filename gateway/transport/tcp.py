@@ -1,8 +1,8 @@
 """A listening TCP port and the connections it has accepted.
 
-A client can delay the others by no more than its turn: only a little is read from a connection at a time, one that
-sends without pause waits in between, and one that does not read its replies is closed. If the other end has vanished,
-the system notices it within a minute.
+A client can delay the others by no more than its turn: only a share is read from a connection at a time, one that has
+sent a whole share is not read for a while, so that a flood takes a fifth of a processor at most, and one that does not
+read its replies is closed. If the other end has vanished, the system notices it within a minute.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ import time
 from typing import cast
 
 from gateway.transport.handler import Accept, Connected, ConnectionHandler, ConnectionRefused, Taker
-from gateway.transport.intake import LARGE_READ, LATE, SHARE, Pace, skip_repetitions
 from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
 
+#: Bytes of one read: about a hundred commands, half a second of a serial line, two milliseconds of work.
+SHARE = 512
+#: Seconds for which a connection is not read after a whole share, and at least so many times the seconds that it took.
+PAUSE, OTHERS = 0.05, 4.0
 #: Bytes of unread replies after which a connection is closed.
 SLOW_READER = 65536
 #: Seconds that a client gets to read the last bytes before the connection is closed.
@@ -36,12 +39,6 @@ class _Connection(asyncio.BufferedProtocol):
         self._transport: asyncio.Transport | None = None
         self._buffer = bytearray(SHARE)
         self._view = memoryview(self._buffer)
-        #: The last share, if it only ended motions; repetitions of it are skipped.
-        self._last_share = b""
-        #: Loop time since which there is more to read than one share.
-        self._behind_since: float | None = None
-        #: Bytes that were read in one piece and are processed share by share.
-        self._unprocessed = b""
         #: While bytes are processed: the replies to them, which are sent together.
         self._replies: list[bytes] | None = None
 
@@ -61,19 +58,15 @@ class _Connection(asyncio.BufferedProtocol):
         self._port.connections.add(self)
 
     def get_buffer(self, sizehint: int) -> bytearray:
-        return self._port.large_buffer if self._last_share else self._buffer
+        return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        if not self._last_share:
-            data = bytes(self._view[:nbytes])
-            if nbytes < SHARE:
-                self._behind_since = None  # though more may follow after a gap
-                self._process(data)
-            else:
-                self._process_share(data)
-            return
-        self._unprocessed = skip_repetitions(self._last_share, bytes(memoryview(self._port.large_buffer)[:nbytes]))
-        self._process_next_share(nbytes >= SHARE)
+        began = time.perf_counter()
+        self._process(bytes(self._view[:nbytes]))
+        if nbytes == SHARE and self._transport is not None and not self._transport.is_closing():
+            self._transport.pause_reading()
+            pause = max(PAUSE, OTHERS * (time.perf_counter() - began))
+            asyncio.get_running_loop().call_later(pause, self._continue)
 
     def _process(self, data: bytes) -> None:
         """Process bytes, and send the replies to them together."""
@@ -85,37 +78,8 @@ class _Connection(asyncio.BufferedProtocol):
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
 
-    def _process_share(self, data: bytes) -> None:
-        """Like ``_process``, if more bytes may follow at once: other connections are read first."""
-        began = time.perf_counter()
-        self._process(data)
-        took = time.perf_counter() - began
-        if self._transport is None or self._transport.is_closing():
-            return
-        ended = self._handler is not None and self._handler.ended
-        self._last_share = (self._last_share + data)[-SHARE:] if ended else b""
-        self._transport.pause_reading()
-        loop = asyncio.get_running_loop()
-        now = loop.time()
-        self._behind_since = self._behind_since or now
-        late = now - self._behind_since > LATE
-        loop.call_later(self._port.pace.pause(now, took, late), self._continue)
-
-    def _process_next_share(self, more: bool) -> None:
-        """Process the next share of the bytes that were read in one piece."""
-        data, self._unprocessed = self._unprocessed[:SHARE], self._unprocessed[SHARE:]
-        if more or self._unprocessed:
-            self._process_share(data)
-        else:
-            self._process(data)
-            self._last_share = b""
-
     def _continue(self) -> None:
-        if self._transport is None or self._transport.is_closing():
-            return
-        if self._unprocessed:
-            self._process_next_share(False)
-        if not self._unprocessed:
+        if self._transport is not None and not self._transport.is_closing():
             self._transport.resume_reading()
 
     def eof_received(self) -> bool:
@@ -205,9 +169,6 @@ class TcpPort:
     def __init__(self, accept: Accept) -> None:
         self.accept = accept
         self.connections: set[_Connection] = set()
-        self.pace = Pace()
-        #: Buffer for reads in large pieces; processed before another connection reads.
-        self.large_buffer = bytearray(LARGE_READ)
         self.where = ""
         self._server: asyncio.Server | None = None
 

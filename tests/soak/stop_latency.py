@@ -1,6 +1,6 @@
 """How long a stop waits beyond the exchange in flight, from the client's byte to the mount's byte. Standalone.
 
-    python -m tests.soak.stop_latency [--seconds 60] [--copies 3] [--clients 200] [--seed 1]
+    python -m tests.soak.stop_latency [--seconds 60] [--copies 3] [--clients 20] [--seed 1]
 
 Real gateways, each with a mount of its own behind 9600 baud (``paced.py``); clients and mounts live in this process
 and share its clock. A client starts a motion and ends it at a random time by ``:Q#`` or ``:Qn#``, by ``M`` or rate 0.
@@ -371,7 +371,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0, help="of every situation")
     parser.add_argument("--copies", type=int, default=3, help="gateways side by side; under a load, longer")
-    parser.add_argument("--clients", type=int, default=200, help="of a crowd")
+    parser.add_argument("--clients", type=int, default=20, help="of a crowd")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--situations", nargs="+", default=["idle", "crowd", "flood"])
     arguments = parser.parse_args()

@@ -15,7 +15,6 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.core.waiting import FairScheduler
 from gateway.core.wire_log import WireLog
 from gateway.mount.motion.wanted import Wanted
 from gateway.mount.policy import Limits
@@ -39,7 +38,6 @@ class FakeController:
         self.closed = self.slewing = False
         self.reconciler = self.orders = self.wanted = self.context = self
         self.incoming = IncomingSettings()
-        self.fair_scheduler = FairScheduler(self.loop, lambda: False)
         #: Seconds by which the host's clock is ahead of the event loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0

@@ -135,10 +135,6 @@ class _RecordedConnection:
         self._waiting = 0
 
     @property
-    def ended(self) -> bool:
-        return self._handler is not None and not self._waiting and self._handler.ended
-
-    @property
     def answered(self) -> bool:
         return self._handler is not None and not self._waiting and self._handler.answered
 

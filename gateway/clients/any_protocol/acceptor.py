@@ -50,10 +50,6 @@ class AnyConnection:
         return self._handler is not None
 
     @property
-    def ended(self) -> bool:
-        return self._handler is not None and self._handler.ended
-
-    @property
     def answered(self) -> bool:
         return not self._waits_for_web if self._handler is None else self._handler.answered
 

@@ -57,8 +57,6 @@ class CommandProcessor:
         self._turn: Turn | None = None
         self._lasting = False
         self.open = True
-        #: Whether the last bytes only ended motions and need no reply.
-        self.ended = False
         #: Whether the next byte begins a command.
         self._idle = True
         #: What the program may leave unread of its last reply; over a network only.
@@ -109,7 +107,6 @@ class CommandProcessor:
         if self.framer.held:
             self.controller.loop.call_later(RESYNC_GAP, self._feed_held, stops)
         ended: set[bytes] = set()  # frames that ended a motion, with no other command since
-        self.ended = bool(frames)
         for frame in frames:
             if isinstance(frame, Unterminated):
                 self.log.note(frame.words)
@@ -121,7 +118,6 @@ class CommandProcessor:
             ending = self.surface.ending(self.session, frame)
             if ending is None:
                 ended.clear()
-                self.ended = False
             else:
                 ended.add(frame)
                 self._end_motion(frame, ending, arrived)

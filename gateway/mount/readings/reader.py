@@ -18,7 +18,7 @@ from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Asleep, Busy, Fault, NoAnswer, NoDevice, Silence, Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
-from gateway.core.waiting import FairScheduler, mark_retrieved, result_of
+from gateway.core.waiting import mark_retrieved, result_of, shared_result
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import POSITION, READ
@@ -58,11 +58,11 @@ class Reader:
     ``goto_over`` when the mount reports that a goto has ended, ``goto_missed`` in words if that is not at its goal.
     """
 
-    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler) -> None:
+    def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._driver, self._now, self._link, self._cache = (
             context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
-        self._runner, self._fair = runner, fair
+        self._runner = runner
         #: The exchanges under way: by kind, or by request and the number of orders before it.
         self._sharing: dict[object, asyncio.Task[Any]] = {}
         #: The number of exchanges that the last read of each kind took.
@@ -262,7 +262,7 @@ class Reader:
         reply = self._cache.own(operation, self._now())
         if isinstance(reply, Fault):
             raise type(reply)(str(reply))
-        return cast(bytes, await self._fair.shared_result(self.shared(operation)) if reply is NOT_CACHED else reply)
+        return cast(bytes, await shared_result(self.shared(operation)) if reply is NOT_CACHED else reply)
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """Return a reading from the cache, or by an exchange that all callers share. Raises Fault."""
@@ -281,7 +281,7 @@ class Reader:
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else END_OF_GOTO if slews else None):
-                return await self._fair.shared_result(self.shared(operation))
+                return await shared_result(self.shared(operation))
         except TimeoutError:
             if first or not self._movement.slewing:
                 raise NoAnswer from None

@@ -10,7 +10,6 @@ in its row (``urgent``); the command set recognises it before its turn, and in i
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
@@ -207,15 +206,6 @@ class CommandSet:
     def taken_back_by(self, command: Command) -> frozenset[bytes]:
         """Return the frames of the queued commands that this command discards when it arrives."""
         return frozenset([self.commands[name].request.prefix for name in command.takes_back])
-
-    @cached_property
-    def _marks(self) -> re.Pattern[bytes] | None:
-        marks = {command.mark for command in self.commands.values() if command.urgent}
-        return re.compile(b"|".join(map(re.escape, sorted(marks)))) if marks else None
-
-    def may_end_motion(self, data: bytes) -> bool:
-        """Whether these bytes, which are not cut into frames yet, may contain a command that ends a motion."""
-        return self._marks is not None and self._marks.search(data) is not None
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
         """Return the command and the template that fit the whole frame; the longest prefix is tried first."""

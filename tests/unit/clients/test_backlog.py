@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from gateway.transport.intake import SHARE
+from gateway.transport.tcp import SHARE
 from tests.support.in_process_gateway import Bridge
 
 ARROWS = b":RM#:Me#" * (4 * SHARE // 8)

@@ -17,8 +17,8 @@ from gateway.app.gateway import Gateway
 from gateway.clients.commands.turn import MAX_BACKGROUND
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import Shared
-from gateway.transport import intake as pace
-from gateway.transport.intake import PAUSE, SHARE
+from gateway.transport import tcp
+from gateway.transport.tcp import PAUSE, SHARE
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import precise, up
 from tests.support.sampling import as_a_rule
@@ -249,6 +249,41 @@ def test_many_connections_and_two_that_send_without_end() -> None:
     serve(program, "lx200@tcp://127.0.0.1:0")
 
 
+@pytest.mark.parametrize("flood", [b":GR#" * 16384, b":Qe#:Qw#" * 8192, b":RC#:Me#:Qe#" * 87_000, b":GR#", b"x"])
+def test_one_flood_leaves_a_stop_and_the_position_of_another_where_they_are(flood: bytes) -> None:
+    """Whole, a megabyte at once, and byte by byte."""
+
+    async def program(gateway: Gateway) -> None:
+        loop, done = asyncio.get_running_loop(), asyncio.Event()
+        other = await asyncio.open_connection(*address(gateway))
+
+        async def pour() -> None:
+            _, writer = await asyncio.open_connection(*address(gateway))
+            while not done.is_set():
+                for piece in [flood] if len(flood) > 4 else [flood[at : at + 1] for at in range(len(flood))]:
+                    writer.write(piece)
+                    await asyncio.wait([asyncio.ensure_future(writer.drain())], timeout=0.001)
+            writer.transport.abort()
+
+        pouring = asyncio.ensure_future(pour())
+        await asyncio.sleep(0.2)
+        waits = []
+        for _ in range(20):
+            began = loop.time()
+            assert len(await ask(other, b":GR#")) == 9
+            waits.append(loop.time() - began)
+        before, began = gateway.controller.stops, loop.time()
+        other[1].write(b":Q#")
+        while gateway.controller.stops == before:
+            await asyncio.sleep(0)
+        assert loop.time() - began < 0.5 and sorted(waits)[len(waits) // 2] < 0.05
+        done.set()
+        await pouring
+        other[1].close()
+
+    serve(program, "lx200@tcp://127.0.0.1:0")
+
+
 def test_a_burst_is_answered_to_the_last() -> None:
     async def program(gateway: Gateway) -> None:
         link = await asyncio.open_connection(*address(gateway))
@@ -267,7 +302,7 @@ def test_who_does_not_read_is_let_go_without_a_word(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
-    monkeypatch.setattr(pace, "PAUSE", 0.001)  # else it takes two seconds to say enough
+    monkeypatch.setattr(tcp, "PAUSE", 0.001)  # else it takes two seconds to say enough
 
     async def program(gateway: Gateway) -> None:
         deaf = socket.create_connection(address(gateway))

@@ -14,9 +14,8 @@ import pytest
 from gateway.diagnostics.virtual_time import run
 from gateway.transport import open_port
 from gateway.transport.handler import Connected
-from gateway.transport.intake import PAUSE, SHARE
 from gateway.transport.listening import split_address
-from gateway.transport.tcp import TcpPort
+from gateway.transport.tcp import PAUSE, SHARE, TcpPort
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running
 from tests.unit.clients.test_backlog import shares
@@ -101,8 +100,6 @@ def test_who_sends_no_more_holds_no_arrow() -> None:
 
 class Slow:
     """A guest that answers everything after a moment, and knows when it is left."""
-
-    ended = False
 
     def __init__(self, write: Callable[[bytes], Any]) -> None:
         self.write, self.owed = write, 0

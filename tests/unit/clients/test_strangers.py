@@ -108,23 +108,6 @@ def test_strangers_of_the_same_host_are_no_sign_of_life(gone: bool, seconds: int
     run(program())
 
 
-def test_what_a_stranger_has_sent_behind_its_greeting_is_not_heard_either() -> None:
-    """In a crowd pieces wait for their turn: the rest is there already when the first is recognised."""
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            stranger = Caller(bridge.acceptor)
-            while bridge.controller.fair_scheduler.try_acquire():
-                pass
-            for piece in (b"POST / HTTP/1.1\r\n", b"Host: scope\r\n\r\n", b"#:RS#:Me#"):
-                stranger.tell(piece)
-            assert not stranger.gone
-            await asyncio.sleep(2.0)
-            assert stranger.gone and bridge.controller.wanted.axes == set()
-
-    run(program())
-
-
 def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
     """What a program keeps for its next connection is kept for a minute, whoever calls meanwhile."""
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.core.waiting import TimedEvent, result_of
+from gateway.core.errors import NoAnswer
+from gateway.core.waiting import TimedEvent, result_of, shared_result
 from gateway.diagnostics.virtual_time import run
 
 
@@ -98,3 +99,34 @@ def test_a_result_and_an_end_are_passed_on() -> None:
             await waits
 
     assert played(play) == []
+
+
+def test_a_failure_reaches_all_who_share_it_and_one_who_gives_up_harms_nobody() -> None:
+    async def program() -> None:
+        async def fail() -> None:
+            await asyncio.sleep(1)
+            raise ValueError("no")
+
+        task = asyncio.ensure_future(fail())
+        waiting = [asyncio.ensure_future(shared_result(task)) for _ in range(10)]
+        await asyncio.sleep(0.5)
+        waiting[0].cancel()
+        outcomes = await asyncio.gather(*waiting, return_exceptions=True)
+        assert isinstance(outcomes[0], asyncio.CancelledError)
+        assert all(isinstance(outcome, ValueError) for outcome in outcomes[1:])
+        with pytest.raises(ValueError, match="no"):
+            await shared_result(task)  # it is over: nothing to wait for
+
+    run(program())
+
+
+def test_shared_work_that_was_cancelled_is_no_answer_and_who_waited_for_it_goes_on() -> None:
+    async def program() -> None:
+        task = asyncio.get_running_loop().create_task(asyncio.sleep(100.0))
+        waiting = [asyncio.ensure_future(shared_result(task)) for _ in range(3)]
+        await asyncio.sleep(0.1)
+        task.cancel()
+        outcomes = await asyncio.gather(*waiting, return_exceptions=True)
+        assert [type(outcome) for outcome in outcomes] == [NoAnswer] * 3
+
+    run(program())

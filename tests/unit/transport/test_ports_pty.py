@@ -31,7 +31,7 @@ LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the end of a connect
 class Visitor:
     """A guest that answers ``?`` with ``!``, and writes down what happens to it in the house's book."""
 
-    ended, answered = False, True
+    answered = True
 
     def __init__(self, book: list[str], write: Callable[[bytes], Any]) -> None:
         self.book, self.write = book, write

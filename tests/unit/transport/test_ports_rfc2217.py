@@ -30,7 +30,7 @@ PYSERIAL = pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # 
 class Echo:
     """A guest that sends back what it hears."""
 
-    ended, answered = False, True
+    answered = True
 
     def __init__(self, write: Callable[[bytes], Any]) -> None:
         self.heard = b""

@@ -148,15 +148,3 @@ def test_one_more_command_changes_one_line_of_the_generated_table(
     assert isinstance(sets["lx200"].commands["ZZ"], Command)
     assert [line for line in new if line not in old] == ["| `:ZZ#` | trial | translated | `e`, `E` |  |"]
     assert len(new) == len(old) + 1
-
-
-def test_an_end_is_seen_in_bytes_that_are_not_cut_yet() -> None:
-    assert all(LX200.may_end_motion(data) for data in (b":GR#:Q", b":Qe#", b"::FQ#", b":I#"))
-    assert not any(LX200.may_end_motion(data) for data in (b"", b":GR#", b":MS#", b"Q#"))
-    assert NEXSTAR.may_end_motion(b"eM") and NEXSTAR.may_end_motion(b"P\x02\x10\x24\0\0\0\0")
-    assert not NEXSTAR.may_end_motion(b"P\x02\x10\x24\x09\0\0\0")
-
-
-def test_a_protocol_without_ends(tmp_path: Path) -> None:
-    (tmp_path / "commands.toml").write_text('[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n', "utf-8")
-    assert not CommandSet("lx200", tmp_path).may_end_motion(b":ZZ#")
