@@ -42,33 +42,40 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY, *, face
     """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model."""
     if row is None:
         return MISSING
-    if row.models is not None and face is not None and face.isdisjoint(row.models):
-        return row.elsewhere or MISSING
-    if row.apart and kind.model is not None and not mount.traits(kind.model, kind.wedge).isdisjoint(row.apart):
+    if not is_for(row, mount, kind, face):
         return row.elsewhere or MISSING
     if row.outcome:
         return row.outcome
-    if not row.operations:
-        return "synthesised" if row.say is not None else "kept"
     ways = taken(row, mount, kind)
     return str(ways[0].outcome) if ways else row.without or MISSING
 
 
+def is_for(row: SurfaceRow, mount: CommandSet, kind: Kind, face: frozenset[str] | None) -> bool:
+    """Whether a row is for such a mount and for a presented model with these traits."""
+    if row.models is not None and face is not None and face.isdisjoint(row.models):
+        return False
+    return kind.model is None or mount.traits(kind.model, kind.wedge).isdisjoint(row.apart)
+
+
 def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[Implementation]:
     """Return how a mount carries out the operations of a row: for each the first way whose commands it has."""
+    ways = [carried(name, mount, kind) for name in ([] if row is None else row.operations)]
+    return [way[0] for way in ways if way]
+
+
+def carried(operation: str, mount: CommandSet, kind: Kind) -> list[Implementation]:
+    """Return the ways in which such a mount can carry out an operation, the one that it takes first."""
     found = []
     model, version, aligned, wedge = kind
-    for name in [] if row is None else row.operations:
-        for way in mount.driver.get(name, ()):
-            if way.part and model and way.part not in mount.traits(model, wedge):
-                continue
-            if None not in (aligned, way.aligned) and aligned != way.aligned:
-                continue
-            needed = [mount.commands[command].known_to(model, version) for command in way.send + way.needs]
-            used = [mount.commands[command].known_to(model, version) for command in way.uses]
-            if all(needed) and (needed or not used or any(used)):
-                found.append(way)
-                break
+    for way in mount.driver.get(operation, ()):
+        if way.part and model and way.part not in mount.traits(model, wedge):
+            continue
+        if None not in (aligned, way.aligned) and aligned != way.aligned:
+            continue
+        needed = [mount.commands[command].known_to(model, version) for command in way.send + way.needs]
+        used = [mount.commands[command].known_to(model, version) for command in way.uses]
+        if all(needed) and (needed or not used or any(used)):
+            found.append(way)
     return found
 
 
@@ -87,10 +94,10 @@ def counts(client: str, mount: str, kind: Kind = ANY) -> Counter[str]:
 
 
 def missing(client: str, mount: str) -> list[str]:
-    """Return the commands without an outcome on the newest mount or on any model and version."""
+    """Return the commands without an outcome on the newest mount or on any model and version, aligned or not."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
-    kinds = [ANY, *(Kind(model, version) for model, _, version in versions(driven))]
+    kinds = [ANY, *(Kind(model, version, at) for model, _, version in versions(driven) for at in (True, False))]
     return [
         name for name in protocol.commands if any(outcome(rows.get(name), driven, kind) == MISSING for kind in kinds)
     ]

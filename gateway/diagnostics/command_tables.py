@@ -1,7 +1,8 @@
 """The command tables: the outcome of every command of one protocol on a mount of the other.
 
-They are generated from the mappings: ``mappings/README.md`` is the output of this module, and ``check`` fails if that
-file is stale or if a command has no outcome, which is called *missing*.
+They are generated from the mappings, and from what the play of each row shows: ``mappings/README.md`` is the output of
+this module, and ``check`` fails if that file or a play is stale, or if a command has no outcome, which is called
+*missing*.
 """
 
 from __future__ import annotations
@@ -198,26 +199,36 @@ def _cell(words: str) -> str:
 
 
 def write() -> str:
-    """Write ``mappings/README.md`` and return its path. Raises UserError in an installed copy, which stays as it is."""
+    """Play the rows that are new or have changed, write ``played.toml`` and ``mappings/README.md``, and say so.
+
+    Raises UserError in an installed copy, which stays as it is.
+    """
+    from gateway.diagnostics.rehearsal import played
+
     path = mappings_folder() / "README.md"
     if path.parent.parent == PACKAGE:
         raise UserError(f"tables --write: {path} is part of an installation; run it in a checkout of the source")
+    rows = played.write()
     path.write_text(text(), "utf-8")
-    return str(path)
+    return f"played {rows} row{'s' * (rows != 1)}, wrote {path}"
 
 
 def check() -> int:
-    """Return 0 if no outcome is missing and ``mappings/README.md`` is up to date; else 1, with reasons on stderr.
-
-    Raises MappingError if a row names something that there is not.
+    """Return 0 if no outcome is missing, and ``mappings/README.md`` and the plays are up to date; else 1, with reasons
+    on stderr. Raises MappingError if a row names something that there is not.
     """
+    from gateway.diagnostics.rehearsal import played
+
     path = mappings_folder() / "README.md"
     for spec in PROTOCOLS.values():  # the parts of a protocol look up the functions that its rows call
         if spec.make_surface is not None:
             spec.make_surface(SurfaceSettings(None, None, None, None, Limits()))
         if spec.make_driver is not None:
             spec.make_driver(DriverSettings(), float)
-    problems = []
+    problems = [
+        f"mappings/{client}/played.toml: [{name}]: its row or function has changed: run mount-gateway tables --write"
+        for client, name in sorted(played.stale())
+    ]
     if not path.exists() or path.read_text("utf-8") != text():
         problems.append(f"{path} is stale: run mount-gateway tables --write")
     for client, mount in pairs():

@@ -16,8 +16,14 @@ def add_tables(commands: Commands) -> None:
                "  mount-gateway tables --model nexstar:cge/3.02",
     )  # fmt: skip
     group = tables.add_mutually_exclusive_group()
-    group.add_argument("--write", action="store_true", help="write mappings/README.md")
-    group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
+    group.add_argument(
+        "--write",
+        action="store_true",
+        help="play what is new, and write what becomes of it: mappings/README.md, mappings/*/played.toml",
+    )
+    group.add_argument(
+        "--check", action="store_true", help="fail when what --write has written is stale, or a row is wrong"
+    )
     group.add_argument("--model", metavar="MODEL[/VERSION]", help="only what becomes of them on one mount: cpc/4.21")
     tables.set_defaults(run=_tables)
 
@@ -37,7 +43,7 @@ def _tables(arguments: argparse.Namespace) -> int:
     if arguments.check:
         return command_tables.check()
     if arguments.write:
-        print(f"wrote {command_tables.write()}")
+        print(command_tables.write())
         return 0
     print(command_tables.one(_model(arguments.model)) if arguments.model else command_tables.text())
     return 0

@@ -6,8 +6,9 @@ The mount is a simulated one, aligned and tracking, in virtual time.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterator
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
@@ -18,11 +19,12 @@ from gateway.astro.ephemeris.almanac import SHIPPED, decoded
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, outcome, taken
+from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import in_words
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
+from gateway.diagnostics.rehearsal.shown import changes, shown
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.surface import ACKNOWLEDGED
 from gateway.protocols.registry import PROTOCOLS, mounts
@@ -32,6 +34,8 @@ from gateway.protocols.wireformat.rows import KEEPS, Model, SurfaceRow, Version
 
 #: How long the gateway is idle before the command, seconds.
 IDLE = 3.0
+#: The outcome of an order that changes nothing.
+NOTHING_TO_DO = "nothing to do (the mount is as the command wants it)"
 NO_HINT = "; mount-gateway tables lists them all"
 #: How many equal commands in a row are shown.
 MANY = 3
@@ -72,23 +76,28 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
     try:
-        if said := in_words(face.protocol, command.name, picture.decode(frame)):
-            lines.append(f"  {said}")
+        if values := in_words(face.protocol, command.name, picture.decode(frame)):
+            lines.append(f"  {values}")
     except ValueError as error:
         lines.append(f"  not valid: {error}")
         valid = False
-    play, facts = play_one(face, at, frame, row)
+    play, became, said = play_one(face, at, frame)
     if presents_mount(at, face):
         lines += _own(protocol, command.name)
     elif not valid:
         lines.append(f"outcome: {_means('refused', play.reply)}")
     else:
-        lines += _said(row, driven, at, traits(face, command, facts), play.reply)
-    if valid and _was_refused(play, face.protocol) and "refused (" not in "".join(lines):
-        lines.append("  but not with these values, or not as things stand in this example: there it is refused")
-    said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
-    lines.append(f"for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
-    return Explained("\n".join([*lines, *shown(play, face.protocol, at.protocol)]), valid)
+        lines.append(f"outcome on {_name(at)} mount: {_means(became, play.reply)}")
+        if became == "refused" != said:
+            lines.append(f"  with other values, or if things stand otherwise than in this example: {said}")
+        for otherwise, changed in _circumstances(at):
+            if (other := play_one(face, at, frame, **changed)[1]) != became:
+                lines.append(f"  {otherwise}: {other}")
+        ways = taken(row, driven, Kind(at.model, counted(at), aligned=True))
+        lines += [f"  {remark}" for remark in remarks(row, ways)]
+    first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
+    lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
+    return Explained("\n".join([*lines, *in_lines(play, face.protocol, at.protocol)]), valid)
 
 
 @cache
@@ -134,47 +143,48 @@ def greeted(face: Endpoint) -> Before:
     return Before(tuple(map(unescape, PROTOCOLS[face.protocol].required_requests)))
 
 
-def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, Model]:
-    """Play a frame on a stage of its own; return the play and the presented model, chosen to fit if none is named."""
+def play_one(
+    face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, lacking: str = ""
+) -> tuple[Play, str, str]:
+    """Play a frame on a stage of its own, whose model fits the mount if none is named.
 
-    async def play() -> tuple[Play, Model]:
-        async with stage(face, mount, sky()) as whole_gateway:
+    Return the play, the outcome that it shows (that of the tables if it shows none), and that of the tables.
+    """
+    protocol, driven = load(face.protocol), load(mount.protocol)
+    found = protocol.find(frame)
+    assert found is not None
+    command, row = found[0], protocol.surface.get(found[0].name)
+
+    async def play() -> tuple[Play, str, str]:
+        async with stage(face, mount, sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
             await whole_gateway.gateway.fit()
             await asyncio.sleep(IDLE)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(frame, Before() if row is None else before(face, row))
-            return played, dict(whole_gateway.face.model)
+            surface, kind = whole_gateway.face.surface, Kind(mount.model, counted(mount), aligned, wedge)
+            became = row and shown(played, command, row, surface, driven)
+            if became is None and not played.of("act") and any(map(changes, played.asked)):
+                became = NOTHING_TO_DO
+            presented = traits(face, command, dict(whole_gateway.face.model))
+            by_tables = outcome(row, driven, kind, face=presented)
+            return played, became or by_tables, by_tables
 
-    result: tuple[Play, Model] = run(play())
+    result: tuple[Play, str, str] = run(play())
     return result
 
 
-def _was_refused(play: Play, face: str) -> bool:
-    """Whether the program was told so, or at least the log."""
-    program = Side(face)
-    program.command(play.frame)
-    told = bool(play.reply) and program.reply(play.reply).fails
-    return told or any("refused: " in note.words for note in play.of("note"))
+def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield in words, and as settings of a stage, how a mount may be otherwise than in examples."""
+    driven, spec = load(mount.protocol), PROTOCOLS[mount.protocol]
+    yield "before the alignment", {"aligned": False}
+    if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):
+        yield "on a wedge", {"wedge": True}
+    for part in (name for name, has in spec.rehearsed_with(False).items() if has):
+        yield f"without a {part}", {"lacking": part}
 
 
 def _name(at: Endpoint) -> str:
     model = str(at.model)
     return f"{'an' if model[0] in 'aeil' else 'a'} {model}{f'/{at.version}' if at.version else ''}"
-
-
-def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozenset[str], reply: bytes) -> list[str]:
-    """Return the outcome on this mount according to the tables."""
-    kind = Kind(at.model, counted(at), aligned=True)
-    said = outcome(row, driven, kind, face=face)
-    lines = [f"outcome on {_name(at)} mount: {_means(said, reply)}"]
-    for when, other in (
-        ("before the alignment", kind._replace(aligned=False)),
-        ("on a wedge", kind._replace(wedge=True)),
-    ):
-        if (otherwise := outcome(row, driven, other, face=face)) != said:
-            lines.append(f"  {when}: {otherwise}")
-    if row is not None and row.why:
-        lines.append(f"  {row.why}")
-    return lines + [f"  {way.why}" for way in taken(row, driven, kind) if way.why]
 
 
 def _means(outcome: str, reply: bytes) -> str:
@@ -206,7 +216,7 @@ def _hint(client: str, mount: str, frame: bytes) -> str:
     return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 
 
-def shown(play: Play, face: str, mount: str) -> list[str]:
+def in_lines(play: Play, face: str, mount: str) -> list[str]:
     """Format a play: its meaning, what is sent to the mount up to the reply, and what changes the mount after it."""
     program, driven = Side(face), Side(mount)
     lines: list[str] = []

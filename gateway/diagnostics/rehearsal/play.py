@@ -14,13 +14,15 @@ from typing import NamedTuple
 from gateway.app.config import Endpoint
 from gateway.app.simulated import DEFAULT_SITE
 from gateway.astro.ephemeris.sky import Sky
-from gateway.core.operations import Read, named
+from gateway.core.motion_kinds import ENDS
+from gateway.core.operations import Operation, Read, Values, named
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.diagnostics.rehearsal.samples import START
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.session import Session
+from gateway.protocols.base.surface import Ending
 from gateway.protocols.base.wants import (
     ChangeBaudRate,
     CheckPossible,
@@ -33,6 +35,7 @@ from gateway.protocols.base.wants import (
     relayed,
 )
 from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: Timeout of a reply, seconds.
@@ -75,6 +78,11 @@ class Play(NamedTuple):
     #: Whether something kept for clients has changed, and whether the driver's knowledge has.
     kept: bool
     learnt: bool
+    #: The operations that the surface asked for, and those that changed the mount on its behalf; each once.
+    asked: tuple[str, ...] = ()
+    #: Whether the reply was made of what is kept for clients; whether the log counts a refusal.
+    tells: bool = False
+    refused: bool = False
 
     @property
     def lines(self) -> bytes:
@@ -101,9 +109,12 @@ def is_look(protocol: CommandSet, data: bytes) -> bool:
     return found is not None and found[0].name in looks(protocol.name)
 
 
-def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False) -> Stage:
+def stage(
+    face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, lacking: str = ""
+) -> Stage:
     """Return a gateway between a presented model and a simulated mount, each with its version, at the time ``START``.
 
+    ``lacking`` is a part of the simulated mount that this one has not.
     What old mounts do not report is in the settings: name, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
@@ -120,7 +131,7 @@ def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, we
         speed=HURRY,
         named=True,
         config={"site": DEFAULT_SITE} | ({"mode": "eq-north"} if wedge else {}),
-        simulated=spec.rehearsed_with(wedge),
+        simulated={name: has for name, has in spec.rehearsed_with(wedge).items() if name != lacking},
     )
 
 
@@ -143,9 +154,15 @@ class Player:
         self._session: Session | None = None
         #: What was kept when the frame arrived.
         self._before = ""
-        surface, handle = stage.face.surface, stage.face.surface.handle
+        self._asked: dict[str, None] = {}
+        self._tells = False
+        surface, handle, self._call = stage.face.surface, stage.face.surface.handle, stage.face.surface.call
+        perform, ending = self.driver.perform, surface.ending
         surface.subscriptions = lambda session: ()  # so that all bytes received are the reply
         surface.handle = lambda session, frame: self._told(session, handle(session, frame))  # type: ignore[method-assign]
+        surface.call = self._called  # type: ignore[method-assign]
+        surface.ending = lambda session, frame: self._ended(ending(session, frame))  # type: ignore[method-assign]
+        self.driver.perform = lambda operation: perform(self._performed(operation))  # type: ignore[method-assign, arg-type]
         stage.wire_log.sinks.append(self._note)
 
     async def play(self, frame: bytes, before: Before = Before(), watched: float = WATCHED_SETTING) -> Play:
@@ -163,6 +180,8 @@ class Player:
         self._session, self._before = None, ""
         known, wire = self._known(), len(self.stage.wire)
         self._events.clear()
+        self._asked.clear()
+        self._tells, refusals = False, self.stage.wire_log.refusals
         visitor.heard = b""
         visitor.tell(frame)
         await self._settled(visitor, 0.0)
@@ -171,7 +190,17 @@ class Player:
         await asyncio.sleep(watched)
         protocol = self.driver.protocol
         acts = tuple(data for data in self.stage.wire[wire:] if not is_look(protocol, data))
-        return Play(frame, tuple(self._events), reply, acts, self._before != self._kept(), known != self._known())
+        return Play(
+            frame,
+            tuple(self._events),
+            reply,
+            acts,
+            self._before != self._kept(),
+            known != self._known(),
+            tuple(self._asked),
+            self._tells,
+            refusals != self.stage.wire_log.refusals,
+        )
 
     async def _settled(self, visitor: Visitor, least: float) -> None:
         """Wait until everything sent was answered, at most as long as a program waits."""
@@ -204,6 +233,41 @@ class Player:
         elif not isinstance(wanted, Defer | CheckPossible | Note):
             operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
             self._events.append(Event("means", meaning(operation)))
+        return False
+
+    def _ended(self, ending: Ending | None) -> Ending | None:
+        """Note the operation of a command that ends something on its arrival."""
+        if ending is not None:
+            self._asked[type(ending.operation).__name__] = None
+        return ending
+
+    def _performed(self, operation: Operation) -> Operation:
+        """Note an operation that changes the mount, also one made of another one; not the end of a pulse."""
+        name = type(operation).__name__
+        if not isinstance(operation, (Read, *ENDS)) and named(name) is not None:
+            self._asked[name] = None
+        return operation
+
+    def _called(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
+        """Run the function of a row: note what it asks for, and whether it looks at what is kept."""
+        kind, player = type(session), self
+
+        class Watched(kind):  # type: ignore[misc, valid-type]
+            def __getattribute__(self, name: str) -> object:
+                player._tells |= name in ("kept", "common")
+                return super().__getattribute__(name)
+
+        session.__class__ = Watched
+        try:
+            return (yield from relayed(self._call(name, session, command, values), self._asks))
+        finally:
+            session.__class__ = kind
+
+    def _asks(self, wanted: SurfaceStep) -> bool:
+        """Note the operation of a request; return False, as it is carried out as well."""
+        operation = getattr(wanted, "operation", wanted)
+        if isinstance(operation, Operation) and not isinstance(wanted, CheckPossible):
+            self._asked[type(operation).__name__] = None
         return False
 
     def _note(self, entry: Entry) -> None:

@@ -17,12 +17,22 @@ from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 import msgspec
+from msgspec.structs import replace
 
 from gateway.core import errors, operations
 from gateway.core.errors import MappingError
 from gateway.core.tables import mappings_folder, read_table
 from gateway.protocols.wireformat.command import Command, FrameTemplate
-from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, CommandRow, Implementation, Model, OwnRow, SurfaceRow
+from gateway.protocols.wireformat.rows import (
+    KEEPS,
+    OUTCOMES,
+    CommandRow,
+    Implementation,
+    Model,
+    OwnRow,
+    PlayedRow,
+    SurfaceRow,
+)
 
 _T = TypeVar("_T")
 #: The words of ``urgent`` for commands that act as soon as they arrive.
@@ -70,8 +80,18 @@ class CommandSet:
         """Command name -> the row that says what the surface does with it."""
         where, rows = self._where("surface.toml"), self._read("surface.toml", SurfaceRow)
         for key, row in rows.items():
-            self._check_surface(where, key, row)
+            if row.asks or row.outcome or row.without or row.elsewhere:
+                raise MappingError(where, key, "asks and outcomes are in played.toml, which tables --write writes")
+            if (played := self.played.get(key)) is not None:
+                shown = played.asks, played.outcome, played.without, played.elsewhere
+                rows[key] = replace(row, asks=shown[0], outcome=shown[1], without=shown[2], elsewhere=shown[3])
+            self._check_surface(where, key, rows[key])
         return rows
+
+    @cached_property
+    def played(self) -> dict[str, PlayedRow]:
+        """Command name -> what the play of its row has shown."""
+        return self._read("played.toml", PlayedRow)
 
     def _check_surface(self, where: str, key: str, row: SurfaceRow) -> None:
         if key not in self.commands:

@@ -100,13 +100,16 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ask, given      perform this operation; its fields are those of the command, these, and the client's own settings
     tell            reply with these fields of the client's settings or the presented model
     say             reply with these values
-    call, asks      run this function (``module.function``); the operations that it may ask for
-    outcome, why    the outcome in the generated tables, and the remark there
-    without         the outcome on a mount that has no command for the operation
+    call            run this function (``module.function``)
+    why             the remark in the generated tables
     passes          pass it on to a mount of the same protocol that has it; by default true if refused here
-    models          the presented models, or their traits, that it is for; the outcome of the others is ``elsewhere``
-    apart           traits of mounts that have the outcome ``elsewhere`` too
+    models          the presented models, or their traits, that it is for
+    apart           traits of mounts that it is not for
     after, during   for examples: what a program sends before, until the mount is at rest, and then in motion
+
+    The others are in ``played.toml``, because the play of a row shows them: the operations that a function ``asks``
+    for; the ``outcome``, if it does not follow from how a mount carries them out; that ``without`` a command for any of
+    them; and that ``elsewhere``, where the row is not for the presented model or the mount.
     """
 
     ask: str | None = None
@@ -138,6 +141,16 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def operations(self) -> list[str]:
         """Every operation that this row may request."""
         return ([self.ask] if self.ask else []) + self.asks
+
+
+class PlayedRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row of ``played.toml``, which ``tables --write`` writes. ``of`` is a digest of what was played."""
+
+    of: str
+    asks: list[str] = []
+    outcome: str | None = None
+    without: str | None = None
+    elsewhere: str | None = None
 
 
 class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

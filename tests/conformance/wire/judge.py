@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from gateway.app.bindings import framer_and_replies
-from gateway.core.errors import NoDevice, Unsupported
-from gateway.core.operations import Read, named
+from gateway.core.errors import NoDevice
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, sent, taken
 from gateway.diagnostics.rehearsal.play import Play
+from gateway.diagnostics.rehearsal.shown import changes, is_no, no_form
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
+from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import SurfaceRow
@@ -53,8 +53,7 @@ class Case(NamedTuple):
 
 def writes(row: SurfaceRow | None) -> bool:
     """Whether a row has operations that may change the mount."""
-    kinds = [named(name) for name in (row.operations if row is not None else [])]
-    return any(kind is not None and not issubclass(kind, Read) for kind in kinds)
+    return row is not None and any(map(changes, row.operations))
 
 
 def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
@@ -123,7 +122,7 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
     if said == "missing":
         yield "missing"
     elif said == "refused":
-        if any(reply.fault for reply, _ in command.replies) or _no_form(surface, play.frame):
+        if any(reply.fault for reply, _ in command.replies) or no_form(surface, play.frame):
             if not no:
                 yield f"refused, and the reply '{show(play.reply)}' is no no"
         elif not notes:
@@ -142,17 +141,3 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
     ways = taken(row, case.driven, case.mount)
     if (notes or said == "refused") and not remarks(row, ways):
         yield f"no remark on it, and the log says: {'; '.join(notes) or 'nothing'}"
-
-
-def _no_form(surface: Surface, frame: bytes) -> bytes:
-    """Return the surface's refusal of a command that no mount can do; empty if the protocol has none."""
-    form = surface.unanswered(frame, Unsupported())
-    return b"" if form == ACKNOWLEDGED else form
-
-
-def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
-    forms = [form for answer, form in command.replies if answer.fault]
-    if not reply:
-        return False
-    told = any(form.matcher.fullmatch(reply) for form in forms) or surface.is_refusal(reply)
-    return told or reply == _no_form(surface, frame)

@@ -106,16 +106,38 @@ def test_the_outcome_is_the_one_on_the_wire() -> None:
     """Of the model that is presented because it fits; where a refusal has no reply, that is said."""
     gps = explain("nexstar", "lx200gps", "P\\x01\\xb0\\x37\\x00\\x00\\x00\\x01").text
     assert "outcome on an lx200gps mount: translated (" in gps and gps.endswith("reply: \\x01#  (linked)")
-    classic = explain("nexstar", "lx200:lx200", "T\\x02").text
+    classic = explain("nexstar", "lx200:lx200", "x").text
     assert "refused (the reply is # all the same, because this protocol has no other: only the log tells it)" in classic
     assert "refused (this command has no reply: only the log tells it)" in explain("lx200", "cge/1.2", ":T-#").text
 
 
 def test_a_command_that_is_carried_out_but_not_with_these_values() -> None:
-    no = "  but not with these values, or not as things stand in this example: there it is refused\n"
-    assert no in explain("nexstar", "lx200", "H\\x18\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text  # 24 o'clock
-    assert no not in explain("nexstar", "lx200", "H\\x17\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text
-    assert no not in explain("lx200", "6se", ":MS#").text
+    otherwise = "  with other values, or if things stand otherwise than in this example: translated\n"
+    midnight = explain("nexstar", "lx200", "H\\x18\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text  # 24 o'clock
+    assert "mount: refused (" in midnight and otherwise in midnight
+    assert otherwise not in explain("nexstar", "lx200", "H\\x17\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text
+    assert otherwise not in explain("lx200", "6se", ":MS#").text
+
+
+@each(
+    ("mount", "command", "lines"),
+    [
+        ("lx200:lx200", "T\\x02", ["outcome on an lx200 mount: nothing to do (the mount is as the command wants it)"]),
+        ("lx200:lx200", "T\\x00", ["outcome on an lx200 mount: refused (the reply is # all the same, "]),
+        (
+            "lx200:lx200",
+            "P\\x01\\xb0\\x37\\x00\\x00\\x00\\x01",
+            ["outcome on an lx200 mount: refused (the reply says so)"],
+        ),
+        ("avx", ":F+#", ["outcome on an avx/5.31 mount: translated (", "  without a focuser: refused"]),
+        ("slt", ":MA#", ["outcome on a slt/4.21 mount: translated (", "  before the alignment: refused"]),
+        ("cpc", ":hP#", ["outcome on a cpc/4.21 mount: translated (", "  before the alignment: refused"]),
+    ],
+)
+def test_the_outcome_is_the_one_that_the_play_shows(mount: str, command: str, lines: list[str]) -> None:
+    text = explain("lx200" if command.startswith(":") else "nexstar", mount, command).text
+    for line in lines:
+        assert f"\n{line}" in text
 
 
 @each(

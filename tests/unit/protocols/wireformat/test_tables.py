@@ -125,7 +125,12 @@ def test_a_name_that_does_not_exist_is_told_when_the_file_is_loaded(
         ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', "one verb"),
         ("surface.toml", "QQQ = { say = {} }", "no such command"),
         ("surface.toml", 'GR = { aks = "Position" }', "aks"),
-        ("surface.toml", 'Aa = { call = "align", outcome = "refused" }', "needs why"),
+        (
+            "surface.toml",
+            'Aa = { call = "motion.align", outcome = "kept" }',
+            "played.toml, which tables --write writes",
+        ),
+        ("surface.toml", '"$QA+" = { call = "accessories.periodic_error" }', "needs why"),
         ("surface.toml", "GR = {", "surface.toml"),
         ("commands.toml", '[GR]\nrequest = ":GR{x:nonsense}#"\nhelp = "x"', "nonsense"),
         ("commands.toml", '[GR]\nrequest = ":GR{x}#"\nhelp = "x"', "name:form"),
