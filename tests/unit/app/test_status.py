@@ -113,10 +113,6 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
                 assert status_line(pier, rate).state == "up"
                 await asyncio.sleep(0.1)
             assert len(bridge.sent()) - unseen <= unseen - settled + 2  # heartbeats and site, as before
-            assert pier.state().drawn().sky == "closed form"
-            moment = bridge.controller.sources.times()[0].unix
-            bridge.controller.astrometry.sky.use(Almanac("", {int(moment // DAY): bytes(8 * 333)}))
-            assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
             first = status_line(pier, rate)
             assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
             assert first.position is not None and first.status is not None and first.status.aligned
@@ -132,6 +128,10 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
             assert status_line(gateway(bridge, "pier"), rate).name == "pier"
             assert "slewing" in status([status_line(pier, rate)])
             assert status_line(pier, rate).rate > 0
+            assert pier.state().drawn().sky == "closed form"
+            moment = bridge.controller.sources.times()[0].unix
+            bridge.controller.astrometry.sky.use(Almanac("", {int(moment // DAY): bytes(8 * 333)}))
+            assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
     run(program())
 
