@@ -8,7 +8,9 @@ can do about it. A request is repeated until it is answered or times out.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
+import socket
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -130,29 +132,6 @@ def explain_unreachable(process: processes.Process) -> str:
     return f"a gateway of {whose} runs as process {process.pid}: stop it as {whose}, or as root"
 
 
-class _Asking(asyncio.DatagramProtocol):
-    """One request. ``done`` is the answer or the system's error; ``heard``: any datagram of the gateway came."""
-
-    def __init__(self, secret: str, number: str) -> None:
-        self._secret, self._number, self._parts = secret, number, exchange.Parts()
-        self.heard = False
-        self.done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-
-    def datagram_received(self, data: bytes, addr: object) -> None:
-        """Take a part of the answer; ignore a datagram that does not belong to this request."""
-        opened = exchange.unseal(self._secret, data)
-        if opened is not None and opened[0] == self._number:
-            self.heard = True
-            answer = self._parts.add(opened[1])
-            if answer is not None and not self.done.done():
-                self.done.set_result(answer)
-
-    def error_received(self, exc: Exception) -> None:
-        """End the request: no process listens on the port."""
-        if not self.done.done():
-            self.done.set_exception(exc)
-
-
 def explain_no_answer(pid: int) -> str:
     """Return a sentence about a gateway that does not answer: what the reason may be, and what to do."""
     ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
@@ -162,29 +141,32 @@ def explain_no_answer(pid: int) -> str:
 
 async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | None:
     """Send a request and return the answer, or ``failed REASON``; None if no gateway has this endpoint any more."""
-    number = new_number()
-    loop = asyncio.get_running_loop()
-    try:
-        transport, asking = await loop.create_datagram_endpoint(
-            lambda: _Asking(endpoint.secret, number), remote_addr=("127.0.0.1", endpoint.port)
-        )
-    except (OSError, OverflowError) as error:
-        return f"failed the gateway (process {endpoint.pid}) cannot be reached: {error}"
-    try:
-        async with asyncio.timeout(seconds):
-            silence = loop.time() + HEARD
-            while not asking.done.done():
-                if not asking.heard and loop.time() > silence:
-                    raise TimeoutError
-                transport.sendto(exchange.seal(endpoint.secret, number, f"ask {word}"))
-                await asyncio.wait({asking.done}, timeout=AGAIN)
-        return asking.done.result()
-    except ConnectionError:
-        return f"failed {explain_no_answer(endpoint.pid)}" if processes.is_gateway(endpoint.pid) else None
-    except (OSError, TimeoutError):
+    number, parts, heard = new_number(), exchange.Parts(), False
+    asked, loop = exchange.seal(endpoint.secret, number, f"ask {word}"), asyncio.get_running_loop()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.setblocking(False)
+        try:
+            port.connect(("127.0.0.1", endpoint.port))
+        except (OSError, OverflowError) as error:
+            return f"failed the gateway (process {endpoint.pid}) cannot be reached: {error}"
+        try:
+            async with asyncio.timeout(seconds):
+                silence = loop.time() + HEARD
+                while heard or loop.time() <= silence:
+                    await loop.sock_sendall(port, asked)
+                    with contextlib.suppress(TimeoutError):
+                        async with asyncio.timeout(AGAIN):
+                            while True:
+                                opened = exchange.unseal(endpoint.secret, await loop.sock_recv(port, exchange.LARGEST))
+                                if opened is not None and opened[0] == number:
+                                    heard = True
+                                    if (answer := parts.add(opened[1])) is not None:
+                                        return answer
+        except ConnectionError:
+            return f"failed {explain_no_answer(endpoint.pid)}" if processes.is_gateway(endpoint.pid) else None
+        except (OSError, TimeoutError):
+            pass
         return f"failed {explain_no_answer(endpoint.pid)}" if processes.exists(endpoint.pid) else None
-    finally:
-        transport.close()
 
 
 def running(only: str | None, state: str | None) -> list[ControlEndpoint]:

@@ -34,6 +34,7 @@ from gateway.app.control.server import Control
 from gateway.core import requests
 from gateway.core.errors import Held
 from gateway.core.operations import Direction
+from tests.support.process import PATIENCE
 
 SIM: dict[str, Any] = {"lowest": -90, "sun": 0, "speed": 8}
 
@@ -78,8 +79,10 @@ def test_every_request_reaches_the_mount() -> None:
             assert await mount.ask(requests.Track(on=False)) == "tracking is off"
             await mount.ask(requests.TellSite(50.0, 10.0))
             await mount.ask(requests.TellTime(1.8e9, 1.0))
-            told = " ".join((await mount.status()).lately)
-            assert "the site that was set is kept in the gateway" in told and "the clock that was set" in told
+            async with asyncio.timeout(PATIENCE):
+                for kept in ("the site that was set is kept in the gateway", "the clock that was set is kept"):
+                    while kept not in " ".join((await mount.status()).lately):
+                        await asyncio.sleep(connected.LOOK)
             await mount.ask(requests.Move(Direction.NORTH, 9, 0.2))
             await mount.goto_object("Capella")
             await mount.park()
