@@ -40,7 +40,7 @@ class Context:
         self.now = asyncio.get_running_loop().time
         self.tasks, self.closed = BackgroundTasks(), False
         self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
-        self.cache, self.wanted = ReadingsCache(), WantedState()
+        self.cache, self.wanted = ReadingsCache(link), WantedState()
         self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings(policy.rules)
         self.run_on = RunOnWatch(self.now, policy.rules)
         #: Astronomy with the best site and clock, for limits and horizon coordinates.

@@ -34,6 +34,7 @@ LARGE = {
     "gateway/diagnostics/log/printing.py",  # which lines are shown, and how they are printed
     "gateway/mount/link/driver_runner.py",  # what a driver sends, and whether the reply can be right
     "gateway/mount/link/transaction.py",  # an exchange, and how long its reply may take
+    "gateway/mount/site/astrometry.py",  # the sky over a mount, and every Sun to avoid in it
     "gateway/mount/site/settings_sync.py",  # settings on their way, and what the log says of them
     "gateway/protocols/mechanics/mount.py",  # two motors by formula, and the orders to them
     "gateway/protocols/nexstar/driver/state.py",
@@ -42,8 +43,8 @@ LARGE = {
 #: from one file into another; UP of these lead up at most.
 WAYS = {
     ":MS# onto a NexStar": (partial(walk_of, b":MS#"), 44, 144),
-    ":GR# onto a NexStar": (partial(walk_of_read, b":GR#", "nexstar"), 40, 152),
-    "e onto a Meade": (partial(walk_of_read, b"e", "lx200"), 41, 181),
+    ":GR# onto a NexStar": (partial(walk_of_read, b":GR#", "nexstar"), 39, 138),
+    "e onto a Meade": (partial(walk_of_read, b"e", "lx200"), 40, 165),
 }
 UP = 4
 #: What lies in a folder and is nothing that anybody reads.

@@ -16,6 +16,7 @@ from msgspec import Struct
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.waiting import TimedEvent
+from gateway.mount.link.line import MountLink
 
 Kind = type[op.Operation]
 Pair = tuple[float, float]
@@ -44,6 +45,8 @@ WAKES: dict[Kind, tuple[Kind, ...]] = {
 }
 #: A reading counts as polled if a client asked for it within this many seconds.
 POLLING = 3.0
+#: A reading is fresh for this many reply times at least.
+EXCHANGES = 2.5
 #: Seconds for which clients still get the last position after the line went down.
 LAST_POSITION = 10.0
 
@@ -88,7 +91,8 @@ class Entry(Struct):
 class ReadingsCache:
     """The last readings by kind, and the mount's own replies by request."""
 
-    def __init__(self) -> None:
+    def __init__(self, link: MountLink) -> None:
+        self._link = link
         self.entries: dict[Kind, Entry] = {}
         self._own: dict[op.Own, Entry] = {}
         self._asked: dict[Kind, float] = {}
@@ -141,20 +145,19 @@ class ReadingsCache:
         entry = self.entries.get(kind)
         return None if entry is None or entry.forgotten else entry.value
 
-    def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
-        """Return the reading if fresh, else NOT_CACHED; ``patience`` (seconds) or a line ``down`` extend its life."""
-        entry = self.entries.get(kind)
-        if entry is None or entry.forgotten or now - entry.at > (LAST_POSITION if down else max(entry.lasts, patience)):
-            return NOT_CACHED
-        return entry.value
-
     def poll(self, kind: Kind, now: float) -> Any:
-        """Note that a client asks, and return the reading if it is fresh whatever the line, else NOT_CACHED."""
+        """Note that a client asks, and return the reading if fresh, else NOT_CACHED. On a line that is slow or not up,
+        readings live longer.
+        """
         self._asked[kind] = now
         entry = self.entries.get(kind)
-        if entry is None or entry.forgotten or now - entry.at > min(entry.lasts, LAST_POSITION):
+        if entry is None or entry.forgotten:
             return NOT_CACHED
-        return entry.value
+        age, link = now - entry.at, self._link
+        if age <= min(entry.lasts, LAST_POSITION):  # whatever the line
+            return entry.value
+        lasts = max(entry.lasts, EXCHANGES * link.typical_rtt) if link.state == "up" else LAST_POSITION
+        return entry.value if age <= lasts else NOT_CACHED
 
     def until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the readings of these kinds are fresh."""

@@ -213,7 +213,7 @@ def on_the_sky(context: Context) -> Inside:
     meridian = _meridian(context, limits.hour_angle)
 
     def inside(ra: float, dec: float) -> bool:
-        altitude = astrometry.altitude(ra, dec)
+        altitude, _ = astrometry.overhead(op.Equatorial(ra, dec))
         if altitude is not None and not limits.lowest <= altitude <= limits.highest:
             return False
         if any(distance < suns.limit for distance in suns.distances(op.Equatorial(ra, dec))):

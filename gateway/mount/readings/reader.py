@@ -34,8 +34,6 @@ _T = TypeVar("_T")
 POSITIONS: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
 #: Seconds for which an extrapolated position is used again.
 MOMENT = EARLIER
-#: A reading is fresh for this many reply times at least.
-EXCHANGES = 2.5
 #: The status of a mount that has never reported one, with the least promises.
 UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 #: Seconds between two checks whether the mount has begun to move.
@@ -93,11 +91,7 @@ class Reader:
         run_on = self._context.run_on.value
         if kind is op.Slewing and (self._wanted.goto_waits or (run_on is not None and run_on.goto)):
             return True
-        now, link = self._now(), self._link
-        value = self._cache.poll(kind, now)
-        if value is not NOT_CACHED:
-            return value
-        return self._cache.fresh(kind, now, EXCHANGES * link.typical_rtt, link.state != "up")
+        return self._cache.poll(kind, self._now())
 
     def peek(self, kind: Kind) -> Any:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
@@ -217,22 +211,17 @@ class Reader:
     async def answer(self, operation: op.Operation) -> Any:
         """Return the answer for a client, the last one if no new one arrives in time. Raises Fault if there is none."""
         kind = type(operation)
-        fault: Fault = NoAnswer()
         try:
             async with asyncio.timeout(TIMEOUT_MOVING if self._movement.anything else TIMEOUT):
                 answer = await self._newest(operation)
         except Asleep:
             raise
-        except (NoAnswer, Busy) as said:
-            fault = said
-        except TimeoutError:
-            pass
-        else:
-            self.gives_last_position = self.gives_last_position and kind not in POSITIONS
-            return answer
-        if (last := self.last(kind)) is NOT_CACHED:
-            raise fault
-        return last
+        except (NoAnswer, Busy, TimeoutError) as failed:
+            if (last := self.last(kind)) is NOT_CACHED:
+                raise failed if isinstance(failed, Fault) else NoAnswer from None
+            return last
+        self.gives_last_position = self.gives_last_position and kind not in POSITIONS
+        return answer
 
     async def _newest(self, operation: op.Operation) -> Any:
         """Return the mount's answer, from the cache or by an exchange. Raises Fault.

@@ -103,9 +103,10 @@ class AltitudeAxis:
 
         A recording of the time before the altitudes that follow from them were watched is replayed without.
         """
-        mount = self._mount
-        unknown = mount.policy.rules == FIRST_RULES or self.available or mount.sources.site() is None
-        return () if unknown else mount.frame().shifts
+        mount, shifts = self._mount, self._mount.frame().shifts
+        if not shifts or mount.policy.rules == FIRST_RULES or self.available or mount.sources.site() is None:
+            return ()
+        return shifts
 
     def interval(self, moves: bool) -> float | None:
         """Return how often to read the axes, seconds; None if that is not needed."""

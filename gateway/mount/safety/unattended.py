@@ -19,6 +19,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
+from gateway.mount.motion.seen import NEVER
 from gateway.mount.motion.wanted import ByHand, Wanted
 from gateway.mount.presence import HostActivity, Presence
 from gateway.mount.readings.reader import Reader
@@ -128,31 +129,18 @@ class TrackingAtLimit:
         self, context: Context, reader: Reader, watch: LimitWatch, perform: Callable[[op.Operation], Awaitable[object]]
     ) -> None:
         self._context, self._reader, self._perform = context, reader, perform
-        self._switching = self._cannot_turn_off = self._drifting = self._sky_set_at_rest = False
+        self._watch, self._switching = watch, False
+        #: When it was found that tracking cannot be turned off, and that it is off and the mount drifts nevertheless.
+        self._refused_at = self._drifts_since = NEVER
         self.must_stop: Signal[str] = Signal()
-        watch.motion_began.connect(self.began)
-        watch.sky_changed.connect(self.sky_changed)
-        watch.position_checked.connect(self.seen)
         watch.carried_to_limit.connect(self.switch_off)
 
-    def began(self, _: None = None) -> None:
-        """A motion has begun: forget earlier findings."""
-        self._cannot_turn_off = self._drifting = self._sky_set_at_rest = False
-
-    def sky_changed(self, _: None = None) -> None:
-        """Remember that site or clock was set at rest: a limit that is exceeded now was not reached by tracking."""
-        self._sky_set_at_rest = True
-
-    def seen(self, status: op.Status | None) -> None:
-        """Take the last status of the mount, None while it must be read again."""
-        if status is None or status.tracking is not op.Tracking.OFF:
-            self._drifting = False
-
     def switch_off(self, reason: str) -> None:
-        age = self._context.cache.age(op.GetStatus, self._context.now())
-        if self._drifting and age > STATUS_AGE:
+        began, tracked, now = self._watch.seen.began, self._watch.tracked_at, self._context.now()
+        drifts = self._drifts_since > max(began, tracked)
+        if drifts and self._context.cache.age(op.GetStatus, now) > STATUS_AGE:
             self._reader.shared(op.GetStatus())
-        elif not (self._switching or self._cannot_turn_off or self._drifting):
+        elif not (self._switching or drifts or self._refused_at > began):
             self._switching = True
             self._context.tasks.spawn(self._switch_off(reason))
 
@@ -163,15 +151,16 @@ class TrackingAtLimit:
                 context.note(
                     f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop"
                 )
-                self._drifting = True
+                self._drifts_since = context.now()
                 return
             await self._perform(op.SetTracking(on=False))
             context.note(f"tracking was switched off at {reason}")
         except Unsupported:
-            self._cannot_turn_off = True
-            context.note(f"{'WARNING: the mount is' if self._sky_set_at_rest else 'stopped'} at {reason}")
+            self._refused_at = context.now()
+            sky_changed = self._watch.sky.changed_at > self._watch.seen.began  # at rest: it was not reached by tracking
+            context.note(f"{'WARNING: the mount is' if sky_changed else 'stopped'} at {reason}")
             context.note_once("the tracking of this mount cannot be switched off at a limit")
-            if not self._sky_set_at_rest:
+            if not sky_changed:
                 self.must_stop.emit(f"stopped at {reason}")
         except Fault as fault:
             context.note(f"tracking could not be switched off at {reason} and continues beyond it: {fault}")

@@ -63,16 +63,13 @@ class LimitWatch:
     """Watches the limits of one mount: call ``check_position`` with every position, ``began`` with every motion begun.
 
     ``must_stop`` is emitted in the call that finds the reason: a position, a missing one, or the deadline has passed.
-    ``carried_to_limit`` names the limit that the mount reaches although no client moves it. Other signals are
-    ``motion_began``, ``sky_changed`` (site or clock were set), and ``position_checked`` (status, None if unknown).
+    ``carried_to_limit`` names the limit that the mount reaches although no client moves it.
     """
 
     def __init__(self, mount: Context, reader: Reader, ends: EndWatch) -> None:
         self._mount, self._reader, self._ends = mount, reader, ends
         self.must_stop: Signal[str] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
-        self.motion_began: Signal[None] = Signal()
-        self.position_checked: Signal[op.Status | None] = Signal()
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._deadline_passed), StallWatch()
         self.seen = Seen()
         self._limits = mount.policy.limits
@@ -80,8 +77,9 @@ class LimitWatch:
         #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
         self._at_own_park = self._parked = False
         self._astray = False
-        self._sky = SkyChange(mount)
-        self.sky_changed = self._sky.changed
+        self.sky = SkyChange(mount)
+        #: When a position last came while the mount may have been tracking.
+        self.tracked_at = NEVER
         self.altitude_axis, self._hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader.tube_side)
         #: When the last motion ended.
         self.at_rest_since = NEVER
@@ -134,7 +132,6 @@ class LimitWatch:
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.leaves_limits
         self._clear = isinstance(operation, GOTOS) and self.path.clear
         self._parked = False
-        self.motion_began.emit(None)
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
@@ -183,7 +180,7 @@ class LimitWatch:
         self._check_axes(now, place)
         if not self.altitude_axis.available:
             self.altitude_axis.forget()
-        if self._sky.has_changed(now, self.moved_by_others):
+        if self.sky.has_changed(now, self.moved_by_others):
             last = None
             self.altitude_axis.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
@@ -228,10 +225,9 @@ class LimitWatch:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
         here = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
-        altitude, hour_angle, shifts = astrometry.altitude(here.ra, here.dec), None, self.altitude_axis.shifts
+        (altitude, hour_angle), shifts = astrometry.overhead(here), self.altitude_axis.shifts
         if altitude is not None:
             altitude += self.altitude_axis.tilt or 0.0
-            hour_angle = astrometry.sidereal_time() - here.ra
         unsynced = () if altitude is None else tuple(mount.suns.altitude(here, shift) for shift in shifts)
         suns, lifting = tuple(mount.suns.distances(here)), mount.wanted.by_hand.get(2)
         return PositionSample(now, place, altitude, hour_angle, suns, lifting, (mount.suns.era, shifts), unsynced)
@@ -239,7 +235,7 @@ class LimitWatch:
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, last = self._mount, self.seen.last
-        self.position_checked.emit(status)
+        self.tracked_at = now if status is None or status.tracking is not op.Tracking.OFF else self.tracked_at
         self.others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
         mount.movement.by_others_until = self.others.until
         mount.driver.moved_by_others = self.moved_by_others and mount.driver.exchanges > 1
@@ -400,14 +396,14 @@ class SkyChange:
     """Notices that site or clock were set: positions before and after then mean different altitudes.
 
     The mount receives the settings one by one, so changes at rest while some are still to be sent are not a motion.
-    ``changed`` is emitted when site or clock have changed and the mount is at rest.
+    ``changed_at`` is when site or clock have last changed while the mount was at rest.
     """
 
     def __init__(self, mount: Context) -> None:
         self._mount = mount
         self._frame: tuple[op.Place | None, float] = None, 0.0
         self._settles_until = NEVER
-        self.changed: Signal[None] = Signal()
+        self.changed_at = NEVER
 
     def has_changed(self, now: float, moved_by_others: bool) -> bool:
         """Whether the position read now cannot be compared with the one before."""
@@ -420,7 +416,7 @@ class SkyChange:
         if now >= self._settles_until or mount.movement.anything:
             return changed
         if changed:
-            self.changed.emit(None)
+            self.changed_at = now
         return changed or not moved_by_others
 
 

@@ -49,12 +49,14 @@ class SiteAstrometry:
         """Local apparent sidereal time, degrees."""
         return self.sky.sidereal_time(self.site_clock.unix(), self.place().longitude)
 
-    def altitude(self, ra: float, dec: float) -> float | None:
-        """Return the altitude now, degrees; None if the site is unknown."""
+    def overhead(self, seen: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
+        """Return the altitude and the hour angle of a position now, degrees; None for both if the site is unknown."""
         place = self.site_clock.site()
         if place is None:
-            return None
-        return self.sky.horizon(ra, dec, place.latitude, place.longitude, self.site_clock.unix())[1]
+            return None, None
+        unix = self.site_clock.unix()
+        altitude = self.sky.horizon(seen.ra, seen.dec, place.latitude, place.longitude, unix)[1]
+        return altitude, self.sky.sidereal_time(unix, place.longitude) - seen.ra
 
     def horizon(self, seen: op.Equatorial) -> op.Horizontal:
         """Return azimuth and altitude of a position (equinox of date)."""

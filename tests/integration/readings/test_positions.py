@@ -203,10 +203,10 @@ def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount:
             lowest = 90.0
             for _ in range(700):
                 seen = await reported_position(client, "lx200")
-                lowest = min(lowest, controller.astrometry.altitude(*seen) or 0.0)
+                lowest = min(lowest, controller.astrometry.overhead(op.Equatorial(*seen))[0] or 0.0)
                 said = controller.cache.value(op.Position)
-                if said is not None and (controller.astrometry.altitude(said.ra, said.dec) or 0.0) >= 20.0:
-                    assert (controller.astrometry.altitude(*seen) or 0.0) >= 19.98
+                if said is not None and (controller.astrometry.overhead(said)[0] or 0.0) >= 20.0:
+                    assert (controller.astrometry.overhead(op.Equatorial(*seen))[0] or 0.0) >= 19.98
                 if lowest < 12.0:
                     break
                 await asyncio.sleep(0.03)

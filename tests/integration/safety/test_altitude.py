@@ -190,14 +190,15 @@ def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None
     async def program() -> None:
         async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
             client = bridge.client()
-            altitudes = bridge.controller.astrometry.altitude
+            overhead = bridge.controller.astrometry.overhead
             sinking = [40.5]
 
-            def lower(ra: float, dec: float) -> float | None:
+            def lower(seen: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
                 sinking[0] -= 0.002
-                return sinking[0] if altitudes(ra, dec) is not None else None
+                _, hour_angle = overhead(seen)
+                return (None, None) if hour_angle is None else (sinking[0], hour_angle)
 
-            bridge.controller.astrometry.altitude = lower  # type: ignore[method-assign]
+            bridge.controller.astrometry.overhead = lower  # type: ignore[method-assign]
             for _ in range(8000):
                 await asyncio.sleep(0.25)
                 client.tell(b":GR#")

@@ -87,7 +87,7 @@ def test_no_goal_that_is_up_is_said_to_be_low(why: str) -> None:
             for hour_angle in range(-170, 180, 20):
                 for dec in range(-40, 90, 25):
                     ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
-                    altitude = bridge.controller.astrometry.altitude(ra, dec)
+                    altitude = bridge.controller.astrometry.overhead(op.Equatorial(ra, dec))[0]
                     assert altitude is not None
                     reply = (await client.ask(as_lx200(ra, float(dec)), 4.0, until=b"#"))[2:]
                     if reply == b"0":
@@ -113,7 +113,7 @@ def test_a_terminal_gets_the_way_out_and_no_word_of_lowest(why: str) -> None:
             for hour_angle in range(-170, 180, 20):
                 for dec in range(-40, 90, 25):
                     ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
-                    up = (bridge.controller.astrometry.altitude(ra, dec) or 0.0) > lowest + 0.1
+                    up = (bridge.controller.astrometry.overhead(op.Equatorial(ra, dec))[0] or 0.0) > lowest + 0.1
                     try:
                         await bridge.controller.admission.admit(op.Goto(ra, float(dec)))
                     except Fault as fault:

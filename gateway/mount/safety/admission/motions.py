@@ -200,13 +200,13 @@ class Admission:
     async def _check_target(self, limits: Limits, goal: op.Equatorial, axis_known: bool) -> None:
         """Raises BelowHorizon, TooHigh or PastMeridian for a target. ``axis_known``: the altitude axis can be read."""
         mount = self._mount
-        altitude = mount.astrometry.altitude(goal.ra, goal.dec)
-        if altitude is None:
+        if mount.sources.site() is None:
             self._note_once("site unknown: gotos are not checked against the horizon")
             return
         try:
             limits.check_altitude(
-                altitude + (await self._watch.altitude_axis.current_tilt(self._ask) if axis_known else 0.0)
+                mount.astrometry.horizon(goal).alt
+                + (await self._watch.altitude_axis.current_tilt(self._ask) if axis_known else 0.0)
             )
         except Fault as fault:
             raise (fault if axis_known else with_contradiction(fault, mount.sources)) from None
