@@ -24,6 +24,9 @@ from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.refusals import explain
 from gateway.app.mount_state import mount_state
 from gateway.app.status import format_position
+from gateway.app.watchdog.client import Watchdog, available
+from gateway.astro.ephemeris.keeper import AlmanacKeeper
+from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Stopped, TooHigh, UserError
 from gateway.core.motion_kinds import GOTOS
@@ -203,9 +206,6 @@ async def open_gateway(
     }
     config = make_config(tables, Source("open_gateway"), served=False)
     from gateway.app.gateway import Gateway
-    from gateway.app.watchdog.client import Watchdog, available
-    from gateway.astro.ephemeris.keeper import AlmanacKeeper
-    from gateway.astro.ephemeris.sky import Sky
 
     sky, wire_log = Sky(), WireLog(time.time)
     if watch is not None:

@@ -16,6 +16,7 @@ from gateway.app.control.exchange import ControlEndpoint
 from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError
 from gateway.system import streams
+from gateway.system.runtime_folders import user_name
 
 if TYPE_CHECKING:
     from gateway.core.requests import Answer
@@ -70,7 +71,6 @@ def no_such_mount(mount: str, others: Iterable[str]) -> str:
 def report_no_gateway(arguments: argparse.Namespace) -> None:
     """Report that no gateway runs, or none with the mount that was named."""
     from gateway.app.control.reach import scope_of, unreachable_gateways
-    from gateway.system.runtime_folders import user_name
 
     others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
     if others:

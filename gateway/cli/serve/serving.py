@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
+from gateway.astro.ephemeris.keeper import AlmanacKeeper
+from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.serve.console_and_broker import (
     broker_access,
     console_offers,
@@ -31,7 +33,7 @@ from gateway.cli.serve.finding import GIVE_UP, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import before_suspension, unless, until_signal
 from gateway.core.errors import Fault
-from gateway.core.wire_log import SKY_READY, Sink
+from gateway.core.wire_log import SKY_READY, Sink, WireLog
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
 from gateway.system.file_limits import raise_limit
@@ -85,10 +87,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     from gateway.app.discovery.offer import network_offers
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
-    from gateway.astro.ephemeris.keeper import AlmanacKeeper
-    from gateway.astro.ephemeris.sky import Sky
     from gateway.clients.any_protocol.web import Web
-    from gateway.core.wire_log import WireLog
 
     access = broker_access(config)
     done, sky = until_signal(), Sky()
