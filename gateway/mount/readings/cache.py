@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import inf, isinf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.waiting import TimedEvent
-from gateway.mount.link.line import MountLink
+
+if TYPE_CHECKING:  # `status` and `stop` load this module through the marker of a motion, and need no line
+    from gateway.mount.link.line import MountLink
 
 Kind = type[op.Operation]
 Pair = tuple[float, float]
