@@ -8,6 +8,7 @@ memory. What fails is told once and tried again after an hour, at most three tim
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import stat
 import subprocess
@@ -36,6 +37,8 @@ LONGEST, AGAIN, LOOK, PAUSE = 120.0, 3600.0, 60.0, 2.0
 ATTEMPTS = 3
 #: One thread, which gives way to everything else, and no modules from the folder it was started in.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
+#: The same on Windows, and no window.
+FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
 #: The name of the command line's command that calculates an almanac.
 COMMAND = "almanac"
 
@@ -50,32 +53,23 @@ def stored() -> Almanac:
         return Almanac()
 
 
-def renewed(
-    days: Iterable[int], sites: Iterable[str] = (), stopped: threading.Event | None = None
-) -> tuple[Almanac, str]:
+def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, str]:
     """Return an almanac with these days and sites, and why it could not be stored. Raises OSError, ValueError."""
     path, trouble = cache_directory() / "almanac", ""
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
-    end = time.monotonic() + LONGEST
-    stopped = stopped or threading.Event()
-    while True:
-        try:
-            _make_folder(path.parent)
-            lock.acquire()
-        except LockHeld:
-            if time.monotonic() < end and not stopped.wait(0.1):
-                continue
-        except OSError as error:
-            trouble = f"{path.parent}: {error.strerror or error}"
-        break
+    try:
+        _make_folder(path.parent)
+        _wait(lock)
+    except OSError as error:
+        trouble = f"{path.parent}: {error.strerror or error}"
     try:
         almanac = stored()
         lacking = [day for day in days if day not in almanac.days]
         unknown = [site for site in sites if site not in almanac.sites]
         if lacking or unknown:
-            almanac = almanac.joined(calculated(lacking, unknown, stopped))
             today = int(time.time() // DAY)
-            almanac = almanac.only(today - 1, today + 2 * AHEAD, STORED)
+            newer = almanac.joined(calculated(lacking, unknown))
+            almanac = newer.only(today - 1, today + 2 * AHEAD, STORED)
             if not trouble:
                 try:
                     replace_file(path, almanac.encoded())
@@ -84,6 +78,16 @@ def renewed(
         return almanac, trouble
     finally:
         lock.release()
+
+
+def _wait(lock: PidLock) -> None:
+    """Acquire a lock, which its holder releases in a while. Raises OSError."""
+    for _ in range(int(LONGEST * 10.0)):
+        try:
+            return lock.acquire()
+        except LockHeld:
+            time.sleep(0.1)
+    raise OSError("another process is writing there")
 
 
 def _make_folder(folder: Path) -> None:
@@ -98,34 +102,21 @@ def _make_folder(folder: Path) -> None:
         raise OSError("other users can write there")
 
 
-def calculated(days: Collection[int], sites: Collection[str], stopped: threading.Event) -> Almanac:
-    """Let a process calculate an almanac. Raises OSError, ValueError if it fails, takes too long, or is ``stopped``."""
+def calculated(days: Collection[int], sites: Collection[str]) -> Almanac:
+    """Let a process calculate an almanac. Raises OSError, ValueError if it fails or takes too long."""
     words = [*gateway_argv(), COMMAND, "-", "--dates", ",".join(map(str, days)), *(f"--site={site}" for site in sites)]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
-    flags = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
-    end, late = time.monotonic() + LONGEST, False
-    with subprocess.Popen(
-        words,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env={**os.environ, **ENVIRONMENT, "PYTHONPATH": path},
-        creationflags=flags,
-    ) as process:
-        while True:
-            try:
-                made, said = process.communicate(timeout=0.1)
-                break
-            except subprocess.TimeoutExpired:
-                late = time.monotonic() > end
-                if late or stopped.is_set():
-                    process.kill()
-    if late:
-        raise ValueError(f"it took more than {LONGEST:.0f} s")
-    if process.returncode:
-        words_of_it = said.decode(errors="replace").strip().splitlines() or [f"it ended with {process.returncode}"]
-        raise ValueError(words_of_it[-1][:200])
-    return decoded(made)
+    environment = {**os.environ, **ENVIRONMENT, "PYTHONPATH": path}
+    try:
+        done = subprocess.run(
+            words, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
+        )
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"it took more than {LONGEST:.0f} s") from None
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip().splitlines() or [f"it ended with {done.returncode}"]
+        raise ValueError(said[-1][:200])
+    return decoded(done.stdout)
 
 
 async def _on_daemon(work: Callable[[], _T]) -> _T:
@@ -165,7 +156,7 @@ class AlmanacKeeper:
         self._almanac = Almanac()
         self._failed: list[float] = []
         self._told: set[str] = set()
-        self._asked, self._stopped = asyncio.Event(), threading.Event()
+        self._asked = asyncio.Event()
 
     @property
     def _today(self) -> int:
@@ -186,22 +177,17 @@ class AlmanacKeeper:
 
     async def keep(self) -> None:
         """Calculate what is missing or will soon be, until this is cancelled."""
-        try:
-            while True:
-                self._asked.clear()
-                if (days := self._wanted()) and self._may_try():
-                    await self._renew(days)
-                    await asyncio.sleep(PAUSE)
-                try:
-                    await asyncio.wait_for(self._asked.wait(), LOOK)
-                except TimeoutError:
-                    continue
-        finally:
-            self._stopped.set()
+        while True:
+            self._asked.clear()
+            if (days := self._wanted()) and self._may_try():
+                await self._renew(days)
+                await asyncio.sleep(PAUSE)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._asked.wait(), LOOK)
 
     async def _renew(self, days: list[int]) -> None:
         try:
-            newer, trouble = await _on_daemon(lambda: renewed(days, (), self._stopped))
+            newer, trouble = await _on_daemon(lambda: renewed(days))
         except (OSError, ValueError) as error:
             self._failed.append(time.monotonic())
             self._tell_once(
