@@ -172,6 +172,7 @@ class AcceptorFactory:
             binding,
             titles=titles or binding.titles,
             equinox=self._j2000 if (surface.equinox or binding.default_equinox) == "j2000" else None,
+            by_model=None if surface.equinox else self._j2000,
             profiles=tuple(profiles(endpoint.protocol, surface, self._j2000)),
             hold=hold(surface, endpoint.protocol, surface.client),
         )

@@ -71,6 +71,8 @@ class SurfaceBinding(Struct, frozen=True):
     model: Model
     settings: ClientSettings
     equinox: EquinoxConverter | None = None
+    #: The converter for a presented model whose coordinates are J2000; None if the user has chosen the equinox.
+    by_model: EquinoxConverter | None = None
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
@@ -80,3 +82,8 @@ class SurfaceBinding(Struct, frozen=True):
     #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()
+
+    @property
+    def converter(self) -> EquinoxConverter | None:
+        """What converts the coordinates of its clients; None if these are of date."""
+        return self.equinox or (self.by_model if self.model.get("equinox") == "j2000" else None)

@@ -45,7 +45,7 @@ class Context:
         self.run_on = RunOnWatch(self.now, policy.rules)
         #: Astronomy with the best site and clock, for limits and horizon coordinates.
         self.sources = BestSources(site_clock)
-        self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
+        self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox or "jnow")
         self.hold, self.synced = Hold(), SyncTotal()
         self.frame = TubeFrame(self.cache, driver, self.synced, self.sources)
         self.suns = SunAvoidance(

@@ -121,8 +121,8 @@ class MountController:
 
     def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
-        if self.context.policy.equinox == "auto":
-            self.astrometry.equinox = self.driver.equinox
+        chosen = self.context.policy.equinox or self.driver.default_equinox
+        self.astrometry.equinox = self.driver.equinox if chosen == "auto" else chosen
 
     # --- start and end --------------------------------------------------------------------------------------------
 

@@ -65,7 +65,7 @@ class Policy(Struct, frozen=True):
 
     limits: Limits = Limits()
     site_time: str = "unaligned"
-    equinox: str = "jnow"
+    equinox: str | None = None
     own_park: bool = False
     unaligned: str = "refuse"
     silence: float = 30.0

@@ -77,6 +77,16 @@ _SE: Refusals = _NO_GPS | _NO_PEC | _FORK
 _SE_OLD_MOTORS: Refusals = _SE | _NO_PULSES
 _GERMAN: Refusals = _NO_GPS
 _GERMAN_BARE: Refusals = _NO_GPS | _NO_PEC
+#: Sky-Watcher's hand control passes motion on to its motors, and nothing else.
+_SYNSCAN: Refusals = {
+    "GetGps": "Unsupported",
+    "ClockFromGps": "Unsupported",
+    "GuideRate": "Unsupported",
+    "SetGuideRate": "Unsupported",
+    "Backlash": "Unsupported",
+    "PeriodicError": "Unsupported",
+    "Focus": "Unsupported",
+}
 
 NEXSTAR: dict[str, dict[str, Refusals]] = {
     "nexstar-gps": {
@@ -113,6 +123,8 @@ NEXSTAR: dict[str, dict[str, Refusals]] = {
     "cgx-l": dict.fromkeys(("4.22", "5.31"), _GERMAN),
     "astro-fi": {"5.31": _SE},
     "skywatcher": {"4.21": _GERMAN_BARE},
+    "synscan": dict.fromkeys(("3.36", "3.38", "4.38.06", "4.39.05"), _SYNSCAN),
+    "synscan-az": dict.fromkeys(("3.36", "3.38", "4.38.06", "4.39.05"), _SYNSCAN | _FORK | _NO_PULSES),
 }
 
 #: A StarSense in the place of a mount's own hand control; once it is aligned it is told neither site nor time.
@@ -144,6 +156,9 @@ KINDS = [
     ("cgx", "5.31"),
     ("cpc", "starsense-1.20"),
     ("avx", "starsense-1.20"),
+    ("synscan", "3.36"),
+    ("synscan", "4.39.05"),
+    ("synscan-az", "4.39.05"),
 ]
 
 

@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from gateway.astro.spherical import fold_declination, wrap180
+from gateway.astro.spherical import fold_declination, separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
@@ -59,7 +59,7 @@ async def _rate(b: Bridge, seconds: float) -> tuple[float, float]:
 
 async def position(b: Bridge) -> bool:
     seen = await b.controller.perform(op.Position())
-    return _near((seen.ra, seen.dec), _place(b), 0.2)
+    return separation(seen.ra, seen.dec, *_place(b)) < 0.2
 
 
 async def horizon(b: Bridge) -> bool:
@@ -87,12 +87,15 @@ async def identity(b: Bridge) -> bool:
     seen = await b.controller.perform(op.GetIdentity())
     if hasattr(b.sim, "shown_version"):
         name = next(model for model, row in load("nexstar").models.items() if row is b.sim.row)
-        major, minor = b.sim.shown_version
+        major, minor, *patch = b.sim.shown_version
         named = b.sim.version >= (2, 2) or major >= 100  # only a GT counts from 100
         version = f"{major}.{minor:02d}" if 3 <= major < 100 else f"{major}.{minor}"
+        if name.startswith("synscan"):  # six digits, two for each number
+            patch = patch or [0]
+        hand_control = "Sky-Watcher SynScan" if name.startswith("synscan") else "Celestron NexStar"
         return (seen.product, seen.version, seen.model) == (
-            "Celestron StarSense" if b.sim.starsense else "Celestron NexStar",
-            version,
+            "Celestron StarSense" if b.sim.starsense else hand_control,
+            version + "".join(f".{number:02d}" for number in patch),
             name if named else "unknown",
         )
     product, firmware = ("LX200", "?") if b.sim.classic else (b.sim.row["product"], b.sim.row["firmware"])

@@ -64,9 +64,13 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         key("tracking mode, for hand controls that do not report it (before version 2.3)", example="alt-az"),
     ] = None
     equinox: Annotated[
-        Literal["jnow", "j2000", "auto"],
-        key("equinox of the mount's coordinates; auto: by the version of its hand control"),
-    ] = "jnow"
+        Literal["jnow", "j2000", "auto"] | None,
+        key(
+            "equinox of the mount's coordinates (default: jnow, of a SynScan j2000); auto: by the version of its hand "
+            "control",
+            example="auto",
+        ),
+    ] = None
     site_time: Annotated[
         Literal["unaligned", "always", "never"],
         key(

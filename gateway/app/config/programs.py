@@ -59,16 +59,18 @@ def programs(protocol: str) -> dict[str, Program]:
 
 
 def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
-    """Return the needs of a program (default: the surface's ``client``) for keys that the surface leaves open."""
+    """Return the needs of a program (default: the surface's ``client``) for keys that surface and model leave open."""
     endpoint = parse_endpoint(surface.at)
     row = None if endpoint.protocol == ANY else programs(endpoint.protocol).get(program or surface.client)
     if row is None:
         return []
     numbers = _numbers(endpoint)
+    decided = load(endpoint.protocol).models.get(endpoint.model or "", {})
     return [
         need
         for need in row.needs
         if getattr(surface, need.key.replace("-", "_")) is None
+        and need.key not in decided
         and (need.below is None or numbers < parse_version(need.below) or numbers[0] >= 100)
     ]
 

@@ -94,7 +94,8 @@ def models() -> str:
     """Return the list of all models of all protocols, and the versions that they were made with."""
     lines = [
         "models, and versions of the hand control (the last number is the default; others are possible, and",
-        "nexstar:starsense is a StarSense hand control on the default model):",
+        "nexstar:starsense is a StarSense hand control on the default model, nexstar:synscan a SynScan of Sky-Watcher,",
+        "nexstar:skywatcher a Celestron hand control that reports a Sky-Watcher mount):",
     ]
     for spec in PROTOCOLS.values():
         for name, row in spec.commands.models.items():

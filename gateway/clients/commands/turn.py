@@ -228,7 +228,7 @@ class TurnRunner:
     ) -> None:
         self._controller, self._surface, self._session = controller, binding.surface, session
         self._activity, self._log, self.cache = activity, log, ReplyCache()
-        self.rights, self.equinox = rights, binding.equinox
+        self.rights, self.equinox = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
 

@@ -69,7 +69,11 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     lines = [f"{show(frame)}  {command.help}"]
     if command.models is not None:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
-    if face.version and not command.known_to(None, PROTOCOLS[face.protocol].counts_as(face.version)):
+    version = PROTOCOLS[face.protocol].counts_as(face.version) if face.version else None
+    if face.model in command.lacking:
+        lines.append(f"  a {face.model} does not have it: nothing is done")
+        return Explained("\n".join(lines), False)
+    if not command.known_to(None, version):
         lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
         return Explained("\n".join(lines), False)
     valid = True

@@ -125,8 +125,8 @@ class Driver:
     emulates_sync = False
     #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.
     moves_by_gotos = False
-    #: The equinox of the mount's coordinates, as far as its version tells: ``jnow`` or ``j2000``.
-    equinox = "jnow"
+    #: The equinox of its coordinates, ``jnow`` or ``j2000``: as its version tells, and if the user has not chosen that.
+    equinox = default_equinox = "jnow"
     #: Whether a sync aligns the mount. If not, an unaligned mount accepts neither a sync nor a goto to the sky.
     sync_aligns = True
     #: Whether it is a German mount, whose tube changes sides of the pier; None while that is unknown.

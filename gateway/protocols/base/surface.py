@@ -109,7 +109,7 @@ class Surface:
             return reply
         command, template = found
         if command.name in session.model.get("lacking", ()):
-            return b""
+            return self.unanswered(frame, None)
         row = self.protocol.surface.get(command.name)
         passed = self.verbatim and (row is None or row.handed_on)
         if row is None and not passed:
@@ -245,10 +245,9 @@ class Surface:
         """Fill in the first reply form that is no refusal and fits the client's format; bytes are a reply already."""
         if isinstance(answer, bytes):
             return answer
-        for reply, template in command.replies:
-            if reply.fault is None and reply.when in (None, session.kept.precision, session.model.get("name")):
-                return self.as_written(command.name, template.encode(_fields_of(answer, template.fields)))
-        return b""
+        model = session.model
+        form = command.form(session.kept.precision, model.get("name"), model.get("dialect"))
+        return b"" if form is None else self.as_written(command.name, form.encode(_fields_of(answer, form.fields)))
 
 
 def _without_motion(wanted: SurfaceStep) -> bool:

@@ -30,22 +30,28 @@ PROTOCOL = load("nexstar")
 
 
 class _Reply(NamedTuple):
-    """The reply to a command: its template, its usual and its longest length, and whether it is passed through."""
+    """The reply to a command: its template, its usual and its longest length, and whether it is passed through.
+
+    ``other`` is the longer form of another maker's hand controls.
+    """
 
     template: FrameTemplate
     width: int
     longest: int
     passed_through: bool
+    other: FrameTemplate | None
 
 
 @cache
 def _reply(command: str) -> _Reply:
     row = PROTOCOL.commands[command]
-    template = row.replies[0][1]
+    *others, template = [form for _, form in row.replies]
+    other = others[0] if others else None
     assert template.width is not None
     passed_through = row.request.prefix.startswith(b"P")
-    longest = template.width + (1 if passed_through else EXTRA.get(command, 0))
-    return _Reply(template, template.width, longest, passed_through)
+    longest = (other or template).width or 0
+    longest += 1 if passed_through else EXTRA.get(command, 0)
+    return _Reply(template, template.width, longest, passed_through, other)
 
 
 class NexStarReplyRules:
@@ -79,7 +85,7 @@ class NexStarReplyRules:
 
         Raises ValueError for a field that cannot be decoded.
         """
-        template, width, longest, passed_through = _reply(ask.command)
+        template, width, longest, passed_through, other = _reply(ask.command)
         if len(buffer) < width:
             return None
         if buffer[width - 1 : width] == b"#":
@@ -89,6 +95,8 @@ class NexStarReplyRules:
             return None if len(buffer) < longest else (Garbled(), len(buffer))
         if passed_through:
             return NoDevice(), end + 1
+        if other is not None:
+            return other.decode(buffer[: end + 1]), end + 1
         return template.decode(buffer[: width - 1] + b"#"), end + 1
 
     def resync_commands(self, number: int) -> Iterator[Send]:

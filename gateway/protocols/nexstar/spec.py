@@ -79,7 +79,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     surface.passes, surface.lacks = devices.passes, presented.lacks
     surface.contradicts_client = presented.contradicts_client
     surface.session = NexStarSession
-    fit = None if settings.model else lambda polar, german, gps: presented.fitting(polar, german, gps, version)
+    fit = presented.fitter(settings.model, version)
     return MadeSurface(surface, presented.presented(settings.model, version), ClientSettings(settings.limits), fit)
 
 
@@ -143,7 +143,7 @@ SPEC = ProtocolSpec(
     a_mount="a NexStar",
     preset="Celestron NexStar",
     mounts="NexStar",
-    makers=("celestron", "orion"),
+    makers=("celestron", "orion", "skywatcher"),
     brands=("nexstar",),
     default_model=DEFAULT_MODEL,
     demo=("nexstar", "NexStar 6/8 SE"),

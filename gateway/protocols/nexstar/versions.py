@@ -3,10 +3,12 @@
 Versions are written as in the manual (``4.21``) or as ``starsense-1.20``: the numbers of a StarSense begin at 1.18,
 those of a GT at 100. Each counts as the version whose commands it has: a GT before 104.0 as 1.2 and from then on as
 4.03 (NexStar protocol, Get Version), a StarSense as 4.21, because programs that drive one use neither ``i`` of 5.28
-nor ``u`` of 5.29.
+nor ``u`` of 5.29. A SynScan of 3.37 has what one of 4.37.03 has; no hand control of Celestron has such a number.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 from msgspec import Struct
 
@@ -21,10 +23,17 @@ STARSENSE_LONG_MODE: Version = (1, 20)
 #: Replies to ``v``.
 NEXSTAR_VARIANT, STARSENSE_VARIANT = 17, 19
 GT_FIRST, GT_SECOND = 100, (104, 0)
+#: Up to this version the letters of the pier side are swapped in the southern hemisphere.
+LETTERS_SWAPPED = (5, 24)
 GT_OLD, GT_NEW = (1, 2), (4, 3)
+#: The first versions of a SynScan with sync and pier side, 3 and 4 (SynScan protocol, Sync Commands), the one that the
+#: first counts as, and the one that earlier ones of 4 count as.
+SYNSCAN_THIRD, SYNSCAN_FOURTH, SYNSCAN_COUNTS_AS, SYNSCAN_OLD = (3, 37), (4, 37, 3), (4, 21), (4, 3)
 #: Tracking modes by their code in ``t`` and ``T``; ``SHIFTED_MODES`` on German mounts of a few versions.
 MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
 SHIFTED_MODES = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
+#: None is the equatorial mode of the mount's hemisphere. 3 is 2 with periodic error correction.
+SYNSCAN_MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: None, 3: None}
 
 
 class Number(Struct, frozen=True):
@@ -62,10 +71,14 @@ def numbered(text: str) -> Number:
     return Number(shown, counts_as(shown, starsense=True), True)
 
 
-def counts_as(shown: Version, *, starsense: bool = False) -> Version:
+def counts_as(shown: Version, *, starsense: bool = False, synscan: bool = False) -> Version:
     """Return the version whose commands a hand control with this version number has."""
     if starsense:
         return STARSENSE_COUNTS_AS
+    if SYNSCAN_THIRD <= shown < (4,):
+        return SYNSCAN_COUNTS_AS
+    if synscan and (4,) <= shown < SYNSCAN_FOURTH:
+        return SYNSCAN_OLD
     if shown[0] < GT_FIRST:
         return shown
     return GT_NEW if shown >= GT_SECOND else GT_OLD
@@ -79,14 +92,22 @@ def shifted(row: Model, version: Version | None) -> bool:
     return parse_version(first_last[0]) <= version <= parse_version(first_last[1])
 
 
-def modes(row: Model, version: Version | None) -> dict[int, Tracking]:
+def modes(row: Model, version: Version | None) -> Mapping[int, Tracking | None]:
     """Return the tracking modes of this model and version by their codes."""
+    if "dialect" in row:
+        return SYNSCAN_MODES
     return SHIFTED_MODES if shifted(row, version) else MODES
 
 
 def code_of(mode: Tracking, row: Model, version: Version | None) -> int:
     """Return the code of a tracking mode; 1, which tracks, for a mode that this version lacks."""
-    return next((code for code, known in modes(row, version).items() if known is mode), 1)
+    known = modes(row, version).items()
+    return next((code for code, one in known if one is mode or (one is None and mode.equatorial)), 1)
+
+
+def letters_swapped(row: Model, version: Version | None) -> bool:
+    """Whether the letters of the pier side are those of the north in the southern hemisphere, too."""
+    return "dialect" not in row and version is not None and version <= LETTERS_SWAPPED
 
 
 def made_with(row: Model) -> list[str]:

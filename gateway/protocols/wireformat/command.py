@@ -82,6 +82,8 @@ class Command:
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
+        #: The models whose row in ``models.toml`` lists commands without this one.
+        self.lacking: frozenset[str] = frozenset()
         self.answer, self.takes_back = row.answer, row.takes_back
         self.urgent, self.urgent_at = row.urgent, row.urgent_at
         self.long, self.by_hand, self.may_be_silent = row.long, row.by_hand, row.may_be_silent
@@ -132,9 +134,14 @@ class Command:
         end = self.request.parts[-1]
         return self.request.encode(self.urgent_at).removesuffix(end if isinstance(end, bytes) else b"")
 
+    def form(self, *formats: object) -> FrameTemplate | None:
+        """Return the first form of reply that is no refusal and fits one of these formats; None if there is none."""
+        fitting = (form for reply, form in self.replies if reply.fault is None and reply.when in (None, *formats))
+        return next(fitting, None)
+
     def known_to(self, model: str | None, version: Version | None) -> bool:
         """Whether this model and version have the command according to the manual; None means unknown, and passes."""
-        if self.models is not None and model is not None and model not in self.models:
+        if model in self.lacking or (self.models is not None and model is not None and model not in self.models):
             return False
         return self.since is None or version is None or version >= self.since
 

@@ -40,7 +40,7 @@ AT_ONCE = ("stop", "restart", "axis")
 
 
 class CommandSet:
-    """The tables of one protocol. The commands are loaded at once, the other tables when first used."""
+    """The tables of one protocol. The commands and models are loaded at once, the other tables when first used."""
 
     def __init__(self, name: str, folder: Path) -> None:
         self.name, self.folder = name, folder
@@ -58,6 +58,12 @@ class CommandSet:
                 self._by_prefix.setdefault(template.prefix, []).append((command, template))
         self._longest = max(map(len, self._by_prefix), default=0)
         self._extra: dict[str, dict[str, Model]] = {}
+        for model, facts in self.models.items():
+            listed = frozenset(facts.get("commands", self.commands))
+            if unknown := listed - self.commands.keys():
+                raise MappingError(self._where("models.toml"), model, f"commands: there is no {', '.join(unknown)}")
+            for name in self.commands.keys() - listed:
+                self.commands[name].lacking |= {model}
 
     def _where(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
@@ -187,7 +193,13 @@ class CommandSet:
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        return self._read("models.toml", Model)
+        """Model -> its row, and what it leaves to the model that it is ``like``."""
+        rows = self._read("models.toml", Model)
+        return {name: {**rows.get(row.get("like", ""), {}), **row} for name, row in rows.items()}
+
+    def lacking(self, model: str | None) -> frozenset[str]:
+        """Return the commands that the row of a model leaves out."""
+        return frozenset(name for name, command in self.commands.items() if model in command.lacking)
 
     def title(self, product: str, model: str) -> str:
         """Return the name by which people know a mount of this model; ``product`` if it calls itself otherwise."""
@@ -195,7 +207,8 @@ class CommandSet:
         return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
 
     def traits(self, model: str, wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
-        """Return the words that rows may require of a model: its name and mount type, what it ``has``, its true keys.
+        """Return the words that rows may require of a model: its name, dialect and mount type, what it ``has``, its
+        true keys.
 
         ``facts`` are those of its row, unless they differ on a surface.
         A fork is ``alt-az``, or ``equatorial`` on a wedge; a German mount is always ``equatorial``.
@@ -204,7 +217,7 @@ class CommandSet:
         flags = (key for key, value in facts.items() if value is True)
         build = facts.get("mount", "")
         moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, "")
-        return frozenset((model, build, moves, *facts.get("has", ()), *flags))
+        return frozenset((model, build, moves, facts.get("dialect", ""), *facts.get("has", ()), *flags))
 
     def extra(self, file: str) -> dict[str, Model]:
         """Return another table of this protocol, such as ``rates.toml``."""

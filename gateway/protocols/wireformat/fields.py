@@ -207,6 +207,7 @@ _BINARY = {
     "rev32": _turn(32, 24, signed=False),
     "srev32": _turn(32, 24, signed=True),
     "rev24": _binary_turn(24, signed=False),
+    "hex": Codec(lambda value: b"%02X" % value, lambda raw: int(raw, 16), b"[0-9A-Fa-f]{2}", 2),
     "srev24": _binary_turn(24, signed=True),
     "u8": _integer(1),
     "s8": _integer(1, signed=True),

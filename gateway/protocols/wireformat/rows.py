@@ -46,12 +46,13 @@ def parse_version(text: str) -> Version:
 
 def show_version(version: Version) -> str:
     """Write a version as the manual does: one minor digit below version 3 (1.6, 2.2), two from 3 on (3.01, 4.10)."""
-    major, minor = version[:2]
-    return f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
+    major, minor, *rest = version
+    shown = f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
+    return ".".join([shown, *(f"{part:02d}" for part in rest)])
 
 
 class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One form of reply, used when the client's format is ``when``, or for the error ``fault``."""
+    """One form of reply, for the client's format, the model or the dialect ``when``, or for the error ``fault``."""
 
     wire: Source
     when: str | None = None

@@ -124,7 +124,7 @@ async def _one(pair: Pair, player: Player, command: Command, state: State, watch
         traits(pair.face, command),
         driven,
         Kind(pair.mount.model or "", counted(pair.mount), *state),
-        bool(surface.lacks(own.face.model, frame)),
+        bool(surface.lacks(own.face.model, frame)) or command.name in own.face.model.get("lacking", ()),
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"
     return [Difference(protocol.name, command.name, words, where) for words in differences(case, play, surface, asked)]

@@ -21,11 +21,8 @@ _POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 def form(sim: Telescope, name: str, **values: object) -> bytes:
     """Return the reply of a command in the current format, with the degree byte of real hardware."""
-    wanted = "high" if sim.high else "low"
-    for reply, template in sim.protocol.commands[name].replies:
-        if reply.fault is None and reply.when in (None, wanted, sim.model):
-            return template.encode(values).replace(b"*", b"\xdf")
-    return b""
+    template = sim.protocol.commands[name].form("high" if sim.high else "low", sim.model)
+    return b"" if template is None else template.encode(values).replace(b"*", b"\xdf")
 
 
 def equatorial(sim: Telescope, name: str, _: Values) -> bytes:

@@ -12,7 +12,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.pointing import MOTORS, axis_readings, slew_axes, stop_current_motion
+from gateway.protocols.nexstar.driver.pointing import MOTORS, axis_position, slew_axes, stop_current_motion
 from gateway.protocols.nexstar.driver.state import GotoState, NexStar
 
 #: Seconds from ``y`` until tracking is turned on.
@@ -30,8 +30,7 @@ def park(mount: NexStar, operation: op.Park) -> Steps:
 
 def set_home(mount: NexStar, _: op.SetHome) -> Steps:
     """Store the present axis readings as the home position."""
-    answer = yield axis_readings(mount)
-    mount.home, mount.home_state = op.Horizontal(answer["az"], answer["alt"]), 1
+    mount.home, mount.home_state = (yield from axis_position(mount, op.AxisPosition())), 1
 
 
 def home(mount: NexStar, _: op.Home) -> Steps:

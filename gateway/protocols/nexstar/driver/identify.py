@@ -21,12 +21,13 @@ PARTS = {"gps": 176, "rtc": 178}
 def identity(mount: NexStar, _: Operation) -> Steps:
     """Read version, variant, model and motor firmware, then the mount's status. Returns Identity."""
     answer = yield Send("V")
-    raw = (answer["major"], answer["minor"])
+    raw = tuple(answer.values())
+    mount.dialect = "synscan" if "patch" in answer else None
     mount.version_text = show_version(raw)
     mount.version, mount.shown, mount.starsense = raw, raw, False
     if STARSENSE_OLDEST <= raw < STARSENSE_END or ASKED_AGAIN_FROM <= raw < (GT_FIRST,):
         yield from _variant(mount)
-    mount.version = counts_as(raw, starsense=mount.starsense)
+    mount.version = counts_as(raw, starsense=mount.starsense, synscan=mount.dialect is not None)
     if raw[0] >= GT_FIRST:
         mount.model = mount.named_model or "gt"
     elif mount.supports("m"):
@@ -34,12 +35,15 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     if mount.supports("device_version"):
         yield from _motors(mount)
     yield from read_status(mount)
+    if mount.tracking is Tracking.ALTAZ and mount.german:  # an AZ-EQ of Sky-Watcher, which is either
+        mount.model = mount.facts.get("alt-az", mount.model)
     if mount.tracking not in (None, Tracking.OFF):
         mount.parked = False  # remembered from an earlier run; it has been unparked meanwhile
-    variant = "StarSense" if mount.starsense else "NexStar"
+    maker = mount.facts.get("maker", "Celestron")
+    hand_control = "StarSense" if mount.starsense else mount.facts.get("hand_control", "NexStar")
     motors = tuple(show_version(version) for version in mount.motors.values())
     return Identity(
-        product=f"Celestron {variant}", version=mount.version_text, model=mount.model or "unknown", motors=motors
+        product=f"{maker} {hand_control}", version=mount.version_text, model=mount.model or "unknown", motors=motors
     )
 
 
@@ -57,12 +61,11 @@ def _variant(mount: NexStar) -> Steps:
 def _model(mount: NexStar) -> Steps:
     answer = yield Send("m")
     mount.number = answer["model"]
-    by_id = {row["id"]: name for name, row in mount.protocol.models.items()}
-    mount.model = by_id.get(answer["model"], f"unknown ({answer['model']})")
+    mount.model = mount.numbered(answer["model"]) or f"unknown ({answer['model']})"
 
 
 def _motors(mount: NexStar) -> Steps:
-    for device in (AZM, ALT, FOCUSER):
+    for device in (AZM, ALT, FOCUSER) if mount.supports("move_pos") else (AZM, ALT):
         try:
             answer = yield Send("device_version", {"device": device})
         except Fault:

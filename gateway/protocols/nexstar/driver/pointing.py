@@ -37,6 +37,12 @@ def axis_readings(mount: NexStar) -> Send:
     return Send("z" if mount.supports("z") else "Z")
 
 
+def axis_position(mount: NexStar, _: op.AxisPosition) -> Steps:
+    """Return the readings of both axes, those of a German mount as a Celestron counts them (POLE_AXES)."""
+    answer = yield axis_readings(mount)
+    return op.Horizontal(wrap360(answer["az"] + mount.axis_zero) if mount.axis_zero else answer["az"], answer["alt"])
+
+
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
     """Return a fork's own Horizontal position; None if the axes are equatorial (then the controller calculates it)."""
     mode = tracking.native_mode(mount)
@@ -99,6 +105,7 @@ def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
 
 
 def slew_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
+    az -= mount.axis_zero
     yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then)
 
 
@@ -129,7 +136,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
     elif mount.goto is not None:
-        yield Send("M")
+        yield from _cancel(mount)
         deadline = mount.now() + CANCEL_WAIT
         while mount.now() < deadline and (yield from _slews(mount)):
             yield Wait(0.1)
@@ -148,9 +155,17 @@ def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
         yield from tracking.resume(mount)
         return
     mount.give_up_goto()
-    yield Send("M")
+    yield from _cancel(mount)
     if going is not None and mount.rate.name != "sidereal":
         yield Schedule(0.0, Arrived(then=""))  # the hand control now tracks at the sidereal rate
+
+
+def _cancel(mount: NexStar) -> Steps:
+    """Send ``M``; where a goto may go on after it, also rate 0 to the axes that are not moved by hand."""
+    yield Send("M")
+    if "restarts" in mount.facts:
+        for axis in sorted(AXES.keys() - mount.moving.keys()):
+            yield rate_zero(axis)
 
 
 def _stop_seeking(mount: NexStar) -> Steps:

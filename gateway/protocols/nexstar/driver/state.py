@@ -13,7 +13,7 @@ from gateway.core.errors import Fault, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.nexstar.counting import SIDEREAL, key_speed, rate_tables
-from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, numbered
+from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, letters_swapped, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version
 
@@ -80,6 +80,8 @@ class NexStar(Driver):
         #: Commands that it has not answered.
         self.unanswered: set[str] = set()
         self.starsense = named is not None and named.starsense
+        #: The ``dialect`` of its models, by which it has answered ``V``.
+        self.dialect: str | None = self.facts.get("dialect")
         self.motors: dict[int, Version] = {}
         self.focuser = False
         self.found: set[str] = set()
@@ -207,7 +209,7 @@ class NexStar(Driver):
     @property
     def times_pulses(self) -> bool:  # type: ignore[override]
         """Whether both motors time guide pulses themselves, in addition to any other motion."""
-        return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE
+        return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE and self.supports("pulse")
 
     def guiding_refusal(self) -> Fault | None:
         """Return why single motors cannot be guided now; None if they can.
@@ -233,7 +235,7 @@ class NexStar(Driver):
         """Return the true side ("E" or "W") for the letter the mount reported; None on a fork or without a letter."""
         if not self.german or not told:
             return None
-        swapped = self.southern and self.version is not None and self.version <= LETTERS_SWAPPED
+        swapped = self.southern and letters_swapped(self.facts, self.version)
         return ("E" if told == "W" else "W") if swapped else told
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
@@ -281,6 +283,7 @@ class NexStar(Driver):
             "version": shown,
             "counts_as": self.version or shown,
             "own": True,
+            "lacking": self.protocol.lacking(self.model),
             "variant": STARSENSE_VARIANT if self.starsense else NEXSTAR_VARIANT,
         }
 
@@ -288,9 +291,17 @@ class NexStar(Driver):
         if self.number is None:
             return None
         rows = self.protocol.models
-        if self.named_model in rows and rows[self.named_model].get("id") == self.number:
+        if self.named_model in rows and self._is(rows[self.named_model], self.number):
             return self.named_model
-        return next((name for name, row in rows.items() if row.get("id") == self.number), f"model {self.number}")
+        return self.numbered(self.number) or f"model {self.number}"
+
+    def numbered(self, number: int) -> str | None:
+        """Return the model with this number in the reply to ``m``, of the maker of this hand control; or None."""
+        return next((name for name, row in self.protocol.models.items() if self._is(row, number)), None)
+
+    def _is(self, row: Model, number: int) -> bool:
+        first, last = row.get("ids", (row["id"], row["id"]))
+        return row.get("dialect") == self.dialect and first <= number <= last
 
     def own(self, operation: op.Own) -> Steps:
         """Pass a client's command on and return the raw reply. Which versions answer ``v`` is not documented.
@@ -334,12 +345,21 @@ class NexStar(Driver):
     def equinox(self) -> str:  # type: ignore[override]
         """Up to 4.13, and on every GT, J2000 according to Celestron's own driver; other sources disagree."""
         if self.starsense or self.version is None or self.version >= JNOW_FROM:
-            return "jnow"
+            return self.default_equinox
         return "j2000"
+
+    @property
+    def default_equinox(self) -> str:  # type: ignore[override]
+        return str(self.facts.get("equinox", "jnow"))
 
     @property
     def german(self) -> bool:  # type: ignore[override]
         return bool(self.facts["mount"] == "german")
+
+    @property
+    def axis_zero(self) -> float:
+        """How many degrees less than a Celestron's its first axis reads (POLE_AXES)."""
+        return POLE_AXES[0] - float(self.facts.get("index", POLE_AXES[0])) if self.german else 0.0
 
     def has(self, part: str) -> bool:
         return part in self.facts["has"] or part in self.found
@@ -369,8 +389,6 @@ GENTLE = (1, 2)
 SAME_SPEED, SAME_GUIDING = 0.01, 0.02
 #: The first motor firmware with guide pulses.
 PULSE_FIRMWARE = (6, 12)
-#: Up to this version the letters of the pier side are swapped in the southern hemisphere.
-LETTERS_SWAPPED = (5, 24)
 #: Axis readings of a German mount that points at the pole: both axes at their index.
 POLE_AXES = (90.0, 90.0)
 #: How far above the lowest altitude a fork is parked, degrees.

@@ -28,7 +28,7 @@ VERIFY_AFTER = 1.0
 
 def mode_of(mount: NexStar, code: int) -> op.Tracking:
     """Return the mode for a code from ``t``. An unknown code (4 occurs on some mounts) counts as equatorial."""
-    return modes(mount.facts, mount.version).get(code, mount.equatorial_mode)
+    return modes(mount.facts, mount.version).get(code) or mount.equatorial_mode
 
 
 def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
@@ -236,11 +236,15 @@ def drive_speed(mount: NexStar) -> float:
 
 def _send_rate(mount: NexStar) -> Steps:
     sense = "neg" if mount.native_mode is op.Tracking.EQ_SOUTH else "pos"
+    arcseconds = abs(drive_speed(mount)) * 3600.0
+    if not mount.supports("fine_rate_pos"):  # nor does it know the codes
+        yield Send(f"rate_azm_{sense}", {"rate": rate_code(arcseconds)})
+        mount.drive = "special"
+        return
     if mount.rate.name is not None:
         yield Send(f"rate_azm_{sense}", {"rate": DRIVE_CODES[mount.rate.name]})
         mount.drive = "special"
         return
-    arcseconds = SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
     try:
         yield Send(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
     except NoDevice:

@@ -12,25 +12,49 @@ from __future__ import annotations
 import math
 from datetime import UTC, datetime, timedelta
 
-from gateway.astro.axes import Build, Sky
-from gateway.astro.spherical import wrap180
+from gateway.astro.axes import Build, Pair, Sky
+from gateway.astro.ephemeris.sky import Sky as EphemerisSky
+from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.operations import Values
 from gateway.protocols.nexstar.counting import fields_of, unix_of
-from gateway.protocols.nexstar.simulator.mount import ALTAZ, EQ_NORTH, EQ_SOUTH, GPS, OFF, RTC, Handler, SimulatedMount
-from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
-from gateway.protocols.wireformat.rows import Version
+from gateway.protocols.nexstar.simulator.mount import (
+    ALTAZ,
+    AZM,
+    EQ_NORTH,
+    EQ_SOUTH,
+    GPS,
+    OFF,
+    RTC,
+    Goal,
+    Handler,
+    SimulatedMount,
+)
+from gateway.protocols.nexstar.versions import MODES, NEXSTAR_VARIANT, STARSENSE_VARIANT, code_of, letters_swapped
+from gateway.protocols.wireformat.rows import parse_version
 
 #: Slew limits of a fork, degrees of altitude.
 LOWEST, HIGHEST = -5.0, 90.0
-#: Up to this version ``p`` uses the letters of the northern hemisphere in the southern one too.
-NORTHERN_LETTERS: Version = (5, 24)
+#: Converts the coordinates of a mount that has those of J2000.
+SKY = EphemerisSky()
+#: The equatorial mode of a SynScan with periodic error correction.
+WITH_PEC = 3
+#: The numbers of the tracking modes in the simulator.
+NUMBERS = {mode: number for number, mode in MODES.items()}
 WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
 
 
 def position(sim: SimulatedMount, _: Values) -> Values:
     """``E`` ``e``: right ascension and declination."""
     ra, dec = sim.mechanics.believed(sim.now)
+    if sim.row.get("equinox") == "j2000":
+        ra, dec = SKY.to_j2000(ra, fold_declination(ra, dec)[1], sim.utc())
     return {"ra": ra, "dec": dec}
+
+
+def _of_date(sim: SimulatedMount, values: Values) -> Pair:
+    """Return right ascension and declination of a command, of date."""
+    ra, dec = values["ra"], values["dec"]
+    return SKY.to_of_date(ra, dec, sim.utc()) if sim.row.get("equinox") == "j2000" else (ra, dec)
 
 
 def axes(sim: SimulatedMount, _: Values) -> Values:
@@ -40,11 +64,23 @@ def axes(sim: SimulatedMount, _: Values) -> Values:
 
 
 def goto(sim: SimulatedMount, values: Values) -> None:
-    """``R`` ``r``: slew, unless the mount is not aligned or the goal is beyond a fork's slew limits."""
+    """``R`` ``r``: slew, unless the mount is not aligned or the goal is beyond a fork's slew limits. A SynScan tracks
+    then, and an old one keeps the goal.
+    """
     if sim.aligned:
-        hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - values["ra"])
-        if _allowed(sim, sim.mechanics.geometry.axes(hour_angle, values["dec"], flipped=False)[1]):
-            sim.mechanics.goto_sky(sim.now, values["ra"], values["dec"])
+        ra, dec = _of_date(sim, values)
+        hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - ra)
+        if _allowed(sim, sim.mechanics.geometry.axes(hour_angle, dec, flipped=False)[1]):
+            if "dialect" in sim.row and sim.mode == OFF:
+                sim.track(_tracks(sim))
+            sim.mechanics.goto_sky(sim.now, ra, dec)
+            if sim.shown_version[:2] <= parse_version(sim.row.get("restarts", "0.0")):
+                sim.goal = Goal(ra, dec)
+
+
+def _tracks(sim: SimulatedMount) -> int:
+    """Return the equatorial mode of the hemisphere, on a fork alt-az."""
+    return ALTAZ if not sim.german else EQ_NORTH if sim.mechanics.sky.latitude >= 0.0 else EQ_SOUTH
 
 
 def goto_axes(sim: SimulatedMount, values: Values) -> None:
@@ -61,7 +97,7 @@ def _allowed(sim: SimulatedMount, altitude: float) -> bool:
 def sync(sim: SimulatedMount, values: Values) -> None:
     """``S`` ``s``: correct right ascension and declination from now on; the motor positions stay."""
     if sim.aligned:
-        sim.mechanics.sync(sim.now, values["ra"], values["dec"])
+        sim.mechanics.sync(sim.now, *_of_date(sim, values))
 
 
 def undo_sync(sim: SimulatedMount, _: Values) -> None:
@@ -72,22 +108,35 @@ def undo_sync(sim: SimulatedMount, _: Values) -> None:
 
 def cancel(sim: SimulatedMount, _: Values) -> None:
     """``M``: end a goto; hand motion continues."""
+    if sim.goal is not None:
+        sim.goal = Goal(sim.goal.ra, sim.goal.dec, sim.now) if sim.mechanics.slewing(sim.now) else None
     sim.mechanics.cancel(sim.now)
 
 
 def set_mode(sim: SimulatedMount, values: Values) -> None:
     """``T``: turn tracking on or off. EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
-    mode = values["mode"]
-    mode = mode + 1 if sim.shifted and mode else mode
-    possible = (OFF, EQ_NORTH, EQ_SOUTH) if sim.german else (OFF, ALTAZ, EQ_NORTH, EQ_SOUTH)
-    if sim.aligned and mode in possible:
+    if not sim.aligned or values["mode"] not in sim.codes:
+        return
+    wanted = sim.codes[values["mode"]]
+    if wanted is None and not sim.german:
+        return  # an alt-az mount of Sky-Watcher has no equatorial mode
+    mode = _tracks(sim) if wanted is None else NUMBERS[wanted]
+    if mode != ALTAZ or not sim.german:
+        sim.settings["periodic error", AZM] = int(wanted is None and values["mode"] == WITH_PEC)
         sim.track(mode)
+
+
+def mode(sim: SimulatedMount, _: Values) -> Values:
+    """``t``: the tracking mode."""
+    code = code_of(MODES[sim.mode], sim.row, sim.version)
+    corrects = "dialect" in sim.row and sim.settings.get(("periodic error", AZM)) and code in (WITH_PEC - 1, WITH_PEC)
+    return {"mode": WITH_PEC if corrects else code}
 
 
 def pier_side(sim: SimulatedMount, _: Values) -> Values:
     """``p``: the pier side, by the hour angle of the last goto; a fork is always E."""
     west = sim.german and sim.mechanics.flipped
-    if sim.german and sim.mechanics.geometry.pole < 0 and sim.version > NORTHERN_LETTERS:
+    if sim.german and sim.mechanics.geometry.pole < 0 and not letters_swapped(sim.row, sim.version):
         west = not west
     return {"side": "W" if west else "E"}
 
@@ -167,11 +216,11 @@ def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
 COMMANDS: dict[str, Handler] = {
     "E": position, "e": position, "Z": axes, "z": axes, "R": goto, "r": goto, "B": goto_axes, "b": goto_axes,
     "S": sync, "s": sync, "u": undo_sync, "M": cancel, "T": set_mode, "p": pier_side, "x": hibernate, "y": wake,
-    "t": lambda sim, _: {"mode": sim.mode - 1 if sim.shifted and sim.mode else sim.mode},
+    "t": mode,
     "L": lambda sim, _: {"slewing": "1" if sim.mechanics.slewing(sim.now) else "0"},
     "J": lambda sim, _: {"aligned": int(sim.aligned)},
     "K": lambda sim, values: values,
-    "V": lambda sim, _: {"major": sim.shown_version[0], "minor": sim.shown_version[1]},
+    "V": lambda sim, _: dict(zip(("major", "minor", "patch"), (*sim.shown_version, 0), strict=False)),
     "v": lambda sim, _: {"variant": STARSENSE_VARIANT if sim.starsense else NEXSTAR_VARIANT},
     "m": lambda sim, _: {"model": sim.row["id"]},
     # The zone byte of h holds whole hours, so a zone of 5:45 is reported as 5, with the matching local time.

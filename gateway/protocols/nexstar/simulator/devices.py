@@ -45,6 +45,10 @@ def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
     if device not in (AZM, ALT):
         return None
     rate = sim.keys[key - 1] if key else 0.0
+    if sim.goal is not None and (key or not (left := sim.goal.left - {device - 15})):
+        sim.goal = None  # it is stopped
+    elif sim.goal is not None and sim.goal.cancelled <= sim.now:
+        sim.goal.left = left
     sim.mechanics.move(sim.now, device - 15, sign * rate, gentle=key in GENTLE_KEYS)
     return {}
 

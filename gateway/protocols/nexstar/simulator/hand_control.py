@@ -59,7 +59,8 @@ class SimulatedHandControl(SimulatedMount):
             return b"#"  # acknowledged but not carried out
         if command.name == "t" and self.starsense and self.shown_version == STARSENSE_LONG_MODE:
             return bytes((values["mode"], *self.shown_version)) + b"#"
-        return command.replies[0][1].encode(values)
+        form = command.form(self.row.get("dialect"))
+        return b"" if form is None else form.encode(values)
 
     def _pass(self, frame: bytes) -> bytes:
         """``P``: return the device's answer, cut or padded to the requested length; without one, one byte more."""

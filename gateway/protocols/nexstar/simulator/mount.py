@@ -2,6 +2,8 @@
 
 What the manual does not say is simulated like this:
 
+- A SynScan up to the version ``restarts`` goes on with a goto a second after ``M``, unless both axes had rate 0.
+
 - Hand motion overrides tracking. When it ends, tracking stays suspended until ``T``, the end of a goto, or
   until the hand control restores it: after 20 s without a byte from the port, on alt-az mounts at the latest
   30 s after the motion began. Stopping an axis that is not moved by hand changes nothing.
@@ -13,6 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from msgspec import Struct
+
 from gateway.astro.axes import Build, Pair, Sky
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180, wrap360
 from gateway.core.errors import UserError
@@ -20,7 +24,7 @@ from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.simulated import Simulated
-from gateway.protocols.nexstar.versions import STARSENSE, numbered, shifted
+from gateway.protocols.nexstar.versions import STARSENSE, modes, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
@@ -30,7 +34,20 @@ OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
 AZM, ALT, FOCUSER = 16, 17, 18
 GPS, RTC = 176, 178
 RESTORE_WHEN_QUIET, RESTORE_ALTAZ = 20.0, 30.0
+#: After so many seconds an old SynScan goes on with a goto that only ``M`` has ended.
+RESTARTS = 1.0
 GERMAN_START: Pair = (90.0, 90.0)
+
+
+class Goal(Struct):
+    """Where the last goto of a hand control goes that goes on after ``M``: degrees, and when ``M`` came; ``left`` are
+    the axes that have had no rate 0 since then.
+    """
+
+    ra: float
+    dec: float
+    cancelled: float = math.inf
+    left: frozenset[int] = frozenset({1, 2})
 
 
 class FocuserMotor:
@@ -104,13 +121,14 @@ class SimulatedMount(Simulated):
         """Set the version that ``V`` reports and the version whose commands it has. Raises UserError."""
         try:
             number = numbered(version or (STARSENSE if starsense else self.row["versions"][-1]))
-            self.shown_version: tuple[int, int] = (number.shown[0], number.shown[1])
+            self.shown_version: Version = (number.shown[0], number.shown[1], *number.shown[2:3])
             bytes(self.shown_version)  # ``V`` reports each number as one byte
         except (ValueError, IndexError):
             raise UserError(f"{version!r} is no hand-control version; write it like 4.21 or starsense-1.20") from None
         self.starsense: bool = number.starsense
         self.version: Version = number.counts_as
-        self.shifted = shifted(self.row, self.version)
+        self.codes = modes(self.row, self.version)
+        self.goal: Goal | None = None
 
     def _set_up(self, wedge: bool, fastest: float, speed: float, ramps: bool) -> None:
         """Choose the initial position: a fork points at the meridian, a German mount at the pole."""
@@ -122,7 +140,7 @@ class SimulatedMount(Simulated):
         self.mechanics = Mechanics(build, Sky(*self.site), self.now, start)
         self.mechanics.fastest, self.mechanics.speed = fastest, speed
         self.mechanics.acceleration = fastest / RAMP_SECONDS if ramps else math.inf
-        self.encoder_offset = [0.0, 0.0]
+        self.encoder_offset = [float(self.row.get("index", start[0])) - start[0] if self.german else 0.0, 0.0]
         if self.aligned:
             self.track(ALTAZ if build is Build.ALTAZ else EQ_NORTH if north else EQ_SOUTH)
         else:
@@ -171,6 +189,9 @@ class SimulatedMount(Simulated):
     def advance_to_now(self) -> None:
         """Advance to the present time, and restore the hand control's tracking when that is due."""
         self.now = self.clock()
+        if self.goal is not None and self.goal.cancelled + RESTARTS <= self.now:
+            self.mechanics.goto_sky(self.goal.cancelled + RESTARTS, self.goal.ra, self.goal.dec)
+            self.goal = None
         since = self.mechanics.suspended_since
         if since is not None and self.mode != OFF and not self.asleep:
             due = self.last_byte_at + RESTORE_WHEN_QUIET

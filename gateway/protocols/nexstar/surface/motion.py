@@ -71,11 +71,15 @@ def mode(session: NexStarSession, command: Command, values: op.Values) -> Handli
 
 
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer."""
-    wanted = modes(session.model, session.model["counts_as"]).get(values["mode"])
-    if wanted is None:
+    """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer.
+
+    The equatorial modes of a SynScan are the mount's own mode.
+    """
+    known = modes(session.model, session.model["counts_as"])
+    if values["mode"] not in known:
         session.refused = f"{command.help}: there is no mode {values['mode']}"
         return
+    wanted = known[values["mode"]]
     yield from attempt(op.SetTracking(on=wanted is not op.Tracking.OFF, mode=wanted))
 
 

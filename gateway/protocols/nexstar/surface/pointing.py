@@ -20,6 +20,9 @@ from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.wireformat.command import Command
 
+#: What the first axis of a Celestron German mount reads at the pole.
+POLE = 90.0
+
 
 def axes(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Z z - the readings of both axes"""
@@ -98,8 +101,20 @@ def _german(session: NexStarSession) -> bool:
     return bool(session.model["mount"] == "german")
 
 
+def _ahead(session: NexStarSession) -> float:
+    """Return how many degrees more a Celestron's first axis reads than that of the presented German mount."""
+    return POLE - float(session.model.get("index", POLE)) if _german(session) else 0.0
+
+
 def _readings(session: NexStarSession) -> Handling:
     """Return the axis readings of the presented model as Horizontal."""
+    seen: op.Horizontal = yield from _counted(session)
+    ahead = _ahead(session)
+    return op.Horizontal(wrap360(seen.az - ahead), seen.alt) if ahead else seen
+
+
+def _counted(session: NexStarSession) -> Handling:
+    """Return the axis readings as a Celestron counts them."""
     status: op.Status = yield op.GetStatus()
     if not _wedge_as_german(session, status):
         return (yield op.AxisPosition() if _by_axes(session, status) else op.HorizontalPosition())
@@ -110,6 +125,7 @@ def _readings(session: NexStarSession) -> Handling:
 def _to_mount(session: NexStarSession, first: float, second: float) -> Handling:
     """Return the operation that turns both axes to these readings of the presented model."""
     status: op.Status = yield op.GetStatus()
+    first += _ahead(session)
     if not _wedge_as_german(session, status):
         return op.GotoAxes(first, second) if _by_axes(session, status) else op.GotoHorizontal(first % 360.0, second)
     second = wrap180(second)

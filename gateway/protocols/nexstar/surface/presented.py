@@ -6,6 +6,7 @@ positions and ends of gotos of the motors; other devices on the mount's bus answ
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 from gateway.core.operations import Values
@@ -27,11 +28,13 @@ _AXES = frozenset({"axis_position", "axis_done"})
 
 def presented(model: str | None, version: str | None) -> Model:
     """Return the row of a model with the constants that a hand control of that version reports."""
-    name = model or FORK
-    number = numbered(version or VERSION)
+    name, protocol = model or FORK, load("nexstar")
+    row = protocol.models[name]
+    number = numbered(version or (row["versions"][-1] if "dialect" in row else VERSION))
     return {
-        **load("nexstar").models[name],
+        **row,
         "name": name,
+        "lacking": protocol.lacking(name),
         "version": number.shown,
         "counts_as": number.counts_as,
         "variant": number.variant,
@@ -44,18 +47,30 @@ def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | Non
     return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
 
 
+def fitter(model: str | None, version: str | None) -> Callable[[bool, bool | None, bool], Model] | None:
+    """Return what chooses the model to present once the mount is known; None if the user has named one that does."""
+    if model is None:
+        return lambda equatorial, german, gps: fitting(equatorial, german, gps, version)
+    in_altaz = load("nexstar").models[model].get("alt-az")
+    return in_altaz and (lambda equatorial, german, gps: presented(model if equatorial else in_altaz, version))
+
+
 @cache
-def _opcodes(version: Version) -> frozenset[int]:
+def _opcodes(model: str, version: Version) -> frozenset[int]:
     """Return the first bytes of the requests that a hand control of this version has."""
-    known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, version)]
+    known = [
+        command
+        for command in load("nexstar").commands.values()
+        if command.known_to(model, version) or (command.name == ALWAYS and model not in command.lacking)
+    ]
     return frozenset(command.request.prefix[0] for command in known)
 
 
 def lacks(model: Model, frame: bytes) -> str:
     """Return why the presented hand control ignores a request; an empty string if it has the request."""
-    if frame[0] in _opcodes(model["counts_as"]):
+    if frame[0] in _opcodes(model["name"], model["counts_as"]):
         return ""
-    name = "StarSense" if model["variant"] == STARSENSE_VARIANT else "hand control"
+    name = "StarSense" if model["variant"] == STARSENSE_VARIANT else model.get("hand_control", "hand control")
     return f"a {name} {show_version(model['version'])} has no such command"
 
 
@@ -71,8 +86,8 @@ def contradicts_client(session: NexStarSession, name: str, values: Values) -> bo
 
 def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """V - the version"""
-    major, minor = session.model["version"]
-    return {"major": major, "minor": minor}
+    major, minor, patch = (*session.model["version"], 0)[:3]
+    return {"major": major, "minor": minor, "patch": patch}
 
 
 def model(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
