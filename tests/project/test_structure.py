@@ -28,6 +28,7 @@ LARGER = 450
 LARGE = {
     "gateway/app/control/requests.py",  # what people ask, carried out and followed
     "gateway/clients/commands/turn.py",  # a command that waits, and how it is carried out
+    "gateway/mount/safety/admission/slew_paths.py",  # the paths of a goto, and which of them may be taken
     "gateway/mount/safety/allow.py",  # what is known of a motion, and whether it may continue
     "gateway/mount/safety/watch.py",  # each position: what it shows of the limits, and what it does not show
     "gateway/mount/readings/reader.py",  # what is asked of the mount, and what of it clients get

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import inf, isinf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from msgspec import Struct
 
@@ -17,9 +17,13 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.waiting import TimedEvent
 
-if TYPE_CHECKING:  # `status` and `stop` load this module through the marker of a motion, and need no line
+if (
+    TYPE_CHECKING
+):  # `status` and `stop` load this module through the marker of a motion, and need neither line nor driver
     from gateway.mount.link.line import MountLink
+    from gateway.protocols.base.driver import Driver
 
+_T = TypeVar("_T")
 Kind = type[op.Operation]
 Pair = tuple[float, float]
 
@@ -190,3 +194,39 @@ class ReadingsCache:
             self._own[operation] = Entry(answer, now, lasts, orders=orders)
         if len(self._own) > REMEMBERED:
             del self._own[next(iter(self._own))]
+
+
+class NotRead(Exception):
+    """The mount has not been asked for this yet."""
+
+
+class Readings(Protocol):
+    """What the rules ask for readings of the mount: the ``Reader``, or the ``LastReadings``."""
+
+    async def read(self, operation: op.Operation[_T]) -> _T: ...
+    async def read_now(self, operation: op.Operation[_T]) -> _T: ...
+    async def tube_side(self) -> str | None: ...
+
+
+class LastReadings:
+    """The last readings, however old, for a rule that is applied in advance: the mount is not asked.
+
+    What somebody is told in advance must not change what the mount is sent, nor when: nothing is noted here, not even
+    that somebody looks. A reading that there is not yet raises ``NotRead``.
+    """
+
+    def __init__(self, cache: ReadingsCache, driver: Driver) -> None:
+        self._cache, self._driver = cache, driver
+
+    async def read(self, operation: op.Operation[_T]) -> _T:
+        """Return the last reading. Raises NotRead."""
+        value = self._cache.value(type(operation))
+        if value is None:
+            raise NotRead
+        return cast(_T, value)
+
+    read_now = read
+
+    async def tube_side(self) -> str | None:
+        """Return the pier side (E, W) of the tube of a German mount; None for other mounts. Raises NotRead."""
+        return None if self._driver.tube_side("E") is None else self._driver.tube_side(await self.read(op.PierSide()))

@@ -16,7 +16,7 @@ from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
-from gateway.mount.readings.last_readings import Readings
+from gateway.mount.readings.cache import Readings
 from gateway.mount.site.astrometry import Shift
 
 #: Degrees by which alignment, cone error and refraction may let an axis reading differ from the calculated altitude.

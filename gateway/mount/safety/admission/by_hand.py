@@ -19,7 +19,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, PastMeridian
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
-from gateway.mount.readings.last_readings import Readings
+from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.contradictions import check_synced, too_near
 from gateway.mount.safety.admission.slew_paths import LONGEST
 from gateway.mount.safety.allow import MIN_INTERVAL, leaving

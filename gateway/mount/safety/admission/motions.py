@@ -23,7 +23,7 @@ from gateway.mount.context import Context
 from gateway.mount.motion.run_on import SKY
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.last_readings import LastReadings, NotRead, Readings
+from gateway.mount.readings.cache import LastReadings, NotRead, Readings
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
 from gateway.mount.safety.admission.contradictions import (
@@ -32,9 +32,8 @@ from gateway.mount.safety.admission.contradictions import (
     too_near,
     with_contradiction,
 )
-from gateway.mount.safety.admission.slew_paths import clear
+from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, leaves_limits, paths_of
 from gateway.mount.safety.admission.syncs import admit_sync
-from gateway.mount.safety.admission.ways import Journey, check_ways, leaves_limits, paths_of
 from gateway.mount.safety.allow import CheckedPath
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
 from gateway.mount.safety.watch import LimitWatch
@@ -61,7 +60,7 @@ class Admission:
 
         The rules use the last readings. Where they need one that was not read yet, only the goto can tell.
         """
-        rules = Admission(self._mount, LastReadings(self._mount), self._watch, previews=True)
+        rules = Admission(self._mount, LastReadings(self._mount.cache, self._mount.driver), self._watch, previews=True)
         try:
             await rules._admit(op.Goto(goal.ra, goal.dec))
         except NotRead:

@@ -16,7 +16,7 @@ from gateway.core.errors import Refused, Stopped
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.last_readings import Readings
+from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.by_hand import pointing
 from gateway.mount.safety.admission.slew_paths import sun_reading
 from gateway.mount.safety.sync_sum import SyncSum, check_sync

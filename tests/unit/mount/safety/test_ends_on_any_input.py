@@ -29,8 +29,7 @@ from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.by_hand import Start, check_either_way, check_turns
 from gateway.mount.safety.admission.contradictions import contradictions, likely_mistake, site_text
-from gateway.mount.safety.admission.slew_paths import clear
-from gateway.mount.safety.admission.ways import Journey, check_ways, leaves_limits
+from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, leaves_limits
 from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import altitude_of, corrected, corrected_azimuth
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft, past_meridian
