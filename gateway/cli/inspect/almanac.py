@@ -14,7 +14,8 @@ import time
 from pathlib import Path
 
 from gateway.cli.command_line import Commands
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, about_file
+from gateway.system.files import replace_file
 
 #: Seconds after which it ends, if the gateway that started it has not ended it before.
 LONGEST = 130
@@ -58,6 +59,9 @@ def _almanac(arguments: argparse.Namespace) -> int:
     if asked:
         sys.stdout.buffer.write(data)
     else:
-        Path(arguments.file).write_bytes(data)
+        try:
+            replace_file(Path(arguments.file), data)
+        except OSError as error:
+            raise UserError(about_file(arguments.file, error)) from None
         print(f"wrote {arguments.file}: {len(days)} days, {len(data) / 1e3:.0f} kB")
     return 0

@@ -21,6 +21,7 @@ from gateway.astro.ephemeris.day_table import DAY, PARTS
 from gateway.astro.ephemeris.keeper import AlmanacKeeper
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.offline import go_offline
+from gateway.cli import main
 from gateway.core.errors import UserError
 from gateway.diagnostics.rehearsal.samples import START
 from tests.support.each import each
@@ -353,6 +354,36 @@ def test_it_is_exact_as_soon_as_it_can_be_and_that_is_told_once(process: Process
     sky, ready = Sky(), list[int]()
     AlmanacKeeper(sky, print, lambda: ready.append(1)).open()  # the next start
     assert ready and sky.ready
+
+
+# --- from another computer --------------------------------------------------------------------------------------------
+
+
+def test_an_almanac_may_come_from_another_computer(
+    process: Process, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "year.almanac"
+    assert main(["almanac", str(path), "--days", "2"]) == 0
+    assert capsys.readouterr().out.startswith(f"wrote {path}: 2 days, ")
+    process.fails, sky, ready = "No module named 'astropy'", Sky(), list[int]()
+    AlmanacKeeper(sky, print, lambda: ready.append(1)).open(str(path))
+    assert ready and sky.source(TODAY * DAY).startswith("almanac of") and not process.asked
+    assert main(["almanac", str(path), "--days", "0"]) == 2
+    assert main(["almanac", str(tmp_path / "nowhere" / "file"), "--days", "1"]) == 2
+    monkeypatch.setitem(sys.modules, "gateway.astro.ephemeris.by_astropy", None)
+    monkeypatch.delattr("gateway.astro.ephemeris.by_astropy")
+    assert main(["almanac", str(path)]) == 2
+    assert "astropy cannot be used here" in capsys.readouterr().err
+
+
+def test_a_named_almanac_that_cannot_be_used_ends_the_start(process: Process, tmp_path: Path) -> None:
+    path = tmp_path / "year.almanac"
+    with pytest.raises(UserError, match=f"--almanac {path}: No such file"):
+        AlmanacKeeper(Sky(), print).open(str(path))
+    path.write_bytes(b"something else")
+    path.chmod(0o600)
+    with pytest.raises(UserError, match=f"--almanac {path}: it is no almanac of this version"):
+        AlmanacKeeper(Sky(), print).open(str(path))
 
 
 # --- sites ------------------------------------------------------------------------------------------------------------
