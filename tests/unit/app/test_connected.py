@@ -27,13 +27,14 @@ from gateway import (
     open_gateway,
 )
 from gateway.app.api import connected
-from gateway.app.control.exchange import REQUEST, UNKNOWN, read_endpoints
+from gateway.app.control.exchange import REQUEST, UNKNOWN, ControlEndpoint, read_endpoints
 from gateway.app.control.orders import LONGEST
 from gateway.app.control.reach import ANSWERED, request
 from gateway.app.control.server import Control
+from gateway.app.status import OLD_AFTER, State, StatusLine
 from gateway.core import requests
 from gateway.core.errors import Held
-from gateway.core.operations import Direction
+from gateway.core.operations import Direction, Equatorial
 from tests.support.process import PATIENCE
 
 SIM: dict[str, Any] = {"lowest": -90, "sun": 0, "speed": 8}
@@ -145,6 +146,20 @@ def test_a_gateway_that_has_ended_does_not_answer() -> None:
             connect()
 
     play(work())
+
+
+@pytest.mark.parametrize(("age", "told"), [(0.5, True), (OLD_AFTER + 1.0, False)])
+def test_an_old_position_is_none(age: float, told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def state(endpoint: ControlEndpoint) -> State:
+        return State(StatusLine("pier", "down", "no such port", Equatorial(10.0, 20.0), age), "nexstar@sim")
+
+    monkeypatch.setattr(connected, "ask_state", state)
+    mount = BlockingConnectedGateway(ConnectedGateway(ControlEndpoint("nexstar@sim", 1, 1, "s")))
+    if told:
+        assert mount.position() == (10.0, 20.0)
+    else:
+        with pytest.raises(NoAnswer, match="has not told where it points: no such port"):
+            mount.position()
 
 
 def test_of_several_one_must_be_named(tmp_path: Path) -> None:

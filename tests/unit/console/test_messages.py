@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from gateway.console import messages
+from gateway.console.page_session import PageSession
 from gateway.core import requests
 from tests.support.each import each
 
@@ -35,6 +38,33 @@ def read(do: str, **fields: Any) -> Any:
 def test_a_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(requests, "new_number", lambda: "n")
     assert messages.read(json.dumps({"id": 7, "mount": 2, **sent}), ME) == (7, 2, wish)
+
+
+def test_a_stop_of_all_mounts_is_done_when_all_have_stopped() -> None:
+    def gateway(answer: requests.Answer) -> Any:
+        async def take(wish: object) -> requests.Answer:
+            assert wish == requests.Stop()
+            return answer
+
+        return SimpleNamespace(controller=None, request_handler=SimpleNamespace(take=take))
+
+    class Browser:
+        def waiting(self) -> int:
+            return 0
+
+        async def send(self, text: str) -> None:
+            told.set_result(json.loads(text))
+
+    async def work() -> None:
+        nonlocal told
+        told = asyncio.get_running_loop().create_future()
+        gateways = [gateway(requests.Answer("done", "stopped")), gateway(requests.Answer("failed", "it is silent"))]
+        mounts: Any = SimpleNamespace(gateways=gateways, arrows=[[], []])
+        PageSession(mounts, Browser(), "10.0.0.9", acts=False).take('{"do":"stop","mount":-1,"id":5}')
+        assert await told == {"id": 5, "ok": False, "words": "stopped; it is silent"}
+
+    told: asyncio.Future[Any]
+    asyncio.run(work())
 
 
 def test_a_page_speaks_for_nobody_else() -> None:

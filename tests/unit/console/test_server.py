@@ -285,7 +285,7 @@ def test_stop_ends_everything_and_hold_keeps_it_so(tmp_path: Path) -> None:
             stopped = await page.ask("stop")
             assert stopped["ok"] and stopped["words"] == "stopped"
             await page.until(lambda: not page.mount["by_hand"])
-            assert (await page.ask("hold"))["ok"]
+            assert (await page.ask("hold"))["words"] == "stopped and held"
             await page.until(lambda: page.mount["held"])
             refused = await page.ask("jog", direction="north", rate=5)
             assert not refused["ok"] and "held" in refused["words"]

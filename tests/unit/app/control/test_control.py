@@ -114,6 +114,17 @@ def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkey
     assert len(done) == 1
 
 
+def test_a_gateway_that_has_heard_may_take_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reach, "AGAIN", 0.02)
+    monkeypatch.setattr(reach, "HEARD", 0.1)
+
+    async def slow() -> str:
+        await asyncio.sleep(0.4)
+        return "stopped"
+
+    assert _asked(tmp_path, slow) == "stopped"
+
+
 def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
     async def program() -> None:
         served = Control([tmp_path], "m", "m", {"stop": _good})
