@@ -50,13 +50,13 @@ class MountState(Struct, frozen=True, dict=True):
     goal: op.Equatorial | op.Horizontal | None
     sun_ahead: str
     policy: Policy
-    sites: Sequence[Site]
-    times: Sequence[Time]
-    programs: Sequence[str]
+    sites: tuple[Site, ...]
+    times: tuple[Time, ...]
+    programs: tuple[str, ...]
     reply: float
     answers: int
     refusals: int
-    notices: Sequence[Notice]
+    notices: tuple[Notice, ...]
     sky: str
     now: float
     clock: float
@@ -93,8 +93,10 @@ class MountState(Struct, frozen=True, dict=True):
     @property
     def site(self) -> str:
         """The site in use, its source and what contradicts it; empty if no site is known."""
+        if not self.sites:
+            return ""
         doubts = "".join(f"; {doubt.other}" for doubt in self.site_doubts)
-        return next((f"{site_text(best.place)}, told by {best.who.rstrip(',')}{doubts}" for best in self.sites), "")
+        return f"{site_text(self.sites[0].place)}, told by {self.sites[0].who.rstrip(',')}{doubts}"
 
     @property
     def time(self) -> str:
@@ -177,7 +179,7 @@ def mount_state(
         readings.age(op.Position, now), controller.slewing, by_hand, readings.value(op.GetStatus), len(programs),
         0.0, driver.asleep, controller.hold.on, ends, run_on.unknown,
     )  # fmt: skip
-    sites, times = controller.sources.sites(), controller.sources.times()
+    sites, times = tuple(controller.sources.sites()), tuple(controller.sources.times())
     return MountState(
         look=look,
         mount=mount,
@@ -192,7 +194,7 @@ def mount_state(
         policy=controller.policy,
         sites=sites,
         times=times,
-        programs=programs,
+        programs=tuple(programs),
         reply=line.typical_rtt,
         answers=line.answers,
         refusals=controller.wire_log.refusals,

@@ -65,7 +65,7 @@ def test_every_mount_is_a_device_with_its_number(tmp_path: Path) -> None:
             assert (await ask("PUT", f"{API}1/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0
             assert (await ask("GET", f"{API}1/slewing"))["Value"] is True
             assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
-            assert gateways[1].state().programs == ["127.0.0.1"]
+            assert gateways[1].state().programs == ("127.0.0.1",)
             assert len(gateways[0].names()) == 1, "it is no port of its own"
             assert await ask("GET", f"{API}2/slewing") == 400
 
