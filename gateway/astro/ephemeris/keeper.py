@@ -67,9 +67,7 @@ def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, st
         lacking = [day for day in days if day not in almanac.days]
         unknown = [site for site in sites if site not in almanac.sites]
         if lacking or unknown:
-            today = int(time.time() // DAY)
-            newer = almanac.joined(calculated(lacking, unknown))
-            almanac = newer.only(today - 1, today + 2 * AHEAD, STORED)
+            almanac = _joined(almanac, calculated(lacking, unknown))
             if not trouble:
                 try:
                     replace_file(path, almanac.encoded())
@@ -78,6 +76,12 @@ def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, st
         return almanac, trouble
     finally:
         lock.release()
+
+
+def _joined(almanac: Almanac, newer: Almanac) -> Almanac:
+    """Return both, without what is not needed any more."""
+    today = int(time.time() // DAY)
+    return almanac.joined(newer).only(today - 1, today + 2 * AHEAD, STORED)
 
 
 def _wait(lock: PidLock) -> None:
@@ -197,7 +201,7 @@ class AlmanacKeeper:
             return
         if trouble:
             self._tell_once(f"the almanac cannot be stored, so each start calculates it again: {trouble}")
-        self._enter(lambda: self._use(self._almanac.joined(newer)))
+        self._enter(lambda: self._use(_joined(self._almanac, newer)))
 
     def _use(self, almanac: Almanac) -> None:
         known, self._almanac = self._today in self._almanac.days, almanac

@@ -356,6 +356,13 @@ def test_it_is_exact_as_soon_as_it_can_be_and_that_is_told_once(process: Process
     assert ready and sky.ready
 
 
+def test_a_program_that_sets_one_date_after_another_fills_no_memory(process: Process) -> None:
+    kept = AlmanacKeeper(Sky(), print)
+    for day in range(200):
+        asyncio.run(kept._renew([day]))
+    assert len(kept._almanac.days) == keeper.STORED and 199 in kept._almanac.days
+
+
 # --- from another computer --------------------------------------------------------------------------------------------
 
 
