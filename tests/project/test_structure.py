@@ -38,6 +38,7 @@ LARGE = {
     "gateway/mount/site/astrometry.py",  # the sky over a mount, and every Sun to avoid in it
     "gateway/mount/site/settings_sync.py",  # settings on their way, and what the log says of them
     "gateway/protocols/mechanics/mount.py",  # two motors by formula, and the orders to them
+    "gateway/protocols/nexstar/driver/motion.py",  # hand motion and guiding, which suspend tracking alike
     "gateway/protocols/nexstar/driver/state.py",
 }
 #: The ways of a goto and of two reads for which the mount is asked, to it and back: the files on each, and the calls

@@ -3,6 +3,10 @@
 This is the only place where a sky direction becomes a motor direction. Fast motion overrides tracking on the mount, so
 the driver suspends tracking first and resumes it after the last axis has stopped. Hand controls before 1.6 have no
 pass-through: on them hand motion is a chain of small gotos.
+
+Motors that do not time guide pulses themselves are guided with motor commands. A hand-control key is used if it turns
+at exactly the guide rate, because it adds to tracking; otherwise a variable rate. A variable rate replaces tracking, so
+the right-ascension motor gets the sum of both, and at the end its drive rate instead of rate 0.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
-from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
+from gateway.protocols.nexstar.driver import altaz, tracking
 from gateway.protocols.nexstar.driver.pointing import Arrived, need_alignment, pier_side, stop_current_motion
 from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rate_zero
 
@@ -21,6 +25,10 @@ LONGEST_PULSE = 2550  # milliseconds
 #: Seconds between small gotos; how much further ahead their goal may be, in seconds of motion plus degrees.
 STEP_EVERY, LONGER, AHEAD = 0.6, 0.5, 0.75
 _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
+#: Steps of a variable rate per degree a second: it is counted in quarter arcseconds a second.
+_STEPS = 4 * 3600
+#: A deviation from the requested speed by more than this fraction is remarked in the log.
+REMARK_FROM = 0.1
 
 
 def sense(mount: NexStar, direction: op.Direction) -> int:
@@ -70,7 +78,7 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     if mount.goto is not None:
         yield from stop_current_motion(mount)
     asked, done = (rate.degrees or 0.0) if rate.key is None else 0.0, mount.speed(rate)
-    if abs(done - asked) > guide_speed.REMARK_FROM * asked > 0.0:
+    if abs(done - asked) > REMARK_FROM * asked > 0.0:
         yield Remark(f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed")
     if mount.moves_by_gotos:
         yield from _begin_steps(mount, axis, operation.sense, rate)
@@ -107,7 +115,7 @@ def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
     before = dict(mount.moving)
     mount.moving[axis] = max(mount.guide_rates[axis] * SIDEREAL, mount.moving.get(axis, 0.0))
     try:
-        yield from guide_speed.begin(mount, axis, sign, mount.guide_rates[axis])
+        yield from begin_guiding(mount, axis, sign, mount.guide_rates[axis])
     except Busy:  # it was never sent
         mount.moving = before
         raise
@@ -125,7 +133,7 @@ def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
         yield from altaz.stop_axis(mount, operation.axis)
         return
     replaced = mount.drive == "replaced" and operation.axis == 1
-    yield from guide_speed.end(mount, operation.axis)
+    yield from end_guiding(mount, operation.axis)
     mount.moving.pop(operation.axis, None)
     mount.pulsing.discard(operation.axis)
     yield from _end_pulses(mount, [operation.axis])
@@ -243,13 +251,13 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
         raise fault
     if mount.times_pulses:
         piece = min(operation.ms, LONGEST_PULSE)
-        percent, ticks = guide_speed.motor_pulse(piece, fraction)
+        percent, ticks = motor_pulse(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
         yield Send("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
         return op.Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     mount.pulsing.add(axis)
-    turns = yield from guide_speed.begin(mount, axis, sign, fraction)
-    return op.Pulsed(guide_speed.pulse_seconds(operation.ms, fraction, turns), ends=False, since=mount.sent_at)
+    turns = yield from begin_guiding(mount, axis, sign, fraction)
+    return op.Pulsed(pulse_seconds(operation.ms, fraction, turns), ends=False, since=mount.sent_at)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------
@@ -276,3 +284,53 @@ def focus(mount: NexStar, operation: op.Focus) -> Steps:
         raise Unsupported("No focuser answers on this mount.")
     rate = _FOCUS_KEYS[operation.speed] if operation.direction else 0
     yield Send("move_neg" if operation.direction > 0 else "move_pos", {"device": FOCUSER, "rate": rate})
+
+
+# --- guiding with motor commands -------------------------------------------------------------------------------------
+
+
+def begin_guiding(mount: NexStar, axis: int, sign: int, fraction: float) -> Steps:
+    """Turn a motor at a fraction of the sidereal rate on top of equatorial tracking; return the actual fraction."""
+    asked = fraction * SIDEREAL
+    key = mount.exact_key(asked)
+    side = "pos" if sign > 0 else "neg"
+    if key is not None:
+        if axis == 1 and mount.drive == "replaced":
+            yield from tracking.keep_rate(mount)
+        yield Send(f"slew_{AXES[axis]}_{side}", {"rate": key}, prompt=True)
+        return mount.key_speed(key) / SIDEREAL
+    drive = tracking.drive_speed(mount) if axis == 1 else 0.0
+    steps = round((drive + sign * asked) * _STEPS)
+    side = "pos" if steps >= 0 else "neg"
+    before, mount.drive = mount.drive, "replaced" if axis == 1 else mount.drive  # a stop must know before
+    try:
+        yield Send(f"rate_{AXES[axis]}_{side}", {"rate": abs(steps)}, prompt=True)
+    except Busy:  # it was never sent
+        mount.drive = before
+        raise
+    turns = abs(steps / _STEPS - drive)
+    if abs(turns - asked) > REMARK_FROM * asked:
+        yield Remark(
+            f"guiding at {turns * 3600:.2f} instead of {asked * 3600:.2f} arcseconds a second: "
+            "these motors count quarters of an arcsecond"
+        )
+    return turns / SIDEREAL
+
+
+def end_guiding(mount: NexStar, axis: int) -> Steps:
+    """Stop the motor. If the rate had replaced tracking, send the drive rate instead, so that no tracking is lost."""
+    if axis == 1 and mount.drive == "replaced":
+        yield from tracking.keep_rate(mount)
+        return
+    yield rate_zero(axis)
+
+
+def pulse_seconds(ms: int, asked: float, turns: float) -> float:
+    """Return the seconds a pulse must last at its actual speed to move as far as was requested."""
+    return ms / 1000.0 * (asked / turns if turns > 0.0 else 1.0)
+
+
+def motor_pulse(ms: int, fraction: float) -> tuple[int, int]:
+    """Return percentage and hundredths of a second of a pulse; the percentage makes up for the rounding of the time."""
+    ticks = max(1, -(-ms // 10))
+    return max(0, min(100, round(100.0 * fraction * ms / (10.0 * ticks)))), ticks
