@@ -24,6 +24,7 @@ from tests.support.transparent import ALLOWED, MOUNTS, asked_of, differences
 
 APPROACH = b"P\1\x10\xfc\0\0\0\1"
 MOTORS = b"P\1\x10\xfe\0\0\0\2"
+ARROW = b"P\2\x10\x24\5\0\0\0"
 GUIDE_RATE, SET_GUIDE_RATE = b"P\1\x10\x47\0\0\0\1", b"P\2\x10\x46\x40\0\0\0"
 
 
@@ -91,6 +92,18 @@ def test_what_is_polled_costs_the_line_what_one_program_costs() -> None:
             assert {await client.ask(APPROACH) for client in clients} == {b"\1#"}
             await asyncio.sleep(0.5)
         assert bridge.sent()[before:].count(APPROACH) <= 25
+
+
+def test_an_order_outdates_what_the_mount_told_before_it() -> None:
+    @shared("cge")
+    async def outdated(bridge: Bridge) -> None:
+        one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        assert await one.ask(APPROACH) == b"\1#"
+        before = len(bridge.sent())
+        assert await other.ask(APPROACH) == b"\1#" and APPROACH not in bridge.sent()[before:]
+        one.tell(ARROW)
+        await asyncio.sleep(0.2)
+        assert await other.ask(APPROACH) == b"\1#" and APPROACH in bridge.sent()[before:]
 
 
 def test_what_a_program_has_set_is_told_to_all_at_once() -> None:
