@@ -192,6 +192,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             if not to_be_ready:
                 notify("READY=1")
 
+        status_tasks.append(asyncio.ensure_future(almanac.keep()))
         await unless(done, asyncio.gather(*(serve(one, patient, longest, ready, screen.warn) for one in gateways)))
         garbage.started()
         if not done.is_set():
