@@ -10,6 +10,7 @@ from .hand_control import HandControl
 from .meade import Meade
 from .processes import Workshop
 from .sky import NIGHT, Site
+from .synscan import SynScan
 
 PRODUCT = (sys.executable, "-m", "gateway")
 #: The mount's night is long past: today's Sun would count as well, and this computer's clock contradicts the mount's.
@@ -56,7 +57,7 @@ def start_simulator(
 ) -> tuple[Endpoint, HandControl]:
     """A simulated hand control on two TCP ports: the first for the program under test, and the truth."""
     wire, second_wire = _simulator(workshop, mount, site, speed, aligned)
-    truth = HandControl(second_wire.port, "starsense" in mount)
+    truth = (SynScan if "synscan" in mount else HandControl)(second_wire.port, "starsense" in mount)
     workshop.keep(truth.close)
     return wire, truth
 
@@ -104,6 +105,11 @@ def start_gateway(workshop: Workshop, mount: Endpoint, model: str, transport: st
 def start_celestron_gateway(workshop: Workshop, mount: Endpoint, transport: str, model: str = "") -> Endpoint:
     """The gateway over a simulated Meade, presenting the model that suits the mount it finds, or the one named."""
     return _gateway(workshop, "lx200", mount, f"nexstar{':' * bool(model)}{model}", transport)
+
+
+def start_synscan_gateway(workshop: Workshop, mount: Endpoint, protocol: str, transport: str) -> Endpoint:
+    """The gateway over a simulated mount of a protocol, presenting the SynScan that suits the mount."""
+    return _gateway(workshop, protocol, mount, "nexstar:synscan", transport)
 
 
 def start_any_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> Endpoint:

@@ -9,6 +9,8 @@ import datetime
 from math import asin, atan2, cos, degrees, hypot, radians, sin
 from typing import NamedTuple
 
+import erfa
+
 
 class Spot(NamedTuple):
     """A place in the sky, equinox of date, both in degrees."""
@@ -48,7 +50,7 @@ def separation(one: Spot, other: Spot) -> float:
     """Degrees between two places, also when they are nearly the same (haversines)."""
     half_dec = sin(radians(one.dec - other.dec) / 2)
     half_ra = sin(radians(one.ra - other.ra) / 2)
-    chord = hypot(half_dec, half_ra * (cos(radians(one.dec)) * cos(radians(other.dec))) ** 0.5)
+    chord = hypot(half_dec, half_ra * max(0.0, cos(radians(one.dec)) * cos(radians(other.dec))) ** 0.5)
     return degrees(2 * asin(min(1.0, chord)))
 
 
@@ -72,3 +74,28 @@ def target_up(start: Spot, distance: float, site: Site, moment: datetime.datetim
     grid = (spot_at(az, alt, site, moment) for alt in range(40, 65, 5) for az in range(5, 365, 10))
     away_from_poles = (spot for spot in grid if abs(spot.dec) < 70)
     return rounded(min(away_from_poles, key=lambda spot: abs(separation(spot, start) - distance)))
+
+
+def _days(moment: datetime.datetime) -> tuple[float, float]:
+    """A Julian date in two parts."""
+    return 2440587.5, moment.timestamp() / 86400.0
+
+
+def of_date(spot: Spot, moment: datetime.datetime) -> Spot:
+    """A place of J2000 by the true equator and equinox of date, by erfa: precession and nutation, no aberration."""
+    vector = erfa.rxp(erfa.pnm06a(*_days(moment)), erfa.s2c(radians(spot.ra), radians(spot.dec)))
+    ra, dec = erfa.c2s(vector)
+    return Spot(degrees(ra) % 360.0, degrees(dec))
+
+
+def of_2000(spot: Spot, moment: datetime.datetime) -> Spot:
+    """The other way."""
+    vector = erfa.trxp(erfa.pnm06a(*_days(moment)), erfa.s2c(radians(spot.ra), radians(spot.dec)))
+    ra, dec = erfa.c2s(vector)
+    return Spot(degrees(ra) % 360.0, degrees(dec))
+
+
+def apparent(spot: Spot, moment: datetime.datetime) -> Spot:
+    """What INDI makes of a place of J2000: of date, with aberration."""
+    ra, dec, origins = erfa.atci13(radians(spot.ra), radians(spot.dec), 0.0, 0.0, 0.0, 0.0, *_days(moment))
+    return Spot(degrees(ra - origins) % 360.0, degrees(dec))

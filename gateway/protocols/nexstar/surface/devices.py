@@ -152,6 +152,13 @@ def absent(session: NexStarSession, command: Command, values: op.Values) -> None
     raise NoDevice
 
 
+def set_position(session: NexStarSession, command: Command, values: op.Values) -> None:
+    """AUX 0x04 - never done. By its paper a SynScan replies ``#``, and a program reads one byte. Raises NoDevice."""
+    if "dialect" not in session.model:
+        raise NoDevice
+    session.refused = f"{command.help}: it would make the alignment meaningless"
+
+
 def no_response(frame: bytes, fault: Fault | None) -> bytes:
     """Return the reply to a refused command: the no-response form to a pass-through command, else ``#`` or nothing.
 
