@@ -7,6 +7,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from gateway.app.bindings import (
     Acceptor,
@@ -24,7 +25,6 @@ from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import with_needs
 from gateway.app.control.orders import orders
-from gateway.app.control.requests import RequestHandler
 from gateway.app.control.server import Control
 from gateway.app.mount_state import MountState, mount_state
 from gateway.app.recording.entrance import Entrance
@@ -51,6 +51,9 @@ from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
 from gateway.transport.listening import SERVED
 from gateway.transport.web_port import WebDevice
+
+if TYPE_CHECKING:
+    from gateway.app.control.requests import RequestHandler
 
 
 class Gateway:
@@ -186,7 +189,7 @@ class Gateway:
             self.store.name,
             str(self.mount),
             orders(self.controller, self.store, self.entrance),
-            self.request_handler.take_line,
+            lambda word, line: self.request_handler.take_line(word, line),
             self.config.name or "",
         )
         try:
@@ -214,6 +217,8 @@ class Gateway:
     @cached_property
     def request_handler(self) -> RequestHandler:
         """Carries out requests of people; made at the first request, so that the start is faster."""
+        from gateway.app.control.requests import RequestHandler
+
         return RequestHandler(self.controller, self, self.entrance)
 
     def state(self) -> MountState:

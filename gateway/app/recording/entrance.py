@@ -8,13 +8,15 @@ kind of input from a port, a thread, a file or a process must enter here, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Sequence
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from gateway.core.requests import Request
 from gateway.mount.motion.order_runner import Announce
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Accept, Connected
 from gateway.transport.wires import Transport
+
+if TYPE_CHECKING:
+    from gateway.core.requests import Request
 
 _T = TypeVar("_T")
 #: Work that a request asks for, begun when the request enters.
