@@ -44,9 +44,9 @@ LARGE = {
 #: The ways of a goto and of two reads for which the mount is asked, to it and back: the files on each, and the calls
 #: from one file into another; UP of these lead up at most.
 WAYS = {
-    ":MS# onto a NexStar": (partial(walk_of, b":MS#"), 44, 144),
-    ":GR# onto a NexStar": (partial(walk_of_read, b":GR#", "nexstar"), 39, 138),
-    "e onto a Meade": (partial(walk_of_read, b"e", "lx200"), 40, 165),
+    ":MS# onto a NexStar": (partial(walk_of, b":MS#"), 44, 142),
+    ":GR# onto a NexStar": (partial(walk_of_read, b":GR#", "nexstar"), 39, 136),
+    "e onto a Meade": (partial(walk_of_read, b"e", "lx200"), 40, 164),
 }
 UP = 4
 #: What lies in a folder and is nothing that anybody reads.
