@@ -16,7 +16,7 @@ from gateway.core.errors import UserError
 from gateway.system.own_commands import own_command
 from gateway.transport.device_link import DeviceLink, is_free
 from tests.support.process import Running
-from tests.unit.cli.test_cli import refused
+from tests.unit.cli.test_command_line import refused
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
 

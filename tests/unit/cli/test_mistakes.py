@@ -19,7 +19,7 @@ from gateway.transport.device_link import DeviceLink
 from gateway.transport.wires import open_port
 from tests.support.each import each
 from tests.support.process import GATEWAY, PATIENCE, Running, run_to_end
-from tests.unit.cli.test_cli import refused
+from tests.unit.cli.test_command_line import refused
 
 PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
 

@@ -22,7 +22,7 @@ from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 from tests.support.process import Running, ask
-from tests.unit.cli.test_cli import refused
+from tests.unit.cli.test_command_line import refused
 
 FILE = '[mount]\nat = "nexstar:cpc@sim"\n[[surface]]\nat = "lx200@tcp://127.0.0.1:0"\n'
 PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
