@@ -54,6 +54,8 @@ class SimulatedHandControl(SimulatedMount):
             if found is None:
                 raise ValueError(f"{frame!r} has the length of a command but not its form")
             command, template = found
+            if command.name not in HANDLERS:
+                return b""
             values = HANDLERS[command.name](self, template.decode(frame)) or {}
         except ValueError:
             return b"#"  # acknowledged but not carried out
@@ -71,8 +73,8 @@ class SimulatedHandControl(SimulatedMount):
             command, resp = next((row for row in rows if row[1] == asked), rows[0])
             data = frame[4 : 3 + count]
             values = command.request.decode(frame[:4] + data + bytes(3 - len(data)) + bytes((resp,)))
-            answer = HANDLERS[command.name](self, {**values, "device": device})
-            if answer is not None:
+            handler = HANDLERS.get(command.name)
+            if handler is not None and (answer := handler(self, {**values, "device": device})) is not None:
                 return (command.replies[0][1].encode(answer)[:-1] + bytes(asked))[:asked] + b"#"
         return bytes(asked + 1) + b"#"
 
