@@ -23,6 +23,8 @@ def shown(play: Play, command: Command, row: SurfaceRow, surface: Surface, mount
         return "refused"
     if play.refused and play.reply in (b"", ACKNOWLEDGED):
         return "refused"  # perhaps by the mount, after it was sent something
+    if command.question and asked and not play.reply:
+        return "refused"  # what was asked for cannot be told
     if play.wire:
         return "translated"
     if play.of("baud") or (play.kept and not command.question):
