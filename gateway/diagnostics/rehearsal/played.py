@@ -1,6 +1,6 @@
 """What the rows of a surface do, as plays on simulated mounts show it: ``mappings/*/played.toml``.
 
-``write`` plays the rows whose digest is not that of their last play: of a new or changed row, or of a function that has
+``write`` plays the rows whose digest is not that of their last play: the row, its function, or the set of models has
 changed. Each is played behind the models that differ in what rows require, on mounts that differ in what operations
 need, aligned and not. What all plays show that is not said by how the mount carries out the operations is written down.
 """
@@ -39,7 +39,7 @@ _HEAD = """\
 #   outcome   if it does not follow from how the mount carries out the operations (driver.toml)
 #   without   the outcome on a mount that can do none of them
 #   elsewhere the outcome behind a model, or on a mount, that the row is not for
-#   of        a digest of the row and its function: if it differs, the row is played again
+#   of        a digest of the row, its function and the models of the play: if it differs, the row is played again
 
 """
 
@@ -99,16 +99,19 @@ def _line(name: str, row: PlayedRow) -> str:
 
 
 def _digests(protocol: str) -> dict[str, str]:
-    """Return for each row of a surface a digest of both its rows as they are written, and of its function."""
+    """Return for each row of a surface a digest of its rows as they are written, its function, and the models of its
+    play."""
     commands, rows = (read_table(f"{protocol}/{file}.toml") for file in ("commands", "surface"))
     make = PROTOCOLS[protocol].make_surface
     assert make is not None
     functions = make(SurfaceSettings(None, None, None, None, Limits())).surface.handlers
     sources: dict[Callable[..., Any], str] = {}
-    return {
-        name: f"{crc32(repr((commands[name], row, *_source(functions.get(row.get('call')), sources))).encode()):08x}"
-        for name, row in rows.items()
-    }
+    models = [str(end) for name in (protocol, *mounts()) for end in _differing(name)]
+    digests = {}
+    for name, row in rows.items():
+        parts = models, commands[name], row, *_source(functions.get(row.get("call")), sources)
+        digests[name] = f"{crc32(repr(parts).encode()):08x}"
+    return digests
 
 
 def _source(function: Callable[..., Any] | None, sources: dict[Callable[..., Any], str]) -> Iterator[str]:
