@@ -35,6 +35,7 @@ EQUINOX = {
     "jnow": "of date (jnow)",
     "j2000": "by this version j2000 ({by} says so, other programs say of date); "
              "--equinox auto follows it, the default is jnow",
+    "always": "J2000 (j2000), as its maker says of all versions; that is the default",
 }  # fmt: skip
 NO_PORT = (
     "no serial port is there: plug the USB adapter in; dmesg | tail tells whether this computer noticed (on Windows "
@@ -93,7 +94,7 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
         f"{title}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
         f"it answered: {'; '.join(f'{name} ({words})' for name, words in mount.answers.items() if words)}",
         *([f"it does not tell: {', '.join(mute)}"] if mute else []),
-        f"equinox: {EQUINOX[mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
+        f"equinox: {EQUINOX[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
         *hints(mount),
         "for programs on this computer:",
         f"  {command(finding)}",
@@ -102,6 +103,11 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
         "gateway.toml (--write FILE makes it; with --network it is for phones and other computers, too):",
         *(f"    {line}" for line in toml(finding, network).splitlines()),
     ]
+
+
+def _by_model(mount: Mount) -> str:
+    """Return the key of ``EQUINOX`` for a model whose coordinates are of J2000 in every version; else nothing."""
+    return "always" if PROTOCOLS[mount.protocol].commands.models.get(mount.model, {}).get("equinox") else ""
 
 
 def hints(mount: Mount) -> list[str]:
@@ -149,7 +155,7 @@ def toml(finding: Finding, network: bool = False) -> str:
     rows = [who, "[mount]", f"at = {json.dumps(endpoint(finding))}"]
     if finding.baud:
         rows.append(f"baud = {finding.baud}")
-    if mount.equinox == "j2000":
+    if mount.equinox == "j2000" and not _by_model(mount):
         rows.append(f'# equinox = "auto"  # j2000 for this version, by {PROTOCOLS[mount.protocol].j2000_by}')
     if not mount.tells_place:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']

@@ -12,7 +12,7 @@ import pytest
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
-from gateway.diagnostics.detect.report import block, command
+from gateway.diagnostics.detect.report import block, command, toml
 from gateway.diagnostics.detect.scan_port import OTHERS, sentence
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
@@ -122,6 +122,7 @@ MEADES_OWN = {"coordinates": ":GR# :GD#", "site": ":Gt# :Gg#", "clock": ":GG# :G
     ("nexstar:cge/3.01", "j2000", {"coordinates": "e", "site": "w", "clock": "h"}),
     ("nexstar:6-8se/4.21", "jnow", {"coordinates": "e", "alignment and tracking": "J t", "site": "w", "clock": "h"}),
     ("nexstar:gt/101.0", "j2000", {"coordinates": "E", "site": "", "clock": ""}),
+    ("nexstar:synscan/4.39.05", "j2000", {"coordinates": "e", "alignment and tracking": "J t", "site": "w"}),
     ("lx200:lx200", "jnow", {**MEADES_OWN, "alignment and tracking": "ACK"}),
     ("lx200:lx200gps", "jnow", {**MEADES_OWN, "alignment and tracking": ":GW#"}),
 ])  # fmt: skip
@@ -131,6 +132,8 @@ def test_it_is_told_what_the_mount_answered(what: str, equinox: str, answers: di
     assert finding.mount.equinox == equinox
     assert answers.items() <= finding.mount.answers.items()
     assert "j2000" in block(finding) or equinox == "jnow"
+    assert ("(j2000), as its maker says" in block(finding)) is ("synscan" in what)
+    assert ('equinox = "auto"' in toml(finding)) is (equinox == "j2000" and "synscan" not in what)
     assert ("it does not tell: site, clock" in block(finding)) is (answers.get("site") == "")
 
 
