@@ -183,6 +183,8 @@ MUTATIONS = [
         "an arrow and tracking are not judged by where the tube is if the syncs were wrong",
         r"^        return shifts$",
         "        return ()",
+        r"            return \(\)\n        return shifts$",
+        "            return ()\n        return ()",
         "tests/integration/safety/test_after_syncs.py",
     ),
     Mutation(
@@ -236,6 +238,127 @@ MUTATIONS = [
             "mappings/alpaca/errors.toml",
         )
         for fault in ("Held", "NearSun", "TooHigh", "NoDevice", "Silence")
+    ),
+    # --- one cache, one vocabulary, one state
+    Mutation(
+        "a reply in the mount's own words is shared after an order",
+        r"entry\.value if entry\.orders == self\.orders or isinf\(entry\.lasts\)",
+        "entry.value if True",
+        "tests/integration/sharing tests/integration/settings tests/integration/lx200",
+    ),
+    Mutation(
+        "a reading that was forgotten is told",
+        r"(def poll\(.*\n(?:.*\n){5,6}?        if entry is None) or entry\.forgotten:",
+        r"\g<1>:",
+        f"{READINGS} tests/unit/mount/readings tests/integration/stops",
+    ),
+    Mutation(
+        "a position from before the last order is told",
+        r"self\.outdated = now\n",
+        "pass\n",
+        f"{READINGS} tests/integration/motion",
+    ),
+    Mutation(
+        "a program that has set its own site is told the mount's",
+        r"return read\.has_own_clock\(\) if .*",
+        "return False",
+        "tests/integration/sharing tests/integration/settings",
+    ),
+    Mutation(
+        "who cancels a request ends another's motion",
+        r"if not self\._in_motion\(active\):\n            return Answer\(DONE, \"nothing",
+        'if False:\n            return Answer(DONE, "nothing',
+        "tests/unit/app/control/test_requests.py",
+    ),
+    Mutation(
+        "the release of an arrow ends a newer arrow of another",
+        r"if active\.pressed is not None and self\._holds\(active\):\n            by",
+        "if active.pressed is not None:\n            by",
+        "tests/unit/console tests/unit/app/control",
+    ),
+    Mutation(
+        "an arrow that is kept pressed goes on after a stop",
+        r"if active\.stops != self\._controller\.stops:\n            raise Stopped\n        if active\.pressed ==",
+        "if active.pressed ==",
+        "tests/unit/console tests/unit/app/control tests/integration/stops",
+    ),
+    Mutation(
+        "a request that comes after its cancellation is begun",
+        r"if active\.cancelled\.is_set\(\):\n            raise Busy",
+        "if False:\n            raise Busy",
+        "tests/unit/app/control/test_requests.py",
+    ),
+    Mutation(
+        "a name is recorded instead of the position that was found for it",
+        r"request = replace\(request, where=await",
+        "replace(request, where=await",
+        "tests/unit/app/control/test_requests.py",
+    ),
+    Mutation(
+        "a program that may only look may move the mount",
+        r"Rights\(self\.access\.is_read_only\(host\),",
+        "Rights(False,",
+        "tests/unit/clients tests/integration/sharing tests/unit/console",
+    ),
+    Mutation(
+        "what a connection has left is inherited for ever",
+        r"kept if self\.controller\.now\(\) - at <= INHERIT_FOR else None",
+        "kept",
+        "tests/unit/protocols/lx200/surface/test_sessions.py",
+    ),
+    Mutation(
+        "what is told in advance does not know the limits",
+        r"await rules\._admit\(op\.Goto\(goal\.ra, goal\.dec\)\)",
+        "pass",
+        "tests/property/test_preview.py",
+    ),
+    Mutation(
+        "to tell in advance marks the path as checked",
+        r"CheckedPath\(\) if previews else watch\.path",
+        "watch.path",
+        "tests/property/test_preview.py tests/unit/console",
+    ),
+    Mutation(
+        "a play that is older than its row is not noticed",
+        r"if name not in played or played\[name\]\.of != digests\.get\(name\):",
+        "if name not in played:",
+        "tests/conformance/wire/test_played.py tests/unit/protocols/wireformat",
+    ),
+    Mutation(
+        "a damaged almanac is believed",
+        r"if zlib\.crc32\(data\[start:\]\) != .*:",
+        "if False:",
+        "tests/unit/astro/test_almanac.py",
+    ),
+    Mutation(
+        "an almanac that another user can write is believed",
+        r"stat\.S_IMODE\(seen\.st_mode\) & 0o022",
+        "False",
+        "tests/unit/astro/test_almanac.py",
+    ),
+    Mutation(
+        "days of older data of the Earth's rotation are kept",
+        r"days = self\.days if self\.by == newer\.by else \{\}",
+        "days = self.days",
+        "tests/unit/astro/test_almanac.py",
+    ),
+    Mutation(
+        "a real mount is in a hurry",
+        r"return speed if elsewhere or endpoint\.where == \"sim\" else 1\.0",
+        "return speed",
+        "tests/unit/app/test_simulated_speed.py",
+    ),
+    Mutation(
+        "a wish of the earlier form is answered in the new one",
+        r"if word == REQUEST_2:",
+        "if True:",
+        "tests/unit/app/control tests/unit/app/test_connected.py",
+    ),
+    Mutation(
+        "the state shows the orders of a mount that was stopped",
+        r"if not order\.follow_up and order\.number != wanted\.active:",
+        "if not order.follow_up:",
+        "tests/unit/app tests/unit/cli/test_mount_commands.py",
     ),
     Mutation("a mount on hold can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
     # --- the layers
