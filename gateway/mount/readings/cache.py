@@ -17,9 +17,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.waiting import TimedEvent
 
-if (
-    TYPE_CHECKING
-):  # `status` and `stop` load this module through the marker of a motion, and need neither line nor driver
+# `status` and `stop` load this module through the marker of a motion, and need neither line nor driver
+if TYPE_CHECKING:
     from gateway.mount.link.line import MountLink
     from gateway.protocols.base.driver import Driver
 

@@ -3,8 +3,9 @@
 A rule is a pure function from a ``View`` to a ``Verdict``, evaluated at every position. It may only restrict motion,
 and it never forbids a motion that leads out of a forbidden region. A moving mount must not pass an altitude limit, come
 near the Sun, or go past the meridian, where the tube of an equatorial mount meets its pier. Gotos are checked
-beforehand, too. A motion must be stopped early enough to end before the limit (``StopTiming``): that depends on the
-exchanges of this line, on the inertia of motors, and on rates, which may grow by as much again as they have grown.
+beforehand, too, without a margin for their speed (``admission/motions.py``). A motion must be stopped early enough to
+end before the limit (``StopTiming``): that depends on the exchanges of this line, on the inertia of motors, and on
+rates, which may grow by as much again as they have grown.
 """
 
 from __future__ import annotations
