@@ -9,6 +9,8 @@ import asyncio
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
+from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer
+from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
@@ -55,6 +57,26 @@ class Context:
     def astrometry_for(self, program: Program) -> SiteAstrometry:
         """Return astronomy with the site and clock that this program reads."""
         return SiteAstrometry(self.astrometry.sky, ReadBy(self.site_clock, program), self.astrometry.equinox)
+
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        """Return why an operation cannot succeed, as far as that is known without a request; None if it may."""
+        driver, link, wanted = self.driver, self.link, self.wanted.value
+        if link.state == "down" or (link.overdue and not driver.asleep):
+            return NoAnswer()
+        if (driver.asleep or driver.powerless) and not self.wanted.waking and begins_motion(operation):
+            return Asleep()
+        calculates = link.occupied or (self.incoming.sending is op.SetClock and self.incoming.waits)
+        if calculates and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
+            return Busy()
+        try:
+            if isinstance(operation, MOTIONS):
+                self.hold.admit(operation)
+        except Held as fault:
+            return fault
+        if not self.known.is_set():
+            return None
+        nothing_waits = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending)
+        return driver.impossible(operation) if nothing_waits and not wanted.owed else None
 
     @property
     def timing(self) -> StopTiming:

@@ -1,5 +1,5 @@
-"""The controller of one mount: builds its parts, each of which knows only those before it, and is their interface to
-all other layers.
+"""The controller of one mount: builds its parts, each of which knows only those before it, and passes the operations of
+clients to the part that answers them: readings, motions, site and clock, astronomy.
 
 The parts report back by signals. Reads are answered from the cache while they are fresh, and share one exchange if they
 are not. While any client polls, the cache is refreshed, so a hundred polling clients load the mount's line like one.
@@ -8,23 +8,26 @@ are not. While any client polls, the cache is refreshed, so a hundred polling cl
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
-from typing import TypeVar, cast
+from collections.abc import Callable, Sequence
+from math import inf
+from typing import Any, TypeVar, cast
 
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.errors import Fault, NoAnswer, NotAligned
+from gateway.core.errors import Fault, NoAnswer, NotAligned, Stopped, Unsupported
+from gateway.core.motion_kinds import MOTIONS
+from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate, ReplyVerifier
+from gateway.mount.link.queue import SETTING
+from gateway.mount.motion.changes import ended_short
+from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.ends import EndWatch
-from gateway.mount.motion.order_runner import Announce, Consequences, OrderRunner
-from gateway.mount.motion.outcomes import ended_short
-from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.orders import Orders
+from gateway.mount.motion.reconciler import Announce, Reconciler
 from gateway.mount.policy import Policy
-from gateway.mount.presence import NOBODY, Presence, Program
+from gateway.mount.presence import NOBODY, HostActivity, Presence, Program
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
@@ -32,6 +35,7 @@ from gateway.mount.safety.admission.motions import Admission
 from gateway.mount.safety.unattended import SunAhead, Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
+from gateway.mount.site.places import PLACES
 from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
@@ -44,7 +48,7 @@ class MountController:
     """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns why an
     operation cannot succeed. ``peek`` answers a read at once if that needs no exchange, ``read`` waits if it does, and
     ``read_now`` asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
-    again, and ``touch`` notes that they were. ``announcers``: see ``OrderRunner``.
+    again, and ``touch`` notes that they were. ``announcers``: see ``Reconciler``.
     """
 
     def __init__(self, context: Context, follow_ups: FollowUps, announcers: Sequence[Announce] = ()) -> None:
@@ -58,16 +62,16 @@ class MountController:
         # Exchanges with the mount.
         gate = HibernationGate(context)
         self.verifier = ReplyVerifier(line, self.now, self.driver.speed_factor)
-        runner = DriverRunner(context, self.verifier, gate)
+        runner = self._runner = DriverRunner(context, self.verifier, gate)
         # Readings.
         reader = self.reader = Reader(context, runner)
         self.read, self.read_now = reader.read, reader.read_now
-        self.touch, self.fresh_until = cache.touch, reader.fresh_until
+        self.touch, self.fresh_until, self.impossible = cache.touch, reader.fresh_until, context.impossible
         context.run_on.sent = runner.may_move
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
         # Limits and motion.
-        self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note)
+        self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note, wanted)
         watch = self.watch = LimitWatch(context, reader, self.ends)
         sync.moved_by_others = lambda: watch.moved_by_others
         self.admission = Admission(context, reader, watch)
@@ -78,28 +82,21 @@ class MountController:
         reader.axes.connect(watch.check_altitude_axis)
         reader.unseen.connect(watch.position_missing)
         reader.status.connect(self._on_status)
-        self.order_runner = OrderRunner(context, follow_ups, runner, self.admission, announcers)
-        reconciler = self.reconciler = Reconciler(context, runner, self.order_runner)
+        consequences = Consequences(context, gate, reader, watch, self.ends)
+        reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
         #: Emitted when the state that is saved to disk may have changed.
         self.changed = reconciler.lasting
-        consequences = Consequences(context, gate, reader, watch, self.ends)
-        reconciler.begins.connect(consequences.begins)
-        reconciler.done.connect(consequences.done)
-        reconciler.stop_sent.connect(consequences.stop_sent)
-        reconciler.at_rest.connect(consequences.at_rest)
         context.run_on.changed.connect(self._hold_pulses)
         watch.must_stop.connect(self._stop_now)
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
         reader.goto_missed.connect(lambda words: reconciler.want(ended_short(reconciler.wanted, words)))
         reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=reader.latest()))
-        # Orders of clients, supervision of the motions that they begin, identification, polling.
-        self.orders = Orders(context, runner, reader, self.settings, reconciler)
-        self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
-        TrackingAtLimit(context, reader, watch, self.orders.perform).must_stop.connect(self._stop_now)
+        # Supervision of motions, identification, polling.
+        TrackingAtLimit(context, reader, watch, self.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
-        self.supervisor = Supervisor(context, self.presence, self.orders.perform)
-        reconciler.done.connect(self.supervisor.start_watching)
+        self.supervisor = Supervisor(context, self.presence, self.perform)
+        reconciler.unattended.connect(self.supervisor.start_watching)
         self.identification = Identification(context, runner, gate, reader, sync, reconciler, self.ends)
         self.identification.identified.connect(self._on_identified)
         self.identified, self.settled = context.known, context.settled
@@ -193,6 +190,81 @@ class MountController:
             return NotAligned()
         return refusal
 
+    # --- operations of clients --------------------------------------------------------------------------------------
+
+    async def perform(
+        self,
+        operation: op.Operation[_T],
+        stops: int | None = None,
+        activity: HostActivity | None = None,
+        patience: float = inf,
+        asked: float | None = None,
+    ) -> _T:
+        """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
+
+        The client ``asked`` at this loop time (by default now), when there had been so many ``stops``; it stops waiting
+        after ``patience`` seconds.
+        """
+        program = activity.program if activity is not None else NOBODY
+        if type(operation) in MAX_AGE:
+            if self.driver.asleep and (waking := self.reconciler.outcomes_of(op.Wake)):
+                await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
+            return cast(_T, await self.reader.answer(operation))
+        if isinstance(operation, op.Own):
+            return cast(_T, await self.reader.answer_own(operation, program))
+        if isinstance(operation, op.AbortMotion):
+            return cast(_T, await self.stop(activity.who if activity is not None else ""))
+        if isinstance(operation, MOTIONS):
+            value = await _ended(self.reconciler.take(operation, stops, activity, patience, asked))
+            if isinstance(value, op.Chosen) and value.place is not None:
+                value = op.Chosen(self.astrometry.from_mount(value.place), value.text, value.reply)
+            return cast(_T, value)
+        return cast(_T, await self._perform_alone(operation, program))
+
+    async def _perform_alone(self, operation: op.Operation, program: Program) -> Any:
+        """Carry out an operation that is no motion and whose answer is not shared between clients."""
+        if type(operation) in PLACES:
+            return PLACES[type(operation)](self.context.astrometry_for(program), operation)
+        if (setting := self.settings.handlers.get(type(operation))) is not None:
+            return await setting(operation, program)
+        if isinstance(operation, op.GetActivity):
+            heard = self.cache.age(op.Position, self.now())
+            return self.context.run_on.activity(self.wanted.value, self.driver.parked, heard)
+        if isinstance(operation, op.GetAbilities):  # by the tables, and by the mount's model and version
+            return self.driver.can_do((await self.reader.read(op.GetStatus())).equatorial)
+        if isinstance(operation, op.TubeSide):
+            reported = await self.reader.read(op.PierSide())
+            if not self.driver.german:
+                raise Unsupported("Only a German mount has two sides of the pier.")
+            if (side := self.driver.tube_side(reported)) is not None:
+                return side
+            return reported if self.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[reported]
+        return await self._runner.perform(operation, SETTING)
+
+    def begin(
+        self,
+        operation: op.Operation,
+        stops: int,
+        failed: Callable[[Fault], None],
+        activity: HostActivity,
+        asked: float | None = None,
+    ) -> asyncio.Future[None]:
+        """Carry out an operation without waiting for it; ``failed`` is called with the Fault if it fails."""
+        motion = None
+        if isinstance(operation, MOTIONS):
+            motion = self.reconciler.take(operation, stops, activity, asked=asked)
+
+        async def finish() -> None:
+            try:
+                await (_ended(motion) if motion is not None else self.perform(operation, stops))
+            except Fault as fault:
+                failed(fault)
+            except Exception as error:  # no caller waits for this task, so a defect must be logged here
+                self.context.note(f"internal error, please report it: {error!r}")
+                self.reconciler.after_defect()
+
+        return self.spawn(finish())
+
     def begin_stop(self, by: str = "") -> None:
         """End every motion, before everything else, without waiting for the acknowledgement. ``by``: who asks."""
         self.wanted.stopped_by = by
@@ -202,3 +274,13 @@ class MountController:
         """End every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
         self.wanted.stopped_by = by
         await self.reconciler.stop("")
+
+
+async def _ended(outcome: Outcome) -> Any:
+    """Wait for an outcome without cancelling the order. Raises Fault; Stopped if the order was superseded."""
+    try:
+        return await result_of(outcome)
+    except asyncio.CancelledError:
+        if outcome.cancelled():
+            raise Stopped from None
+        raise

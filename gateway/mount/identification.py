@@ -19,12 +19,11 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import POSITION, READ, STOP
-from gateway.mount.motion import outcomes
+from gateway.mount.motion import changes
 from gateway.mount.motion.ends import SLOW, EndWatch, Sample
 from gateway.mount.motion.left_moving import APART, LONGEST, RECENT, LeftMotion, left_motion, rests, still_left, turning
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
-from gateway.mount.motion.wanted import Order
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import contradiction_warning
 from gateway.mount.safety.hour_angle import told_by_axes
@@ -182,8 +181,7 @@ class Identification:
             alone = not axes and not rests(before, after, slewing)
             if len(axes) == 1 and abs(turned[2 - min(axes)]) >= SLOW:
                 [axis] = axes
-                order = Order(next(reconciler.numbers), op.StopAxis(axis), None, since=context.now())
-                reconciler.order(order)
+                reconciler.halt(axis)
                 context.note(f"axis {axis} still moved as the gateway had left it: it is stopped")
                 return
         if alone:
@@ -196,7 +194,7 @@ class Identification:
     def _leave_alone(self) -> None:
         reconciler = self._reconciler
         self._context.note("the mount no longer moves as the gateway had left it: what moves now is left alone")
-        reconciler.want(outcomes.at_rest(reconciler.wanted))
+        reconciler.want(changes.at_rest(reconciler.wanted))
         self._context.tasks.spawn(self._resume_later(reconciler.wanted.asked))
 
     async def _resume_later(self, asked: int) -> None:

@@ -35,6 +35,9 @@ LARGE = {
     "gateway/diagnostics/log/printing.py",  # which lines are shown, and how they are printed
     "gateway/mount/link/driver_runner.py",  # what a driver sends, and whether the reply can be right
     "gateway/mount/link/transaction.py",  # an exchange, and how long its reply may take
+    "gateway/mount/motion/changes.py",  # what orders and their outcomes make of what is wanted
+    "gateway/mount/motion/reconciler.py",  # the loop of motion, from an order to its outcome
+    "gateway/mount/motion/wanted.py",  # what is wanted, and which order of it comes next
     "gateway/mount/site/astrometry.py",  # the sky over a mount, and every Sun to avoid in it
     "gateway/mount/site/settings_sync.py",  # settings on their way, and what the log says of them
     "gateway/protocols/mechanics/mount.py",  # two motors by formula, and the orders to them
@@ -44,9 +47,9 @@ LARGE = {
 #: The ways of a goto and of two reads for which the mount is asked, to it and back: the files on each, and the calls
 #: from one file into another; UP of these lead up at most.
 WAYS = {
-    ":MS# onto a NexStar": (partial(walk_of, b":MS#"), 44, 142),
-    ":GR# onto a NexStar": (partial(walk_of_read, b":GR#", "nexstar"), 39, 136),
-    "e onto a Meade": (partial(walk_of_read, b"e", "lx200"), 40, 164),
+    ":MS# onto a NexStar": (partial(walk_of, b":MS#"), 40, 139),
+    ":GR# onto a NexStar": (partial(walk_of_read, b":GR#", "nexstar"), 39, 137),
+    "e onto a Meade": (partial(walk_of_read, b"e", "lx200"), 40, 165),
 }
 UP = 4
 #: What lies in a folder and is nothing that anybody reads.

@@ -36,7 +36,7 @@ class FakeController:
         self.presence = Presence(self.now)
         self.version = self.stops = 0
         self.closed = self.slewing = False
-        self.reconciler = self.orders = self.wanted = self.context = self
+        self.reconciler = self.wanted = self.context = self
         self.incoming = IncomingSettings()
         #: Seconds by which the host's clock is ahead of the event loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from gateway.mount.motion.order_runner import Announce
+from gateway.mount.motion.reconciler import Announce
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Accept, Connected
 from gateway.transport.wires import Transport

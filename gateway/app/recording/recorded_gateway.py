@@ -25,7 +25,7 @@ from gateway.core.about import RULES, commit, version
 from gateway.core.requests import Request, encode
 from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
-from gateway.mount.motion.order_runner import Announce
+from gateway.mount.motion.reconciler import Announce
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Accept, Connected
 from gateway.transport.wires import OnData, OnLost, Transport

@@ -224,7 +224,7 @@ class WatchedMount:
         self._watchdog.beat()
 
     async def before_motion(self) -> None:
-        """Tell the process, without waiting: see ``OrderRunner``."""
+        """Tell the process, without waiting: see ``Reconciler``."""
         self.begin()
 
     def renew(self, _: None = None) -> None:

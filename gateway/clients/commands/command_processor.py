@@ -157,7 +157,7 @@ class CommandProcessor:
             return
         self._inbox.take_back(ends.takes_back, frame)
         if isinstance(ends.operation, AbortMotion):
-            if not (self.releases.by_stop and self.controller.orders.releases_arrow(self.activity)):
+            if not (self.releases.by_stop and self.controller.reconciler.releases_arrow(self.activity)):
                 self.controller.begin_stop(self.activity.who)
         else:
             self.runner.background.start(ends.operation, self._wanted.value.stops, arrived)

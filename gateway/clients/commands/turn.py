@@ -194,7 +194,7 @@ class BackgroundOperations:
         if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or the client is gone
             return
         halts = isinstance(operation, StopAxis | AbortSlew)
-        if halts and controller.orders.halt_is_pending(operation):
+        if halts and controller.reconciler.halt_is_pending(operation):
             return
         ends = halts or ends_focus(operation)
         if len(self._operations) >= MAX_BACKGROUND and (not ends or operation in self._operations.values()):

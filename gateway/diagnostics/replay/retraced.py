@@ -12,7 +12,7 @@ from gateway.app.recording.format import RECORDER, Event, Recording
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, show
-from gateway.mount.motion.order_runner import Announce
+from gateway.mount.motion.reconciler import Announce
 from gateway.transport.wires import OnData, OnLost
 
 #: How many differing requests are reported.

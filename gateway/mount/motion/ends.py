@@ -13,9 +13,11 @@ from enum import Enum, auto
 from itertools import pairwise
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gateway.astro.spherical import wrap180
 from gateway.core.signals import Signal
+from gateway.mount.motion.wanted import WantedState
 
 #: Seconds between retries; a mount runs on for up to two seconds after a stop, which must not look like a lost stop.
 AGAIN = (1.5, 2.0, 3.0, 5.0)
@@ -42,14 +44,18 @@ class Sample(Struct, frozen=True):
 
 
 class Ending(Struct, frozen=True):
-    """Axes (1, 2) that are to stand still, their speed in degrees a second, and when the command was sent."""
+    """Axes (1, 2) that are to stand still, their speed in degrees a second, and when the command was sent.
+
+    ``begun`` is ``Wanted.begun`` at that time: an axis that was set moving again since has no end any more.
+    """
 
     axes: frozenset[int]
     speed: float
     sent: tuple[float, ...]
+    begun: tuple[int, int] = (0, 0)
 
     def again(self, now: float) -> Ending:
-        return Ending(self.axes, self.speed, (*self.sent, now))
+        return replace(self, sent=(*self.sent, now))
 
 
 class Step(Enum):
@@ -100,11 +106,20 @@ class EndWatch:
     ``again`` is emitted with the axes whose end is to be sent again; ``warn`` receives the log lines.
     """
 
-    def __init__(self, now: Callable[[], float], warn: Callable[[str], None]) -> None:
-        self._now, self._warn = now, warn
+    def __init__(self, now: Callable[[], float], warn: Callable[[str], None], wanted: WantedState) -> None:
+        self._now, self._warn, self._wanted = now, warn, wanted
         self.again: Signal[frozenset[int]] = Signal()
         self.samples: list[Sample] = []
-        self.ending: Ending | None = None
+        self._ending: Ending | None = None
+
+    @property
+    def ending(self) -> Ending | None:
+        """The end that the position does not show yet, of the axes that have not been set moving again since."""
+        ending, begun = self._ending, self._wanted.value.begun
+        if ending is not None and ending.begun != begun:
+            axes = frozenset(axis for axis in ending.axes if ending.begun[axis - 1] == begun[axis - 1])
+            self._ending = replace(ending, axes=axes, begun=begun) if axes else None
+        return self._ending
 
     @property
     def pending(self) -> bool:
@@ -113,18 +128,12 @@ class EndWatch:
 
     def sent(self, axes: Iterable[int], speed: float) -> None:
         """Watch an end that was sent; ``speed`` is the highest speed of its axes so far, degrees a second."""
-        both, before = frozenset(axes), self.ending
+        both, before, begun = frozenset(axes), self.ending, self._wanted.value.begun
         if before is not None and before.axes == both:
-            self.ending = Ending(both, max(speed, before.speed), (*before.sent[:-1], self._now()))
+            self._ending = Ending(both, max(speed, before.speed), (*before.sent[:-1], self._now()), begun)
         elif speed > 0.0:
             rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
-            self.ending = Ending(both | rest[0], max(speed, rest[1]), (self._now(),))
-
-    def superseded(self, axes: Iterable[int]) -> None:
-        """Forget the end of axes that were set moving again."""
-        if self.ending is not None:
-            left = self.ending.axes - frozenset(axes)
-            self.ending = Ending(left, self.ending.speed, self.ending.sent) if left else None
+            self._ending = Ending(both | rest[0], max(speed, rest[1]), (self._now(),), begun)
 
     def look(self, sample: Sample) -> None:
         """Take a position, and emit ``again`` if the end must be sent again."""
@@ -134,10 +143,10 @@ class EndWatch:
             return
         step = next_step(ending, self.samples, self._now())
         if step is Step.DONE:
-            self.ending = None
+            self._ending = None
         elif step is not Step.LOOK:
             again = ending.again(self._now())
-            self.ending = again if len(again.sent) < AT_MOST else None
+            self._ending = again if len(again.sent) < AT_MOST else None
             self._warn(
                 f"WARNING: the mount keeps moving although it was told {TIMES} times to stop: switch it off"
                 if step is Step.ALARM

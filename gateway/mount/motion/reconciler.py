@@ -1,15 +1,21 @@
-"""Makes the mount do what is wanted: the only part that sends motion commands, one operation after the other.
+"""Makes the mount do what is wanted: the only part that sends motion commands, one order after the other.
 
-Orders change what is wanted (``apply``), ``next_operation`` returns the next order, the driver carries it out, and its
-outcome changes what is wanted again. An operation that is no longer wanted is cancelled between two exchanges. A stop
-waits only for the exchange on the wire, not for an operation that survives it: that continues.
+The law of its loop: an order changes what is wanted in the call in which it arrives (``take``). While one is due and no
+stop is being sent, the loop takes it, has the rules admit it, announces a motion before its first byte, has the driver
+carry it out, and folds the outcome into what is wanted; only then does it take the next. An order that is no longer
+wanted is cancelled between two exchanges; what an end has interrupted begins again after it. A stop is no order: it
+stands beside the loop (``stopping.py``), cancels what runs and waits, and waits itself only for the exchange on the
+wire; an order that survives it continues. Only this part replaces what is wanted.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from itertools import count
+from math import inf
 from typing import Any
 
 from msgspec.structs import replace
@@ -17,52 +23,68 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core import waiting
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.motion_kinds import ENDS, GOTOS, ends_focus, survives_abort
+from gateway.core.motion_kinds import ENDS, GOTOS, MOVING, ends_focus, survives_abort
 from gateway.core.signals import Signal
 from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import apply, equal_pending_halt, next_moment, next_operation, planned, stopped
-from gateway.mount.motion.order_runner import OrderRunner
-from gateway.mount.motion.outcomes import Done, Wait, can_be_postponed, client_disconnected, may_wait
+from gateway.mount.link.queue import MAX_START_DELAY, MOTION, SETTING, STOP
+from gateway.mount.motion import changes, taps
+from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.stopping import StopSender
-from gateway.mount.motion.taps import TapDropped, dropped, serves_as_well
-from gateway.mount.motion.wanted import RESUMED, NotOrdered, Order, Tap, Wanted
-from gateway.protocols.base.driver import Schedule
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, NotOrdered, Order, Tap, Wanted
+from gateway.mount.presence import HostActivity
+from gateway.mount.safety.admission.motions import Admission
+from gateway.protocols.base.driver import FollowUps, Schedule
 
+#: Is awaited before a motion begins.
+Announce = Callable[[], Awaitable[None]]
 #: Seconds between two attempts to halt a focuser whose mount does not reply.
 FOCUS_AGAIN = 1.0
 
 
 class Reconciler:
-    """Owns what is wanted and alone replaces it; ``orders`` carries out one order.
+    """``announcers`` are awaited in their order before anything is sent that sets the mount moving, so that the
+    watchdog and the marker on disk know of the motion should this process be killed.
 
-    Signals: ``begins`` with an operation that the mount has acknowledged, before ``wanted`` shows it, and ``done``
-    after that; ``stop_sent`` when the commands of a stop were sent, acknowledged or not, and ``at_rest`` when the stop
-    was acknowledged; ``lasting`` when the state that is saved to disk may have changed.
+    Signals: ``begins`` with an operation that the mount has acknowledged, ``unattended`` if it needs an active client;
+    ``at_rest`` when a stop was acknowledged; ``lasting`` when the state that is saved to disk may have changed.
     """
 
-    def __init__(self, context: Context, runner: DriverRunner, orders: OrderRunner) -> None:
-        self._context, self._driver, self._link, self._orders = context, context.driver, context.link, orders
+    def __init__(
+        self,
+        context: Context,
+        follow_ups: FollowUps,
+        runner: DriverRunner,
+        admission: Admission,
+        consequences: Consequences,
+        announcers: Sequence[Announce],
+    ) -> None:
+        self._context, self._driver, self._link = context, context.driver, context.link
         self._state, self._movement = context.wanted, context.movement
-        self.begins: Signal[op.Operation] = Signal()
-        self.done: Signal[Done] = Signal()
-        self.lasting: Signal[None] = Signal()
+        self._follow_ups, self._runner, self._announcers = follow_ups, runner, announcers
+        self._admission, self._consequences = admission, consequences
         self._loop = asyncio.get_running_loop()
-        #: The numbers of new orders.
-        self.numbers = count(1)
+        self.begins: Signal[op.Operation] = Signal()
+        self.unattended: Signal[None] = Signal()
+        self.lasting: Signal[None] = Signal()
+        self._numbers = count(1)
         #: By order number, the future that the client of the order may wait for.
         self._outcomes: dict[int, Outcome] = {}
-        self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
-        #: The number of the order that is being carried out.
-        self._active = 0
+        #: The task of the loop while it runs, and whether it has begun: before that it could not catch a cancellation.
+        self._run: asyncio.Task[None] | None = None
+        self._has_begun = False
+        #: The number of the order that is being carried out, and whether it was cancelled.
+        self._active, self._given_up = 0, False
+        #: The number of the last order that was admitted, and when the last command of an order was sent.
+        self._admitted, self._sent = 0, 0.0
         self._stopping = StopSender(context, runner)
-        self.stop_sent, self.at_rest = self._stopping.sent, self._stopping.at_rest
-        self.at_rest.connect(lambda _: self._want(outcomes.at_rest(self.wanted)))
+        self.at_rest = self._stopping.at_rest
+        self._stopping.sent.connect(consequences.stop_sent)
+        self.at_rest.connect(self._comes_to_rest)
         self._stopping.ended.connect(lambda _: self._start_next())
         runner.scheduled.connect(self.plan)
-        runner.broken.connect(self._on_broken)
+        runner.broken.connect(self.after_defect)
         self._timer: asyncio.TimerHandle | None = None
         self.closed = False
 
@@ -78,22 +100,81 @@ class Reconciler:
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def order(self, order: Order) -> Outcome:
+    def take(
+        self,
+        operation: op.Operation,
+        stops: int | None,
+        by: HostActivity | None,
+        patience: float = inf,
+        asked: float | None = None,
+    ) -> Outcome:
+        """Take a motion order and return its outcome. The client ``asked`` at this loop time, after so many ``stops``.
+
+        It waits for the outcome for ``patience`` seconds: a goto is not begun after that.
+        """
+        now, wanted = self._loop.time(), self.wanted
+        if self.closed or changes.too_late(wanted, operation, stops):
+            return waiting.cancelled()
+        releases = isinstance(operation, op.StopAxis) and operation.axis in wanted.by_hand
+        if releases and self._link.occupied and not wanted.waiting_gotos:  # the mount would ignore it for seconds
+            self._context.note(
+                "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
+            )
+            return self.begin_stop()
+        guides = isinstance(operation, op.Move) and taps.at_guide_rate(operation)
+        exchange = self._link.typical_rtt if guides else 0.0
+        wakes = isinstance(operation, op.Wake) and self._driver.asleep  # earlier orders would get no reply
+        order = Order(
+            next(self._numbers),
+            operation,
+            by,
+            rank=FIRST if wakes else IN_ORDER,
+            at=now + exchange if guides else 0.0,
+            shortest=exchange / taps.LENGTHENED if guides and not self._driver.times_pulses else 0.0,
+            since=now if asked is None else asked,
+            until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
+        )
+        try:
+            return self._order(order)
+        except Fault as fault:
+            return waiting.failed(fault)
+
+    def halt(self, axis: int) -> None:
+        """End the motion of one axis."""
+        self._order(Order(next(self._numbers), op.StopAxis(axis), since=self._loop.time()))
+
+    def _order(self, order: Order) -> Outcome:
         """Take an order, and return its outcome, or that of an equal pending halt. Raises Fault if it is refused."""
-        after = apply(self.wanted, order, self._loop.time(), self._movement.slewing)
-        late = dropped(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
+        after = changes.apply(self.wanted, order, self._loop.time(), self._movement.slewing)
+        late = taps.dropped(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
         if late is not None and (outcome := self._outcomes.pop(late.number, None)) is not None:
-            outcome.set_exception(TapDropped())
+            outcome.set_exception(taps.TapDropped())
         if after.stops != self.wanted.stops:
             return self.begin_stop()
         asked = any(one.number == order.number for one in after.pending)
         if asked:
             self._outcomes[order.number] = waiting.new_outcome()
         self._want(after)
-        same = order if asked else equal_pending_halt(after, order.operation)
+        same = order if asked else changes.equal_pending_halt(after, order.operation)
         outcome = self._outcomes.get(same.number) if same is not None else None
         self._start_next()
         return outcome if outcome is not None else waiting.finished()
+
+    def halt_is_pending(self, operation: op.Operation) -> bool:
+        """Remove the pending orders that a halt ends; return whether an equal pending halt serves for this one."""
+        if self._movement.slewing or self.wanted.waiting_gotos or self.wanted.arrows_wait:
+            return False
+        wanted = changes.without_superseded(self.wanted, operation)
+        same = changes.equal_pending_halt(wanted, operation)
+        self.want(wanted if same is None else changes.interrupted(wanted, same))
+        return same is not None
+
+    def releases_arrow(self, activity: HostActivity) -> bool:
+        """Let a full stop that only releases an arrow follow the shortest motion; False if the stop is to go first."""
+        after = None if self._movement.slewing else taps.stopped_at_once(self.wanted, activity, self._loop.time())
+        if after is not None:
+            self.want(after)
+        return after is not None
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
         numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))
@@ -105,11 +186,11 @@ class Reconciler:
 
     def plan(self, later: Schedule) -> None:
         """Carry out a follow-up after some seconds; it replaces an equal one that still waits."""
-        self.want(planned(self.wanted, later, next(self.numbers), self._loop.time()))
+        self.want(changes.planned(self.wanted, later, next(self._numbers), self._loop.time()))
 
     def arrived(self, _: None = None) -> None:
         """Note that the mount reports the end of the goto."""
-        self._want(outcomes.arrived(self.wanted))
+        self._want(changes.arrived(self.wanted))
 
     # --- stops ------------------------------------------------------------------------------------------------------
 
@@ -126,9 +207,8 @@ class Reconciler:
 
         It is owed until the mount has acknowledged it, also over a lost reply or line. ``why``: see ``stopped``.
         """
-        work = self._work
-        self._want(stopped(self.wanted, why))
-        return self._stopping.send(work if work is not None and work.cancelling() else None)
+        self._want(changes.stopped(self.wanted, why))
+        return self._stopping.send(self._run if self._given_up else None)
 
     async def stop(self, why: str | None = None) -> None:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
@@ -141,12 +221,17 @@ class Reconciler:
         else:
             self._context.tasks.spawn(self._stopping.halt_again(*axes))
 
-    def _on_broken(self, _: None) -> None:
-        """Stop the mount: after a defect in the driver it is unknown what moves."""
+    def after_defect(self, _: None = None) -> None:
+        """Stop the mount: it is unknown what moves now, and what failed may have been the end of a motion."""
         if self.busy:
             self.begin_stop()
 
-    # --- execution ---------------------------------------------------------------------------------------------------
+    def _comes_to_rest(self, _: None) -> None:
+        """Note that the mount has acknowledged a stop."""
+        self._want(changes.at_rest(self.wanted))
+        self._consequences.at_rest()
+
+    # --- what is wanted ---------------------------------------------------------------------------------------------
 
     def _put(self, wanted: Wanted) -> None:
         self._state.value = wanted
@@ -164,116 +249,167 @@ class Reconciler:
             left = {order.number for order in wanted.pending}
             for order in before.pending:
                 if order.number not in left and (outcome := self._outcomes.pop(order.number, None)) is not None:
-                    outcome.set_result(None) if serves_as_well(order, wanted) else outcome.cancel()
-            if self._work is not None and (wanted.active != self._active or self._active not in left):
-                self._work.cancel()
+                    outcome.set_result(None) if taps.serves_as_well(order, wanted) else outcome.cancel()
+            over = wanted.active != self._active or self._active not in left
+            if self._active and over and not self._given_up:
+                self._given_up = True
+                if self._run is not None and self._has_begun:
+                    self._run.cancel()
 
     def _end_tap(self, tap: Tap) -> None:
         """End the motion of an arrow that was released a while ago, unless something else has ended it."""
         if tap in self.wanted.taps and not self.closed:
-            self.order(Order(next(self.numbers), op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True))
+            self._order(Order(next(self._numbers), op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True))
+
+    # --- the loop ---------------------------------------------------------------------------------------------------
 
     def _start_next(self) -> None:
-        """Begin the order that is due, unless another is being carried out; if none is due, set a timer."""
-        if self.closed or self._work is not None or self._stopping.task is not None:
-            return
-        order = next_operation(self.wanted, self._loop.time()) if self.wanted.pending else None
-        while order is not None and (wait := self._why_wait(order)) is not None:
-            self._postpone(order, wait)
-            order = next_operation(self.wanted, self._loop.time())
+        """Start the loop if it does not run and an order is due."""
+        if self._run is None and (order := self._next()) is not None:
+            self._has_begun, self._run = False, self._loop.create_task(self._carry_out_all(order))
+
+    def _next(self) -> Order | None:
+        """Take the order that is due, unless a stop is being sent; if none is due, set a timer."""
+        if self.closed or self._stopping.task is not None:
+            return None
+        order = self.wanted.next_order(self._loop.time()) if self.wanted.pending else None
+        while order is not None and self._must_wait(order):
+            order = self.wanted.next_order(self._loop.time())
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if order is not None:
-            if (wanted := self.wanted).pulses:
-                wanted, order = outcomes.without_excess(wanted, order, self._loop.time())
+            wanted = self.wanted
+            if wanted.pulses:
+                wanted, order = changes.without_excess(wanted, order, self._loop.time())
             self._put(replace(wanted, active=order.number))
-            self._active, self._work = order.number, self._loop.create_task(self._orders.carry_out(order, self.stop))
-            self._work.add_done_callback(partial(self._has_ended, order))
-        elif self.wanted.pending and (moment := next_moment(self.wanted)) is not None:
+            self._active, self._given_up = order.number, False
+        elif self.wanted.pending and (moment := self.wanted.next_moment()) is not None:
             self._timer = self._loop.call_at(moment, self._start_next)
+        return order
 
-    def _why_wait(self, order: Order) -> Wait | None:
-        return outcomes.why_wait(order, self._loop.time(), self._link.occupied, self._context.incoming)
+    async def _carry_out_all(self, first: Order) -> None:
+        """Carry out one order after the other until none is due."""
+        order: Order | None = first
+        task = asyncio.current_task()
+        assert task is not None
+        self._has_begun = True
+        try:
+            while order is not None:
+                operation, value, error = order.operation, None, None
+                try:
+                    if not self._given_up:
+                        operation, value = await self._carry_out(order)
+                except asyncio.CancelledError:
+                    if not self._given_up:
+                        raise
+                    task.uncancel()  # the order was cancelled, not the loop
+                except Exception as fault:
+                    error = fault
+                if task.cancelling():  # given up in its last step: let the cancellation not hit the next order
+                    with contextlib.suppress(asyncio.CancelledError):
+                        await asyncio.sleep(0)
+                    task.uncancel()
+                given_up, self._active, self._given_up = self._given_up, 0, False
+                pending = next((one for one in self.wanted.pending if one.number == order.number), None)
+                order = pending or order
+                if error is None and not given_up:
+                    self._has_succeeded(order, operation, value)
+                elif error is not None and not given_up:
+                    self._has_failed(order, error)
+                elif pending is not None and not self.closed and isinstance(order.operation, op.Move | op.MoveAxis):
+                    self._takes_effect(order, order.operation)  # it was interrupted, and may have begun already
+                order = self._next()
+        finally:
+            self._run = None
 
-    def _postpone(self, order: Order, wait: Wait) -> None:
+    def _must_wait(self, order: Order) -> bool:
         """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
         now = self._loop.time()
-        if may_wait(order, now, wait.longest) and not client_disconnected(order):
-            self._want(outcomes.postponed(self.wanted, order, now))
+        wait = order.why_wait(now, self._link.occupied, self._context.incoming)
+        if wait is not None and order.may_wait(now, wait.longest) and not order.client_disconnected:
+            self._want(self.wanted.postponed(order, now))
+        elif wait is not None:
+            if not order.client_disconnected and (outcome := self._outcomes.pop(order.number, None)) is not None:
+                outcome.set_exception(wait.refusal or Busy())
+            self._want(changes.failed(self.wanted, order))
+        return wait is not None
+
+    async def _carry_out(self, order: Order) -> tuple[op.Operation, Any]:
+        """Admit, announce and drive an order; return the operation as admitted, and its answer. Raises Fault."""
+        if order.follow_up:
+            return order.operation, await self._follow_up(order)
+        arrow = isinstance(order.operation, op.Move | op.MoveAxis) and order.rank == IN_ORDER
+        self._check_tap(order.number, taps.LONGEST_WAIT)
+        try:
+            async with asyncio.timeout_at(order.until if order.until < inf else None):
+                operation = await self._admission.admit(order.operation, order.by)
+        except TimeoutError:  # the client has stopped waiting
+            raise Busy from None
+        self._admitted = order.number
+        if isinstance(operation, MOVING):
+            for announce in self._announcers:
+                await announce()
+        elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
+            await self.stop()
+        priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.keeps_repeating else STOP
+        check = partial(self._check_tap, order.number, MAX_START_DELAY)
+        steps = self._driver.perform(operation)
+        answer = await self._runner.drive(steps, priority, order.since if arrow else None, check)
+        self._sent = self._driver.sent_at
+        if any(one.number == order.number and one.then_stop for one in self.wanted.pending):
+            await self._runner.perform(op.AbortMotion(), STOP)
+            return op.AbortMotion(), None
+        if isinstance(operation, op.Move) and isinstance(answer, op.Pulsed):  # a tap at guide rate
+            return op.Pulse(operation.direction, operation.ms or 0), answer
+        return operation, answer
+
+    def _check_tap(self, number: int, longest: float) -> None:
+        """Raises TapDropped if the order is an arrow that was released already, and was pressed too long ago."""
+        for order in self.wanted.pending:
+            if order.number == number and order.held is not None and self._loop.time() - order.since > longest:
+                raise taps.TapDropped
+
+    async def _follow_up(self, order: Order) -> Any:
+        """Carry out an order of the gateway itself, which needs no admission. Raises Fault."""
+        operation, began = order.operation, self._loop.time()
+        special = self._follow_ups.get(type(operation))
+        steps = special(self._driver, operation) if special else self._driver.perform(operation)
+        answer = await self._runner.drive(steps, STOP if order.urgent else MOTION)
+        if not isinstance(operation, op.StopAxis):
+            return answer
+        return self._consequences.pulse_ended(operation.axis, began, self._runner.began_at)
+
+    # --- outcomes ---------------------------------------------------------------------------------------------------
+
+    def _has_failed(self, order: Order, error: Exception) -> None:
+        now, busy = self._loop.time(), isinstance(error, Busy) and order.can_be_postponed
+        if busy and order.may_wait(now) and self._link.worked_after(order.since):
+            self._want(self.wanted.postponed(order, now))  # the mount began a long operation during the preparation
             return
-        if not client_disconnected(order) and (outcome := self._outcomes.pop(order.number, None)) is not None:
-            outcome.set_exception(wait.refusal or Busy())
-        self._want(outcomes.failed(self.wanted, order))
-
-    def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
-        self._work, self._active = None, 0
-        order = next((one for one in self.wanted.pending if one.number == order.number), replace(order, rank=-1))
-        outcome = self._outcomes.pop(order.number, None)
-        if work.cancelled():
-            if order.rank == RESUMED and not self.closed:
-                self._was_interrupted(order, outcome)
-            elif outcome is not None:
-                outcome.set_result(None) if serves_as_well(order, self.wanted) else outcome.cancel()
-                self._want(outcomes.removed(self.wanted, order))
-        elif (error := work.exception()) is not None:
-            self._has_failed(order, error, outcome)
-        elif order.rank >= 0:
-            operation, value = work.result()
-            if outcome is not None:
-                outcome.set_result(value)
-            self._has_succeeded(order, operation, value)
-        self._start_next()
-
-    def _was_interrupted(self, order: Order, outcome: Outcome | None) -> None:
-        """Leave the order pending: it is begun again after the end. A motion by hand may have begun already."""
-        if outcome is not None:
-            self._outcomes[order.number] = outcome
-        if isinstance(order.operation, op.Move | op.MoveAxis):
-            self._takes_effect(order, order.operation)
-
-    def _has_failed(self, order: Order, error: BaseException, outcome: Outcome | None) -> None:
-        now = self._loop.time()
-        if (
-            isinstance(error, Busy)
-            and order.rank >= 0
-            and can_be_postponed(order)
-            and may_wait(order, now)
-            and self._link.worked_after(order.since)
-        ):  # the mount began a long operation while this order was prepared
-            if outcome is not None:
-                self._outcomes[order.number] = outcome
-            self._want(outcomes.postponed(self.wanted, order, now))
-            return
-        if outcome is not None:
+        if (outcome := self._outcomes.pop(order.number, None)) is not None:
             outcome.set_exception(error)
-        if order.rank < 0:  # no longer wanted
-            return
-        self._want(outcomes.failed(self.wanted, order))
-        half_begun = outcomes.may_have_begun(order, error) or self._may_have_interrupted(order)
+        self._want(changes.failed(self.wanted, order))
+        sent = isinstance(order.operation, GOTOS) and self._admitted == order.number
+        # It may have ended the motion before it, or left tracking suspended.
+        interrupts = sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
+        half_begun = changes.may_have_begun(order, error) or interrupts
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
-            self._end_focus_again(order)
+            if not any(isinstance(one.operation, op.Focus) for one in self.wanted.pending):
+                self.plan(Schedule(FOCUS_AGAIN, order.operation))  # no position shows it, no stop of the mount does it
         elif order.follow_up:
             self._context.note(f"{order.operation.title()}: {error}")
         if (not_ended or half_begun) and isinstance(error, Fault):  # something may move that should not
             self.begin_stop()
 
-    def _may_have_interrupted(self, order: Order) -> bool:
-        """Whether a failed goto may have ended the motion before it, or left tracking suspended."""
-        sent = isinstance(order.operation, GOTOS) and self._orders.admitted == order.number
-        return sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
-
-    def _end_focus_again(self, order: Order) -> None:
-        """Retry a focuser halt that was not acknowledged: no position shows it, and no stop of the mount does it."""
-        if not any(isinstance(one.operation, op.Focus) for one in self.wanted.pending):
-            self.plan(Schedule(FOCUS_AGAIN, order.operation))
-
     def _has_succeeded(self, order: Order, operation: op.Operation, value: Any) -> None:
         now = self._loop.time()
-        self._want(outcomes.carried_out(self.wanted, order, now, value))
+        if (outcome := self._outcomes.pop(order.number, None)) is not None:
+            outcome.set_result(value)
+        self._want(changes.carried_out(self.wanted, order, now, value))
         if isinstance(value, op.Pulsed):
-            self._want(outcomes.pulsed(self.wanted, order, value, next(self.numbers), now))
+            self._want(changes.pulsed(self.wanted, order, value, next(self._numbers), now))
             if not value.ends:
                 self._link.queue.expect_urgent((now if value.since is None else value.since) + value.seconds)
         if order.follow_up and not ends_focus(operation):
@@ -282,14 +418,26 @@ class Reconciler:
             self._takes_effect(order, operation)
 
     def _takes_effect(self, order: Order, operation: op.Operation) -> None:
-        before = self.wanted
-        self.begins.emit(operation)
+        """Fold in what the mount has acknowledged, and what follows from it."""
+        before, by_hand = self.wanted, isinstance(operation, op.Move | op.MoveAxis)
+        self._consequences.begins(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
-        self._want(outcomes.acknowledged(before, order, operation, self._loop.time(), speed, self._orders.sent))
-        self.done.emit(Done(operation, before))
-        if isinstance(operation, op.StopAxis) and self.wanted.by_hand:
-            self._context.tasks.spawn(self._orders.check_other_axis(self.begin_stop))
+        self._want(changes.acknowledged(before, order, operation, self._loop.time(), speed, self._sent))
+        self.begins.emit(operation)
+        self._consequences.done(operation, before)
+        if by_hand or isinstance(operation, op.Focus):
+            self.unattended.emit(None)
+        elif isinstance(operation, op.StopAxis) and self.wanted.by_hand:
+            self._context.tasks.spawn(self._check_other_axis())
         self.lasting.emit(None)
+
+    async def _check_other_axis(self) -> None:
+        """After the end of one axis, check that the other may move on alone; if not, stop the mount."""
+        try:
+            await self._admission.still_allowed()
+        except Fault as fault:
+            self._context.note(f"stopped: {fault}")
+            self.begin_stop()
 
     def close(self) -> None:
         """Cancel all orders and timers, and begin nothing more."""

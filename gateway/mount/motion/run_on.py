@@ -18,6 +18,7 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES, RULES
 from gateway.core.signals import Signal
+from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 
 ARCSECOND = 1.0 / 3600.0
 #: Degrees a second: the sky over a drive that is off, and the difference between the sidereal and other drive rates.
@@ -104,6 +105,26 @@ class RunOnWatch:
     def unknown(self) -> bool:
         """Whether the mount has not reported its position for so long that nothing is known of its motion."""
         return self.value is not None and self._now() - self.value.heard > SILENT
+
+    def activity(self, wanted: Wanted, parked: bool, heard: float) -> op.Activity:
+        """Return what moves by orders of this gateway, the run-on included. The mount is ``parked`` or not, and was
+        ``heard`` of so many seconds ago.
+        """
+        slews, waiting = isinstance(wanted.motion, Slew), [order for order in wanted.pending if not order.follow_up]
+        # The last step of a park: the tube has arrived, and tracking is not off yet.
+        parks = any(getattr(order.operation, "then", "") == "park" for order in wanted.pending if order.follow_up)
+        return op.Activity(
+            goto=slews or bool(wanted.waiting_gotos) or (parks and not parked) or self.of_goto,
+            by_hand=isinstance(wanted.motion, ByHand)
+            or any(isinstance(order.operation, op.Move | op.MoveAxis) for order in waiting),
+            ends=wanted.owed or self.value is not None,
+            unknown=self.unknown or (wanted.owed and heard > SILENT),
+            pulse=any(pulse.until > self._now() for pulse in wanted.pulses)
+            or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
+            parked=parked,
+            homed=wanted.homed and not slews,
+            short=wanted.short,
+        )
 
     def may_move(self) -> None:
         """Note that the mount may move by a command of an earlier run."""

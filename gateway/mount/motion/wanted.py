@@ -1,27 +1,42 @@
-"""What is wanted of a mount: one frozen value, which ``apply`` and ``outcomes`` replace as a whole.
+"""What is wanted of a mount: one frozen value, and which of its orders comes next.
 
 ``pending`` holds the orders that are not carried out yet, ``motion`` what the mount has acknowledged. Orders change the
-first, outcomes move them to the second. Any other motion belongs to the person beside the mount, and the gateway wants
-nothing of it (``NotOrdered``). ``Movement`` reports what moves by the gateway's orders at a moment.
+first, outcomes move them to the second (``changes.py``). Any other motion belongs to the person beside the mount, and
+the gateway wants nothing of it (``NotOrdered``). ``Movement`` reports what moves by its orders at a moment.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import inf
+from typing import NamedTuple
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.motion_kinds import ENDS, GOTOS
+from gateway.core.errors import Busy, Fault
+from gateway.core.motion_kinds import ENDS, GOTOS, axis_moved
 from gateway.core.signals import Signal
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
+from gateway.mount.site.pending_settings import IncomingSettings
 
 #: The ranks of orders: ends (and what must precede motions), what an end interrupted, all other orders.
 FIRST, RESUMED, IN_ORDER = range(3)
 #: How many repetitions of a halt go before all other orders, each within AGAIN seconds of the one before.
 AT_ONCE, AGAIN = 1, 1.0
+#: Seconds that an order waits at most while the mount accepts no commands, and seconds between two checks.
+LONGEST, LOOK = 15.0, 0.1
+#: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for one on its way.
+FOR_SETTINGS, FOR_EXCHANGE = 20.0, 1.0
+
+
+class Wait(NamedTuple):
+    """Why an order is postponed: the refusal after ``longest`` seconds; without one it is carried out then."""
+
+    longest: float
+    refusal: Fault | None
 
 
 class Order(Struct, frozen=True):
@@ -62,6 +77,56 @@ class Order(Struct, frozen=True):
     def keeps_repeating(self) -> bool:
         """Whether this is a halt that a client keeps repeating, and that can wait for its turn."""
         return self.repeats > AT_ONCE
+
+    @property
+    def pulse_axis(self) -> int | None:
+        """The axis of a guide pulse, its remainder or its end; None for all other orders."""
+        match self.operation:
+            case op.Pulse(direction=direction):
+                return direction.axis
+            case op.PulseAxis(axis=axis):
+                return axis
+            case op.StopAxis(axis=axis) if self.follow_up:
+                return axis
+        return None
+
+    # --- waiting for a mount that accepts no commands -----------------------------------------------------------------
+
+    @property
+    def can_be_postponed(self) -> bool:
+        """Whether it waits while the mount accepts no commands: a goto (the newest only), a tracking mode or rate.
+
+        A retried end waits too, for as long as it takes. Motions by hand and pulses never wait, because they are no
+        longer wanted by then. No order waits for a line that is down.
+        """
+        return self.not_while_busy or (
+            isinstance(self.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not self.follow_up
+        )
+
+    @property
+    def client_disconnected(self) -> bool:
+        """Whether it is a goto whose client has disconnected: it is not begun any more."""
+        return isinstance(self.operation, GOTOS) and self.by is not None and self.by.closed is not None
+
+    def may_wait(self, now: float, longest: float = LONGEST) -> bool:
+        """Whether it may wait longer; if not, it is refused while the client still waits for its outcome."""
+        return self.not_while_busy or now < min(self.since + longest, self.until)
+
+    def why_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Wait | None:
+        """Return why it has to wait although it is due; None if it need not.
+
+        A goto is judged by site and clock, so it waits for those that programs were promised before it.
+        """
+        if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.unfinished):
+            refusal = incoming.holds_up(now, occupied)
+            if refusal is not None:
+                return Wait(FOR_SETTINGS, refusal)
+        if occupied and self.can_be_postponed:
+            return Wait(LONGEST, Busy())
+        arrow = isinstance(self.operation, op.Move | op.MoveAxis)
+        if arrow and incoming.sending and incoming.waits and now < self.since + FOR_EXCHANGE:
+            return Wait(FOR_EXCHANGE, None)
+        return None
 
 
 class AxisMotion(Struct, frozen=True):
@@ -146,9 +211,10 @@ class Wanted(Struct, frozen=True):
 
     ``kept`` are taps that are too short for this mount, and are added to the next ones.
     ``stops`` and ``gotos`` count the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged,
-    ``asked`` all orders that end nothing. A stop is ``owed`` until the mount has acknowledged it. ``homed``: the mount
-    was sent home, and no order has moved it since. ``short`` is why the last goto ended before its goal, in
-    words, until the next order. Guide pulses wait for rest until the loop time ``rests_by`` at most.
+    ``begun`` its acknowledged motions of the first axis and of the second, ``asked`` all orders that end nothing. A
+    stop is ``owed`` until the mount has acknowledged it. ``homed``: the mount was sent home, and no order has moved it
+    since. ``short`` is why the last goto ended before its goal, in words, until the next order. Guide pulses wait for
+    rest until the loop time ``rests_by`` at most.
     """
 
     motion: NotOrdered | Slew | ByHand = NotOrdered()
@@ -166,6 +232,7 @@ class Wanted(Struct, frozen=True):
     stops: int = 0
     gotos: int = 0
     slews: int = 0
+    begun: tuple[int, int] = (0, 0)
     asked: int = 0
     short: str = ""
 
@@ -189,6 +256,35 @@ class Wanted(Struct, frozen=True):
     def arrows_wait(self) -> bool:
         """Whether a motion by hand was ordered that the mount has not acknowledged."""
         return any(isinstance(order.operation, op.Move | op.MoveAxis) for order in self.pending)
+
+    # --- what comes next ----------------------------------------------------------------------------------------------
+
+    def next_order(self, now: float) -> Order | None:
+        """Return the order to carry out now; None if none is due.
+
+        Ends come first, then what an end interrupted, then all other orders in the order of their arrival. A guide
+        pulse waits for the one before it on its axis.
+        """
+        due = [order for order in self.pending if self.due_at(order) <= now]
+        return min(due, key=lambda order: (order.rank, order.number), default=None)
+
+    def next_moment(self) -> float | None:
+        """Return the loop time at which the next order is due; None if nothing waits but for another order."""
+        moment = min((self.due_at(order) for order in self.pending), default=inf)
+        return moment if moment < inf else None
+
+    def due_at(self, order: Order) -> float:
+        """Return the loop time from which an order may be carried out."""
+        if self.taps and (axis := axis_moved(order.operation)) and any(tap.axis == axis for tap in self.taps):
+            return inf
+        axis = None if order.follow_up else order.pulse_axis
+        if axis is None:
+            return order.at
+        return max((order.at, self.rests_by, *(one.until for one in self.pulses if one.axis == axis)))
+
+    def postponed(self, order: Order, now: float) -> Wanted:
+        pending = tuple(replace(one, at=now + LOOK) if one.number == order.number else one for one in self.pending)
+        return replace(self, pending=pending, active=0 if self.active == order.number else self.active)
 
 
 class WantedState:

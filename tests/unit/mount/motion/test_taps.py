@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.core import operations as op
 from gateway.mount.motion import taps
-from gateway.mount.motion.apply import apply, due_at
+from gateway.mount.motion.changes import apply
 from gateway.mount.motion.wanted import AxisMotion, ByHand, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
@@ -49,7 +49,7 @@ def test_the_end_of_a_tap_leaves_the_next_arrow_alone_however_long_that_is_held(
     changed = after(wanted, end)
     assert [one.number for one in changed.pending] == [3, 4]
     assert taps.dropped(wanted, changed, end) is None
-    assert due_at(wanted, wanted.pending[0]) == float("inf")
+    assert wanted.due_at(wanted.pending[0]) == float("inf")
 
 
 def test_a_motion_that_has_begun_ends_at_once_unless_it_was_short() -> None:

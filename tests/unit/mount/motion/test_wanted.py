@@ -10,15 +10,8 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import GOTOS
-from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import (
-    apply,
-    equal_pending_halt,
-    next_moment,
-    next_operation,
-    stopped,
-    without_superseded,
-)
+from gateway.mount.motion import changes
+from gateway.mount.motion.changes import apply, equal_pending_halt, stopped, without_superseded
 from gateway.mount.motion.wanted import ByHand, NotOrdered, Order, Slew, Wanted
 from gateway.mount.presence import HostActivity
 from tests.support.each import each
@@ -69,21 +62,21 @@ class Desk:
                 self.numbers += 1
                 end = Order(self.numbers, op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True)
                 self.wanted = apply(self.wanted, end, self.now, self.slewing)
-        order = next_operation(self.wanted, self.now)
+        order = self.wanted.next_order(self.now)
         self.wanted = replace(self.wanted, active=order.number if order else 0)
         return order
 
     def finish(self, order: Order, answer: op.Pulsed | None = None, *, failed: bool = False) -> None:
         """The mount has acknowledged it, or refused."""
         if failed:
-            self.wanted = outcomes.failed(self.wanted, order)
+            self.wanted = changes.failed(self.wanted, order)
             return
         self.done.append(order.operation)
-        self.wanted = outcomes.carried_out(self.wanted, order, self.now)
+        self.wanted = changes.carried_out(self.wanted, order, self.now)
         if answer is not None:
             self.numbers += 1
-            self.wanted = outcomes.pulsed(self.wanted, order, answer, self.numbers, self.now)
-        self.wanted = outcomes.acknowledged(self.wanted, order, order.operation, self.now, 4.0)
+            self.wanted = changes.pulsed(self.wanted, order, answer, self.numbers, self.now)
+        self.wanted = changes.acknowledged(self.wanted, order, order.operation, self.now, 4.0)
         self.slewing = isinstance(self.wanted.motion, Slew)
 
     def do(self, answer: op.Pulsed | None = None) -> op.Operation:
@@ -104,7 +97,7 @@ def test_what_was_asked_for_is_done_in_that_order_and_ends_come_first() -> None:
     assert desk.do() == op.StopAxis(2)
     assert desk.do() == EAST
     assert desk.wanted.by_hand == {1: EAST}
-    assert desk.begin() is None and next_moment(desk.wanted) is None
+    assert desk.begin() is None and desk.wanted.next_moment() is None
 
 
 def test_a_newer_rate_takes_the_place_of_one_that_waits_and_not_of_one_under_way() -> None:
@@ -124,8 +117,8 @@ def test_a_stop_ends_all_but_what_is_no_motion() -> None:
     desk.wanted = stopped(desk.wanted)
     assert waiting(desk) == [op.TrackRate(name="solar")]
     assert desk.wanted.owed and desk.wanted.stops == 1
-    assert outcomes.at_rest(desk.wanted).motion == NotOrdered()
-    assert not outcomes.at_rest(desk.wanted).owed
+    assert changes.at_rest(desk.wanted).motion == NotOrdered()
+    assert not changes.at_rest(desk.wanted).owed
 
 
 @each("halt", [op.StopAxis(1), op.StopAxis(2)])
@@ -192,7 +185,7 @@ def test_pulses_of_one_axis_follow_one_another_and_end_in_time() -> None:
     assert desk.do(op.Pulsed(0.5, ends=False)) == PULSE
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(2, 1, 300)
     assert desk.begin() is None
-    assert next_moment(desk.wanted) == 0.5
+    assert desk.wanted.next_moment() == 0.5
     desk.now = 0.5
     assert desk.do() == op.StopAxis(1)
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(1, -1, 300)
@@ -214,7 +207,7 @@ def after_a_late_end(late: float) -> Desk:
     desk.do(op.Pulsed(0.5, ends=False))
     desk.now = 0.5 + late
     assert desk.do() == op.StopAxis(1)
-    desk.wanted = outcomes.pulse_ended(desk.wanted, outcomes.PulseEnded(1, late))
+    desk.wanted = changes.pulse_ended(desk.wanted, changes.PulseEnded(1, late))
     return desk
 
 
@@ -222,7 +215,7 @@ def taken_up(desk: Desk) -> op.Operation:
     """The next order, as it is begun."""
     order = desk.begin()
     assert order is not None
-    desk.wanted, order = outcomes.without_excess(desk.wanted, order, desk.now)
+    desk.wanted, order = changes.without_excess(desk.wanted, order, desk.now)
     desk.finish(order)
     return order.operation
 
@@ -248,7 +241,7 @@ def test_an_end_counts_from_when_the_pulse_was_sent() -> None:
     desk = Desk().ask(PULSE)
     desk.now = 7.0
     desk.do(op.Pulsed(0.5, ends=False, since=6.75))
-    assert next_moment(desk.wanted) == 7.25
+    assert desk.wanted.next_moment() == 7.25
 
 
 def test_an_arrow_takes_the_place_of_a_pulse_whose_end_does_not_end_it() -> None:

@@ -1,26 +1,61 @@
-"""How each kind of order changes `Wanted`, and which order is carried out next: pure functions, one row per kind.
+"""How each kind of order, and its outcome, changes `Wanted`: pure functions, one row per kind of order.
 
 The newest order counts: a rate replaces one that still waits, a halt removes the waiting orders that would move its
 axis, a stop removes all motions. A goto moves both axes as one: a halt of either axis, while the goto waits or is under
-way, ends all of it. The exception is the release of an arrow that the same host pressed before the goto.
+way, ends all of it. The exception is the release of an arrow that the same host pressed before the goto; it takes
+effect if the goto was refused. What the mount has acknowledged becomes ``motion``. A guide pulse leaves its end or its
+remainder behind as an order of the gateway.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.errors import Refused
-from gateway.core.motion_kinds import ENDS, GOTOS, RESTARTED_AFTER_END, axis_moved, ends_focus, survives_abort
-from gateway.mount.motion.taps import ended, released, waits_for, without_presses
-from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Slew, Wanted
+from gateway.core.errors import NoAnswer, Refused
+from gateway.core.motion_kinds import (
+    BY_HAND,
+    ENDS,
+    GOTOS,
+    MOVING,
+    RESTARTED_AFTER_END,
+    axis_moved,
+    ends_focus,
+    survives_abort,
+)
+from gateway.mount.motion.taps import begin, ended, released, without_presses
+from gateway.mount.motion.wanted import (
+    AGAIN,
+    FIRST,
+    IN_ORDER,
+    RESUMED,
+    AxisMotion,
+    ByHand,
+    FocusMotion,
+    GuidePulse,
+    Halted,
+    NotOrdered,
+    Order,
+    Press,
+    Slew,
+    Wanted,
+)
 from gateway.protocols.base.driver import Schedule
 
 #: The number of guide pulses that may wait; with more of them guiding makes no sense.
 PULSES = 8
+#: Seconds after which a program that guides has measured what a guide pulse has done.
+SEEN_AFTER = 10.0
+
+
+class PulseEnded(NamedTuple):
+    """A guide pulse that the gateway times was ended, ``late`` seconds later than planned."""
+
+    axis: int
+    late: float
 
 
 def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -111,54 +146,13 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
     other = order.operation
     match operation:
         case op.StopAxis(axis=axis):
-            return axis_moved(other) == axis or pulse_axis(order) == axis
+            return axis_moved(other) == axis or order.pulse_axis == axis
         case op.AbortSlew():
             return isinstance(other, GOTOS)
         case op.Move() | op.MoveAxis() | op.TrackRate():
             held = not active and order.held is None
             return held and (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
     return False
-
-
-def pulse_axis(order: Order) -> int | None:
-    """Return the axis of a guide pulse, its remainder or its end; None for all other orders."""
-    match order.operation:
-        case op.Pulse(direction=direction):
-            return direction.axis
-        case op.PulseAxis(axis=axis):
-            return axis
-        case op.StopAxis(axis=axis) if order.follow_up:
-            return axis
-    return None
-
-
-# --- what comes next ---------------------------------------------------------------------------------------------
-
-
-def next_operation(wanted: Wanted, now: float) -> Order | None:
-    """Return the order to carry out now; None if none is due.
-
-    Ends come first, then what an end interrupted, then all other orders in the order of their arrival. A guide pulse
-    waits for the one before it on its axis.
-    """
-    due = [order for order in wanted.pending if due_at(wanted, order) <= now]
-    return min(due, key=lambda order: (order.rank, order.number), default=None)
-
-
-def next_moment(wanted: Wanted) -> float | None:
-    """Return the loop time at which the next order is due; None if nothing waits but for another order."""
-    moment = min((due_at(wanted, order) for order in wanted.pending), default=inf)
-    return moment if moment < inf else None
-
-
-def due_at(wanted: Wanted, order: Order) -> float:
-    """Return the loop time from which an order may be carried out."""
-    if wanted.taps and waits_for(wanted, axis_moved(order.operation)):
-        return inf
-    axis = None if order.follow_up else pulse_axis(order)
-    if axis is None:
-        return order.at
-    return max((order.at, wanted.rests_by, *(one.until for one in wanted.pulses if one.axis == axis)))
 
 
 # --- the rows -------------------------------------------------------------------------------------------------------
@@ -198,7 +192,7 @@ def _replaced_by_goto(order: Order) -> bool:
     """Whether a newer goto replaces the order: a guide pulse, or a goto postponed until the mount accepts commands."""
     if isinstance(order.operation, GOTOS):
         return _is_postponed(order)
-    return pulse_axis(order) is not None and not order.follow_up
+    return order.pulse_axis is not None and not order.follow_up
 
 
 def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -280,3 +274,159 @@ _ROWS: dict[type[op.Operation], Callable[[Wanted, Order, float, bool], Wanted]] 
     op.Focus: _focus,
     op.Hibernate: _sleep,
 }
+
+
+# --- outcomes -------------------------------------------------------------------------------------------------------
+
+
+def removed(wanted: Wanted, order: Order) -> Wanted:
+    """Remove an order that has ended in any way."""
+    pending = tuple(other for other in wanted.pending if other.number != order.number)
+    return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
+
+
+def carried_out(wanted: Wanted, order: Order, now: float, answer: object = None) -> Wanted:
+    """Remove an order that the mount has carried out; note the time if it was a halt."""
+    wanted = removed(wanted, order)
+    if isinstance(answer, PulseEnded):
+        wanted = pulse_ended(wanted, answer)
+    if not isinstance(order.operation, ENDS) or order.follow_up:
+        return wanted
+    others = tuple(one for one in wanted.halted if one.operation != order.operation)
+    return replace(wanted, halted=(*others, Halted(order.operation, now, order.asked, order.repeats)))
+
+
+def failed(wanted: Wanted, order: Order) -> Wanted:
+    """Remove an order that failed. If it was a goto, releases of arrows that waited for it take effect after all."""
+    wanted = removed(wanted, order)
+    if isinstance(order.operation, ENDS):
+        wanted = replace(wanted, halted=tuple(one for one in wanted.halted if one.operation != order.operation))
+    released = [other for other in wanted.pending if other.unless == order.number]
+    if not released:
+        return wanted
+    pending = tuple(
+        replace(other, unless=0, rank=FIRST) if other.unless == order.number else other
+        for other in wanted.pending
+        if other.unless != order.number or getattr(other.operation, "axis", 0) in wanted.by_hand
+    )
+    return replace(wanted, pending=pending)
+
+
+def may_have_begun(order: Order, error: BaseException) -> bool:
+    """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
+    unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
+    return order.then_stop or unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
+
+
+def acknowledged(
+    wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float, sent: float = 0.0
+) -> Wanted:
+    """Return what is wanted once the mount has acknowledged an operation, in the form in which it was admitted.
+
+    ``speed`` is that of a motion by hand, degrees a second; it was ``sent`` at this loop time.
+    """
+    match operation:
+        case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
+            void = {other.number for other in wanted.pending if other.unless == order.number or other.pulse_axis}
+            pending = tuple(other for other in wanted.pending if other.number not in void)
+            slew, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
+            moved = replace(wanted, motion=slew, homed=homed, slews=wanted.slews + 1, pulses=(), taps=())
+            return replace(moved, pending=pending, begun=_begun(wanted, 1, 2))
+        case op.Move() | op.MoveAxis():
+            wanted = replace(_without_pulses(wanted, operation.axis), homed=False, begun=_begun(wanted, operation.axis))
+            motion = AxisMotion(operation, order.by, now, speed, order.since, max(sent, order.since))
+            moved = _with(wanted, operation.axis, motion)
+            return moved if order.held is None else begin(moved, motion, operation.axis, order.held)
+        case op.StopAxis() if order.follow_up:
+            return wanted
+        case op.StopAxis():
+            return _with(wanted, operation.axis, None)
+        case op.AbortMotion():
+            return at_rest(wanted)
+        case op.AbortSlew():
+            return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
+        case op.Hibernate():
+            return replace(wanted, motion=NotOrdered())
+        case op.Focus(direction=direction):
+            return replace(wanted, focus=FocusMotion(order.by, now) if direction else None)
+    return wanted
+
+
+def at_rest(wanted: Wanted) -> Wanted:
+    return replace(wanted, motion=NotOrdered(), owed=False)
+
+
+def arrived(wanted: Wanted) -> Wanted:
+    """Note that the goto under way has ended, wherever it did."""
+    return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
+
+
+def ended_short(wanted: Wanted, words: str) -> Wanted:
+    """Note that the mount ended a goto elsewhere than at its goal; not if a stop has ended it."""
+    return wanted if wanted.owed or wanted.short else replace(wanted, short=words)
+
+
+def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
+    """Note a guide pulse that began, and add the order for its end or its remainder, with this ``number``."""
+    if isinstance(order.operation, op.Move):  # a tap at guide rate
+        order = replace(order, operation=op.Pulse(order.operation.direction, order.operation.ms or 0))
+    axis, until = order.pulse_axis, (now if pulse.since is None else pulse.since) + pulse.seconds
+    assert axis is not None and isinstance(order.operation, op.Pulse | op.PulseAxis)
+    others = tuple(one for one in wanted.pulses if one.axis != axis)
+    wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until, order.operation)))
+    if not pulse.ends:
+        end = Order(number, op.StopAxis(axis), rank=FIRST, at=until, follow_up=True, urgent=True)
+        return replace(wanted, pending=(*wanted.pending, end))
+    if pulse.left:
+        operation = replace(order.operation, ms=pulse.left)
+        rest = replace(order, number=number, operation=operation, at=until, follow_up=True)
+        return replace(wanted, pending=(*wanted.pending, rest))
+    return wanted
+
+
+def pulse_ended(wanted: Wanted, ended: PulseEnded) -> Wanted:
+    """Note by how much a guide pulse was too long."""
+    return replace(
+        wanted,
+        pulses=tuple(
+            replace(one, excess=max(0.0, ended.late)) if one.axis == ended.axis else one for one in wanted.pulses
+        ),
+    )
+
+
+def without_excess(wanted: Wanted, order: Order, now: float) -> tuple[Wanted, Order]:
+    """Take what the last guide pulse of an axis was too long from the next one in the same direction.
+
+    Later the program that guides has seen where the star is.
+    """
+    pulse, axis = order.operation, order.pulse_axis
+    last = next((one for one in wanted.pulses if one.axis == axis and now < one.until + SEEN_AFTER), None)
+    if order.follow_up or not isinstance(pulse, op.Pulse | op.PulseAxis) or last is None or last.operation is None:
+        return wanted, order
+    taken = min(pulse.ms, round(1000.0 * last.excess)) if replace(last.operation, ms=pulse.ms) == pulse else 0
+    pulses = tuple(
+        replace(one, excess=max(0.0, one.excess - taken / 1000.0)) if one is last else one for one in wanted.pulses
+    )
+    return replace(wanted, pulses=pulses), replace(order, operation=replace(pulse, ms=pulse.ms - taken))
+
+
+def _begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
+    """Count a motion of these axes."""
+    first, second = wanted.begun
+    return first + (1 in axes), second + (2 in axes)
+
+
+def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
+    """Replace the motion by hand of one axis; None if it has ended."""
+    by_hand = wanted.motion if isinstance(wanted.motion, ByHand) else ByHand()
+    by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
+    if isinstance(wanted.motion, Slew) and motion is None:
+        return wanted
+    wanted = replace(wanted, taps=tuple(tap for tap in wanted.taps if tap.axis != axis))
+    return replace(wanted, motion=by_hand if by_hand.first or by_hand.second else NotOrdered())
+
+
+def _without_pulses(wanted: Wanted, axis: int) -> Wanted:
+    """Remove the guide pulses of an axis, and their ends, which would end the motion by hand that replaces them."""
+    pending = tuple(order for order in wanted.pending if order.pulse_axis != axis or order.number == wanted.active)
+    return replace(wanted, pending=pending, pulses=tuple(one for one in wanted.pulses if one.axis != axis))

@@ -1,0 +1,110 @@
+"""What is known without a request once the mount has acknowledged an order, and what is watched from then on."""
+
+from __future__ import annotations
+
+from gateway.core import operations as op
+from gateway.core.motion_kinds import ENDS, GOTOS
+from gateway.mount.context import Context
+from gateway.mount.link.driver_runner import HibernationGate
+from gateway.mount.motion.changes import PulseEnded
+from gateway.mount.motion.ends import EndWatch
+from gateway.mount.motion.wanted import Slew, Wanted
+from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.watch import LimitWatch
+
+#: By which part a guide pulse must have been too long to be worth a line in the log.
+TOLD_FROM = 0.1
+
+
+class Consequences:
+    """Updates the cache and the watches: ``begins`` before ``Wanted`` shows an acknowledged operation, ``done`` after
+    that; ``stop_sent`` and ``at_rest`` for a stop that was sent, and acknowledged.
+    """
+
+    def __init__(
+        self, context: Context, gate: HibernationGate, reader: Reader, watch: LimitWatch, ends: EndWatch
+    ) -> None:
+        self._context, self._now, self._cache = context, context.now, context.cache
+        self._gate, self._reader, self._watch, self._ends = gate, reader, watch, ends
+
+    def stop_sent(self, _: None = None) -> None:
+        self._ends.sent((1, 2), self._watch.fastest)
+
+    def at_rest(self) -> None:
+        """Handle a stop that the mount has acknowledged: it may run on."""
+        slewing, by_others = self._context.movement.slewing, self._watch.moved_by_others
+        self._context.run_on.ended(goto=slewing, by_others=by_others)
+        self._reader.ordered(op.AbortMotion(), by_others)
+        self._watch.motion_ended()
+        self._cache.put(op.Slewing, False, self._now())
+
+    def begins(self, operation: op.Operation) -> None:
+        self._reader.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
+        if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
+            self._watch.began(operation)
+
+    def done(self, operation: op.Operation, before: Wanted) -> None:
+        """Handle an operation; ``before`` is what was wanted until it was acknowledged."""
+        cache, run_on = self._cache, self._context.run_on
+        if run_on.value is not None and isinstance(operation, (*GOTOS, op.Move, op.MoveAxis)):
+            run_on.forget()
+        if isinstance(operation, GOTOS):
+            self._note_replaced(before.motion, self._context.wanted.value.motion)
+            cache.put(op.Slewing, True, self._now())
+            cache.forget(op.PierSide)  # the tube may change sides on its way
+        elif isinstance(operation, op.Move | op.MoveAxis):
+            cache.look_again(op.Position)  # no new position, but it must be polled more often from now on
+        elif isinstance(operation, op.StopAxis):
+            self._halted(operation.axis, before.by_hand.get(operation.axis))
+        elif isinstance(operation, op.AbortMotion):  # of an arrow that was stopped at once
+            self.stop_sent()
+            self.at_rest()
+        elif isinstance(operation, op.AbortSlew):
+            if self._context.movement.slewing:
+                self._context.run_on.ended(goto=True)
+            cache.put(op.Slewing, False, self._now())
+        elif isinstance(operation, op.Sync):
+            self._has_synced()
+        elif isinstance(operation, op.SetTracking | op.Unpark | op.Hibernate | op.Wake):
+            cache.forget(op.GetStatus)
+            if isinstance(operation, op.Hibernate):
+                self.at_rest()
+                self._context.run_on.forget()
+                self._gate.hibernation_began()
+
+    def pulse_ended(self, axis: int, asked: float, began: float) -> PulseEnded:
+        """Return how late a guide pulse was ended, and log it if that matters. ``asked`` and ``began``: the loop times
+        at which its end was due, and was sent.
+        """
+        pulse = next((one for one in self._context.wanted.value.pulses if one.axis == axis), None)
+        late = 0.0 if pulse is None else began - pulse.until
+        if pulse is not None and pulse.operation is not None and late > TOLD_FROM * pulse.operation.ms / 1000.0:
+            asleep = max(0.0, asked - pulse.until)
+            computer = f"this computer did not run the gateway for {asleep:.2f} s"
+            self._context.note(
+                f"a guide pulse of {pulse.operation.ms / 1000.0:g} s was {late:.2f} s too long: "
+                f"{computer if asleep > late / 2 else 'the line was busy'}. The next pulse "
+                "in this direction is shortened by that"
+            )
+        return PulseEnded(axis, late)
+
+    def _note_replaced(self, before: object, after: object) -> None:
+        """Log that a goto replaces another program's: the last one wins, and the other program is not told."""
+        old, new = (motion.by if isinstance(motion, Slew) else None for motion in (before, after))
+        if old is not None and new is not None and old.program != new.program:
+            self._context.note(f"the goto of {new.who} replaces that of another program, {old.who}")
+
+    def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
+        if moved is not None:
+            self._ends.sent((axis,), self._context.speed(moved))
+            self._context.run_on.ended(goto=False)
+        self._watch.axis_stopped()
+        if not self._context.wanted.by_hand:
+            self._watch.motion_ended()
+
+    def _has_synced(self) -> None:
+        """Count the sync in the sum of all, and forget the positions: the mount reports others from now on."""
+        self._context.synced.carried_out()
+        status = self._cache.value(op.GetStatus)
+        aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
+        self._cache.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)
