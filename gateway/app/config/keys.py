@@ -3,9 +3,8 @@
 A new key is one field here, and whoever reads it (docs/adding-a-key.md). ``key`` takes the words for ``--help`` and the
 documentation, the name of the value there, an example for keys without a default, and the limits that msgspec checks.
 For a key that may be absent the limits belong to the inner type, as for ``site``. Messages use the ``title`` of a
-limit. Every key of ``[mount]`` is also a
-flag of ``run``, except those with ``flag=False``, and so is every key that only a surface has; a list is separated by
-commas in a flag.
+limit. Every key of ``[mount]`` is also a flag of ``run``, except those with ``flag=False``, and so is every key that
+only a surface has; a list is separated by commas in a flag.
 """
 
 from __future__ import annotations
