@@ -20,6 +20,7 @@ from zlib import crc32
 from msgspec.structs import replace
 
 from gateway.app.config import Endpoint
+from gateway.app.recording.format import unescape
 from gateway.core.tables import mappings_folder, read_table
 from gateway.diagnostics.command_outcomes import MISSING, Kind, carried, is_for, outcome, versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
@@ -201,6 +202,9 @@ def _common(protocol: str, name: str, seen: list[Seen]) -> PlayedRow:
     if any(map(changes, asks)):
         asks = list(filter(changes, asks))
     bare = replace(row, asks=[] if row.ask else asks, outcome=None, without=None, elsewhere=None)
+    required = replace(bare, asks=[*_required(protocol, row), *bare.asks])
+    if not row.ask and _contradictions(protocol, name, required, seen) < _contradictions(protocol, name, bare, seen):
+        bare = required
     shows: dict[str, Counter[str]] = {"there": Counter(), "without": Counter(), "elsewhere": Counter()}
     follows = False
     for scene, _, became, replied in seen:
@@ -216,6 +220,23 @@ def _common(protocol: str, name: str, seen: list[Seen]) -> PlayedRow:
     [there, without, elsewhere] = [count.most_common(1)[0][0] if count else None for count in shows.values()]
     always = None if follows else there or without
     return PlayedRow("", bare.asks, always, None if always else without, elsewhere)
+
+
+def _required(protocol: str, row: SurfaceRow) -> list[str]:
+    """Return the operations that must have been carried out before: a mount that cannot do these refuses the row."""
+    commands = load(protocol)
+    before = [commands.find(unescape(frame)) for frame in row.after]
+    return [name for found in before if found for name in commands.surface[found[0].name].operations if changes(name)]
+
+
+def _contradictions(protocol: str, name: str, row: SurfaceRow, seen: list[Seen]) -> int:
+    """Return how many plays show another outcome than a row on the mounts that it is for."""
+    command, count = load(protocol).commands[name], 0
+    for scene, _, became, _ in seen:
+        driven, kind = load(scene.mount.protocol), Kind(scene.mount.model, counted(scene.mount), scene.aligned)
+        if is_for(row, driven, kind, traits(scene.face, command)):
+            count += became not in (None, outcome(row, driven, kind))
+    return count
 
 
 def _deciding(asked: tuple[str, ...]) -> list[str]:
