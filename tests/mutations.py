@@ -25,7 +25,10 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 #: The parts of a copy, and the time limit of one run, seconds.
-PARTS, PATIENCE = ("gateway", "mappings", "tests", "docs", "examples", "pyproject.toml", "README.md", "CHANGELOG.md"), 300.0
+PARTS, PATIENCE = (
+    ("gateway", "mappings", "tests", "docs", "examples", "pyproject.toml", "README.md", "CHANGELOG.md"),
+    300.0,
+)
 
 
 class Mutation(NamedTuple):

@@ -83,7 +83,8 @@ def goes_to(telescope: Telescope, truth: Truth, target: Spot, *, exact_end: bool
 
 
 def syncs(telescope: Telescope, truth: Truth) -> None:
-    """A sync half a degree away becomes the mount's own position."""
+    """A sync half a degree away becomes the mount's own position, once the gateway, too, has seen it at rest."""
+    telescope.client.listen(1.0)
     here = truth.position()
     there = rounded(Spot(here.ra + 0.5, here.dec - 0.25))
     telescope.sync(there)
