@@ -119,8 +119,8 @@ def replace(path: Path, pattern: str, text: str) -> None:
 def tests() -> None:
     step("Tests: .ci/run")
     subprocess.run(["bash", str(ROOT / ".ci" / "run")], check=True)
-    step("Tests: every command between every presented model and every mount")
-    command = ".venv/bin/python -bb -m pytest -q -n2 --whole tests/conformance/wire"
+    step("Tests: every command between every presented model and every mount, and all nights of real programs")
+    command = ".venv/bin/python -bb -m pytest -q -n2 --whole tests/conformance/wire tests/programs"
     subprocess.run(command.split(), cwd=ROOT, check=True)
 
 

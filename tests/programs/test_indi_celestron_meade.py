@@ -154,6 +154,7 @@ def check_park(telescope: Telescope, truth: Meade, model: Model) -> None:
     assert truth.mode() == ("P" if model.polar else "A")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("site", "transport"), [pytest.param(NORTH, "tcp", id="north-tcp"), pytest.param(SOUTH, "pty", id="south-pty")]
 )

@@ -142,6 +142,7 @@ NIGHTS = [
 ]
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("driver", "mount", "site", "transport"), NIGHTS)
 def test_night(workshop: Workshop, driver: Driver, mount: str, site: Site, transport: str) -> None:
     """Connect, read, goto, sync, move, track, abort, park: one session of one driver."""

@@ -100,6 +100,7 @@ MOUNTS = [
 ]
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("behind", "site"), MOUNTS)
 def test_night(workshop: Workshop, behind: Behind, site: Site) -> None:
     """Connect, read, goto, sync, arrows, track, park: one session, on a serial line."""
@@ -126,6 +127,7 @@ def test_night(workshop: Workshop, behind: Behind, site: Site) -> None:
     telescope.client.wait_for("tracking on after unpark", lambda: tracking(True), 5.0)
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("behind", "site"), MOUNTS)
 def test_abort(workshop: Workshop, behind: Behind, site: Site) -> None:
     """The red button stops a goto, and tracking with it, as this driver has it.
@@ -140,6 +142,7 @@ def test_abort(workshop: Workshop, behind: Behind, site: Site) -> None:
     telescope.client.wait_for("tracking off", lambda: tracking(False), 5.0)
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(
     "behind",
     [Behind("nexstar:cge", 2, True), Behind("nexstar:cpc", 1, False), Behind("lx200:lx200gps", None, False)],
@@ -181,6 +184,7 @@ def test_time_and_site(workshop: Workshop, behind: Behind) -> None:
     assert offset == 8
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(
     ("mount", "site", "mode"),
     [
