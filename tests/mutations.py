@@ -356,10 +356,10 @@ MUTATIONS = [
         "tests/unit/app/control tests/unit/app/test_connected.py",
     ),
     Mutation(
-        "the state shows the orders of a mount that was stopped",
+        "an order that is being sent is shown as one that waits",
         r"if not order\.follow_up and order\.number != wanted\.active:",
         "if not order.follow_up:",
-        "tests/unit/app tests/unit/cli/test_mount_commands.py",
+        "tests/unit/app/control",
     ),
     Mutation("a mount on hold can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
     # --- the layers

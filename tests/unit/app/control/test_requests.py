@@ -238,6 +238,36 @@ def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
     run(program())
 
 
+def test_an_arrow_that_is_kept_pressed_is_over_after_a_stop() -> None:
+    """Whoever holds it learns that it moves nothing any more, and must press anew."""
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            owner, client = Owner(bridge), bridge.client()
+            press = requests.Press(Direction.NORTH, 7, number="p")
+            assert await owner.wish(press) == "done it is moved north"
+            client.tell(b":Q#")
+            await asyncio.sleep(2)
+            assert (await owner.wish(press)).startswith("failed Stopped.")
+            assert not moves(bridge)
+            assert await owner.wish(requests.Press(Direction.NORTH, 7, number="q")) == "done it is moved north"
+
+    run(program())
+
+
+def test_an_order_that_is_being_sent_is_not_one_that_waits() -> None:
+    async def program() -> None:
+        async with Bridge(latency=0.5) as bridge:
+            owner = Owner(bridge)
+            wish = asyncio.ensure_future(owner.wish(requests.Goto(CRAB, number="g")))
+            while not bridge.controller.wanted.value.active:
+                await asyncio.sleep(0.05)
+            assert not [line for line in (await owner.see()).wanted if "not begun yet" in line]
+            assert (await wish).startswith("done")
+
+    run(program())
+
+
 def test_parked_and_taken_up_again() -> None:
     async def program() -> None:
         async with Bridge(config={"lowest": -5.0}) as bridge:
