@@ -106,7 +106,7 @@ def main() -> int:
     failed = 0
     for way in ("pip", *TOOLS):
         began = time.monotonic()
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             try:
                 told = demo_runs(installed(way, index, f"mount-gateway=={version}", Path(folder)), Path(folder))
                 outcome = f"{told}: the demo runs"

@@ -107,16 +107,23 @@ def _make_folder(folder: Path) -> None:
 
 
 def calculated(days: Collection[int], sites: Collection[str]) -> Almanac:
-    """Let a process calculate an almanac. Raises OSError, ValueError if it fails or takes too long."""
+    """Let a process calculate an almanac. Raises OSError, ValueError if it fails or takes too long.
+
+    It ends when this process does, however that ends: its input is a pipe that nobody writes to.
+    """
     words = [*gateway_argv(), COMMAND, "-", "--dates", ",".join(map(str, days)), *(f"--site={site}" for site in sites)]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     environment = {**os.environ, **ENVIRONMENT, "PYTHONPATH": path}
+    its_input, held = os.pipe()
     try:
         done = subprocess.run(
-            words, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
+            words, stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
         )
     except subprocess.TimeoutExpired:
         raise ValueError(f"it took more than {LONGEST:.0f} s") from None
+    finally:
+        os.close(its_input)
+        os.close(held)
     if done.returncode:
         said = done.stderr.decode(errors="replace").strip().splitlines() or [f"it ended with {done.returncode}"]
         raise ValueError(said[-1][:200])

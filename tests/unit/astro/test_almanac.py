@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -254,6 +255,12 @@ def test_a_process_that_dies_says_why(program: str, says: str, calculates: Calla
     calculates(program)
     with pytest.raises(ValueError, match=says):
         REAL([TODAY], [])
+
+
+def test_the_process_ends_with_the_gateway_that_started_it() -> None:
+    words = [*keeper.gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, range(TODAY, TODAY + 1000)))]
+    left = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, timeout=60.0)  # nobody holds its input
+    assert (left.returncode, left.stdout) == (1, b"")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no SIGKILL")
