@@ -112,6 +112,19 @@ def moves(telescope: Telescope, truth: Truth, direction: str, read: Callable[[],
     return (read() - before + 180.0) % 360.0 - 180.0
 
 
+def opposite_arrows(telescope: Telescope, truth: Truth, equatorial: bool) -> None:
+    """Each arrow moves the mount, and the two arrows of an axis move it opposite ways.
+
+    Which way is north depends on the driver, and in some on the pier side, so only the opposition is judged.
+    """
+    telescope.choose_rate("7x")
+    north_south, west_east = axes(truth, equatorial)
+    for one, other, read in (("NORTH", "SOUTH", north_south), ("WEST", "EAST", west_east)):
+        there = moves(telescope, truth, one, read)
+        back = moves(telescope, truth, other, read)
+        assert there * back < 0, (one, there, other, back)
+
+
 def tracks_again(telescope: Telescope, truth: HandControl, mode: int) -> None:
     """The hand control tracks in this mode, at the latest a moment after what was done to it."""
     telescope.client.wait_for(f"tracking mode {mode}", lambda: truth.tracking_mode() == mode, 5.0)

@@ -31,19 +31,6 @@ def connect(workshop: Workshop, mount: Endpoint) -> Telescope:
     return Telescope(workshop, DRIVER, DEVICE, mount)
 
 
-def check_buttons(telescope: Telescope, truth: HandControl, equatorial: bool) -> None:
-    """Each arrow moves the mount, and the two arrows of an axis move it opposite ways.
-
-    Which way is north depends on the pier side in this driver, so only the opposition is judged.
-    """
-    telescope.choose_rate("7x")
-    north_south, west_east = scenario.axes(truth, equatorial)
-    for one, other, read in (("NORTH", "SOUTH", north_south), ("WEST", "EAST", west_east)):
-        there = scenario.moves(telescope, truth, one, read)
-        back = scenario.moves(telescope, truth, other, read)
-        assert there * back < 0, (one, there, other, back)
-
-
 def check_park(telescope: Telescope, truth: HandControl, mode: int) -> None:
     """Park ends with tracking off; after unpark the mount can be told to track again."""
     telescope.park()
@@ -75,7 +62,7 @@ def test_night(workshop: Workshop, mount: str, site: Site, mode: int, info: tupl
     scenario.shows_position(telescope, truth)
     scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, site), exact_end=False)
     scenario.syncs(telescope, truth)
-    check_buttons(telescope, truth, equatorial=mode != 1)
+    scenario.opposite_arrows(telescope, truth, equatorial=mode != 1)
     for state, expected in (("TRACK_OFF", 0), ("TRACK_ON", mode)):
         telescope.choose("TELESCOPE_TRACK_STATE", state)
         scenario.tracks_again(telescope, truth, expected)

@@ -60,16 +60,6 @@ def start(workshop: Workshop, behind: Behind, site: Site) -> tuple[Endpoint, AsS
     return wire, AsShown(hand_control)
 
 
-def check_arrows(telescope: Telescope, truth: Any, equatorial: bool) -> None:
-    """Each arrow moves the mount, and the two arrows of an axis move it opposite ways."""
-    telescope.choose_rate("7x")
-    north_south, west_east = scenario.axes(truth, equatorial)
-    for one, other, read in (("NORTH", "SOUTH", north_south), ("WEST", "EAST", west_east)):
-        there = scenario.moves(telescope, truth, one, read)
-        back = scenario.moves(telescope, truth, other, read)
-        assert there * back < 0, (one, there, other, back)
-
-
 def tracks(truth: Any, mode: int | None) -> Callable[[bool], bool]:
     """Whether the mount tracks, by its own words."""
     if mode is None:
@@ -87,7 +77,7 @@ def test_the_simulated_hand_control(workshop: Workshop, mount: str) -> None:
     scenario.shows_position(telescope, truth)
     scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, NORTH), exact_end=False)
     scenario.syncs(telescope, truth)
-    check_arrows(telescope, truth, equatorial=mount.endswith("synscan"))
+    scenario.opposite_arrows(telescope, truth, equatorial=mount.endswith("synscan"))
     scenario.aborts(telescope, truth, target_up(truth.position(), 70.0, NORTH))
 
 
@@ -115,7 +105,7 @@ def test_night(workshop: Workshop, behind: Behind, site: Site) -> None:
     scenario.shows_position(telescope, truth)
     scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, site), exact_end=False)
     scenario.syncs(telescope, truth)
-    check_arrows(telescope, truth, behind.equatorial)
+    scenario.opposite_arrows(telescope, truth, behind.equatorial)
     tracking = tracks(truth, behind.mode)
     for state in (False, True):
         telescope.choose("TELESCOPE_TRACK_STATE", "TRACK_ON" if state else "TRACK_OFF")
@@ -161,7 +151,7 @@ def test_a_night_of_the_older_driver(workshop: Workshop, behind: Behind) -> None
         scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, NORTH), exact_end=False)
         scenario.syncs(telescope, truth)
         scenario.aborts(telescope, truth, target_up(truth.position(), 70.0, NORTH))
-    check_arrows(telescope, truth, behind.equatorial)
+    scenario.opposite_arrows(telescope, truth, behind.equatorial)
 
 
 @pytest.mark.parametrize("behind", [Behind("nexstar:cge", 2, True), Behind("lx200:autostar", None, False)], ids=str)

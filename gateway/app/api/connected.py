@@ -44,7 +44,7 @@ class ConnectedGateway:
     @property
     def name(self) -> str:
         """The mount's name, or the port it is at if it has none."""
-        return self._endpoint.name or self._endpoint.mount
+        return self._endpoint.title
 
     async def status(self) -> State:
         """Return all that is known of the mount, newly read: what ``mount-gateway status --json`` shows."""

@@ -49,6 +49,11 @@ class ControlEndpoint(Struct, frozen=True):
     state: str = ""
     name: str = ""
 
+    @property
+    def title(self) -> str:
+        """The mount's name, or the port it is at if it has none."""
+        return self.name or self.mount
+
     def called(self, only: str | None) -> bool:
         """Whether ``only`` names this mount: by its name, its endpoint or only its port; None names any."""
         return only is None or only in (self.name, self.mount, self.mount.partition("@")[2])

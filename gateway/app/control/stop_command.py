@@ -53,7 +53,7 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
             if (not endpoint.mount or endpoint.called(only)) and (endpoint.pid, endpoint.port) not in asked
         ]
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
-        names = {endpoint.mount: endpoint.name or endpoint.mount for _, endpoint in found.gateways}
+        names = {endpoint.mount: endpoint.title for _, endpoint in found.gateways}
         meant = {endpoint.mount for _, endpoint in new}
         markers = {mark.mount: mark for mark in found.markers if _matches(mark.mount, only) or mark.mount in meant}
         report.others |= {

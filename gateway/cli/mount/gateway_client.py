@@ -47,15 +47,12 @@ def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
     """Return the chosen gateway; None, with a message, if none runs. Raises UserError if it could be several."""
     endpoints = chosen_gateways(arguments)
     if len(endpoints) > 1:
-        raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {_flags(map(_name, endpoints))}")
+        names = _flags(endpoint.title for endpoint in endpoints)
+        raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {names}")
     if not endpoints:
         report_no_gateway(arguments)
         return None
     return endpoints[0]
-
-
-def _name(endpoint: ControlEndpoint) -> str:
-    return endpoint.name or endpoint.mount
 
 
 def _flags(names: Iterable[str]) -> str:
@@ -74,7 +71,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
 
     others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
     if others:
-        streams.warn(no_such_mount(arguments.mount, map(_name, others)), streams.ERROR)
+        streams.warn(no_such_mount(arguments.mount, (endpoint.title for endpoint in others)), streams.ERROR)
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
     streams.warn(NOBODY.format(which=which), streams.ERROR)

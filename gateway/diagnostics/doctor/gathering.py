@@ -109,7 +109,7 @@ def running(scope: Scope) -> Iterator[Running]:
     """List the gateways that can be queried, and those that are only visible as processes."""
     found = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
     for endpoint, places in zip(found, asyncio.run(_all_served(found)), strict=True):
-        yield Running(endpoint.pid, endpoint.name or endpoint.mount, served=places, folder=endpoint.state)
+        yield Running(endpoint.pid, endpoint.title, served=places, folder=endpoint.state)
     for process in unreachable_gateways(scope):
         yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
 

@@ -208,9 +208,7 @@ def _common(protocol: str, name: str, seen: list[Seen]) -> PlayedRow:
     shows: dict[str, Counter[str]] = {"there": Counter(), "without": Counter(), "elsewhere": Counter()}
     follows = False
     for scene, _, became, replied in seen:
-        driven, kind = load(scene.mount.protocol), Kind(scene.mount.model, counted(scene.mount), scene.aligned)
-        said = outcome(bare, driven, kind)
-        here = is_for(row, driven, kind, traits(scene.face, load(protocol).commands[name]))
+        here, said = _tabulated(protocol, name, bare, scene)
         place = "elsewhere" if not here else "without" if said == MISSING else "there"
         if became is None and place == "without":
             became = "synthesised" if replied else "silent"
@@ -231,12 +229,15 @@ def _required(protocol: str, row: SurfaceRow) -> list[str]:
 
 def _contradictions(protocol: str, name: str, row: SurfaceRow, seen: list[Seen]) -> int:
     """Return how many plays show another outcome than a row on the mounts that it is for."""
-    command, count = load(protocol).commands[name], 0
-    for scene, _, became, _ in seen:
-        driven, kind = load(scene.mount.protocol), Kind(scene.mount.model, counted(scene.mount), scene.aligned)
-        if is_for(row, driven, kind, traits(scene.face, command)):
-            count += became not in (None, outcome(row, driven, kind))
-    return count
+    tabulated = ((*_tabulated(protocol, name, row, scene), became) for scene, _, became, _ in seen)
+    return sum(here and became not in (None, said) for here, said, became in tabulated)
+
+
+def _tabulated(protocol: str, name: str, row: SurfaceRow, scene: Scene) -> tuple[bool, str]:
+    """Return whether a row is for the face and the mount of a scene, and the outcome that follows from it there."""
+    driven, kind = load(scene.mount.protocol), Kind(scene.mount.model, counted(scene.mount), scene.aligned)
+    here = is_for(row, driven, kind, traits(scene.face, load(protocol).commands[name]))
+    return here, outcome(row, driven, kind)
 
 
 def _deciding(asked: tuple[str, ...]) -> list[str]:
