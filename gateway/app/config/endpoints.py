@@ -168,7 +168,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
         return known
     today = int(time.time() // DAY)
     try:
-        almanac, _ = keeper.renewed(range(today, today + keeper.OTHERS), [site])
+        almanac, _ = keeper.renewed(today, range(today, today + keeper.OTHERS), [site])
     except (OSError, ValueError) as error:
         raise UserError(
             f"{text!r}: astropy, which translates this, cannot be used here ({error}): write it in degrees, north and "

@@ -81,7 +81,7 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
         others = unreachable_gateways(scope)
         report.doubts = [*found.doubts, *map(explain_unreachable, others)]
         coming = [process for process in others if reachable(process)]
-        if not coming or (attempt and all(age(process.pid) > STARTED for process in coming)):
+        if not coming or attempt == LOOKS - 1 or (attempt and all(age(one.pid) > STARTED for one in coming)):
             break
         await asyncio.sleep(BETWEEN)
     return report

@@ -12,6 +12,7 @@ import stat
 import struct
 import zlib
 from collections.abc import Iterable
+from itertools import count
 from pathlib import Path
 
 import msgspec
@@ -47,6 +48,10 @@ class Almanac(msgspec.Struct, frozen=True):
             before += _WIDTHS[other] * ROWS
         numbers = struct.unpack_from(f"<{width * ROWS}d", rows, 8 * before)
         return DayTable([numbers[first : first + width] for first in range(0, len(numbers), width)])
+
+    def days_from(self, first: int) -> int:
+        """Return how many days it has from this one on, until the first that it has not."""
+        return next(number for number in count() if first + number not in self.days)
 
     def joined(self, newer: Almanac) -> Almanac:
         """Return this almanac with what a newer one has, and without days of another astropy or of other data."""

@@ -45,15 +45,22 @@ COMMAND = "almanac"
 _T = TypeVar("_T")
 
 
-def stored() -> Almanac:
-    """Return the almanac in this user's cache folder; an empty one if there is none that can be used."""
+def stored(named: str | None = None) -> Almanac:
+    """Return the almanac in this user's cache folder, with that of a file that the user has ``named``.
+
+    It is empty if there is none that can be used; for the named one this raises UserError.
+    """
     try:
-        return read(cache_directory() / "almanac")
+        almanac = read(cache_directory() / "almanac")
     except (OSError, ValueError):
-        return Almanac()
+        almanac = Almanac()
+    try:
+        return almanac if named is None else almanac.joined(read(Path(named).expanduser()))
+    except (OSError, ValueError) as error:
+        raise UserError(f"--almanac {named}: {told(error) if isinstance(error, OSError) else error}") from None
 
 
-def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, str]:
+def renewed(today: int, days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, str]:
     """Return an almanac with these days and sites, and why it could not be stored. Raises OSError, ValueError."""
     path, trouble = cache_directory() / "almanac", ""
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
@@ -67,7 +74,7 @@ def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, st
         lacking = [day for day in days if day not in almanac.days]
         unknown = [site for site in sites if site not in almanac.sites]
         if lacking or unknown:
-            almanac = _joined(almanac, calculated(lacking, unknown))
+            almanac = _joined(almanac, calculated(lacking, unknown), today)
             if not trouble:
                 try:
                     replace_file(path, almanac.encoded())
@@ -78,9 +85,8 @@ def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, st
         lock.release()
 
 
-def _joined(almanac: Almanac, newer: Almanac) -> Almanac:
+def _joined(almanac: Almanac, newer: Almanac, today: int) -> Almanac:
     """Return both, without what is not needed any more."""
-    today = int(time.time() // DAY)
     return almanac.joined(newer).only(today - 1, today + 2 * AHEAD, STORED)
 
 
@@ -175,15 +181,7 @@ class AlmanacKeeper:
 
     def open(self, named: str | None = None) -> None:
         """Use the stored almanac, and that of a file that the user has ``named``. Raises UserError."""
-        almanac = stored()
-        if named is not None:
-            try:
-                almanac = almanac.joined(read(Path(named).expanduser()))
-            except OSError as error:
-                raise UserError(f"--almanac {named}: {told(error)}") from None
-            except ValueError as error:
-                raise UserError(f"--almanac {named}: {error}") from None
-        self._use(almanac)
+        self._use(stored(named))
         self._sky.ask = self._asked.set
 
     async def keep(self) -> None:
@@ -197,8 +195,9 @@ class AlmanacKeeper:
                 await asyncio.wait_for(self._asked.wait(), LOOK)
 
     async def _renew(self, days: list[int]) -> None:
+        today = self._today
         try:
-            newer, trouble = await _on_daemon(lambda: renewed(days))
+            newer, trouble = await _on_daemon(lambda: renewed(today, days))
         except (OSError, ValueError) as error:
             self._failed.append(time.monotonic())
             self._tell_once(
@@ -208,7 +207,7 @@ class AlmanacKeeper:
             return
         if trouble:
             self._tell_once(f"the almanac cannot be stored, so each start calculates it again: {trouble}")
-        self._enter(lambda: self._use(_joined(self._almanac, newer)))
+        self._enter(lambda: self._use(_joined(self._almanac, newer, today)))
 
     def _use(self, almanac: Almanac) -> None:
         known, self._almanac = self._today in self._almanac.days, almanac
@@ -220,7 +219,7 @@ class AlmanacKeeper:
     def _wanted(self) -> list[int]:
         """Return the days to calculate now."""
         held, today = self._almanac.days, self._today
-        left = next((count for count in range(AHEAD) if today + count not in held), AHEAD)
+        left = self._almanac.days_from(today)
         wanted = {day + more for day in self._sky.missing for more in range(OTHERS)}
         if left < LEFT and (not left or self._quiet()):
             wanted.update(range(today, today + AHEAD))

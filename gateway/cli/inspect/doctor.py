@@ -33,6 +33,7 @@ def add_doctor(commands: Commands) -> None:
     )  # fmt: skip
     doctor.add_argument("--json", action="store_true", help="for programs: one object, with a list of all checks")
     doctor.add_argument("--state", metavar="PATH", help="the folder that the gateway was told to keep its state in")
+    doctor.add_argument("--almanac", metavar="FILE", help="the almanac that the gateway is to use, without astropy")
     doctor.set_defaults(run=_doctor)
 
 
@@ -45,7 +46,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.doctor.facts import BAD
     from gateway.diagnostics.doctor.gathering import gather
 
-    results = examine(gather(arguments.state))
+    results = examine(gather(arguments.state, arguments.almanac))
     well = all(result.state != BAD for result in results)
     if arguments.json:
         told = {"version": full_version(), "good": well, "checks": msgspec.to_builtins(results)}

@@ -24,6 +24,8 @@ WITHOUT = {
 }
 #: Seconds in a day; how many days before their end data are reported as old.
 DAY, SOON = 86400.0, 60.0
+#: What only astropy needs, and a computer with an almanac does not; when its last days are told.
+SKY, FEW = {"astropy", "astropy-iers-data", "numpy", "pyerfa"}, 10.0
 #: The usual TCP ports of a gateway, and who connects to them.
 USUAL = {4030: "most telescope programs", ANY_PORT: "programs of every protocol", 4080: "browsers"}
 USUAL |= {spec.usual_port: spec.title for spec in PROTOCOLS.values() if spec.usual_port not in USUAL}
@@ -51,7 +53,8 @@ def python(facts: Facts) -> Iterator[Said]:
 
 def packages(facts: Facts) -> Iterator[Said]:
     """Check that every required package is installed in a suitable version."""
-    wrong = [package for package in facts.packages if not package.fits]
+    needed = [one for one in facts.packages if not (facts.without_astropy and one.name in SKY)]
+    wrong = [package for package in needed if not package.fits]
     for package in wrong:
         here = f"version {package.version} is installed" if package.version else "is not installed"
         mend = f"{facts.pip} install --upgrade '{package.name}{package.needed}'"
@@ -60,7 +63,7 @@ def packages(facts: Facts) -> Iterator[Said]:
         again = f"{facts.pip} install '.' in the folder of mount-gateway"
         yield NOTE, "mount-gateway runs from its source without being installed: versions cannot be compared", again
     elif not wrong:
-        yield GOOD, ", ".join(f"{package.name} {package.version}" for package in facts.packages), ""
+        yield GOOD, ", ".join(f"{package.name} {package.version}" for package in needed), ""
 
 
 def extras(facts: Facts) -> Iterator[Said]:
@@ -100,7 +103,10 @@ def clock(facts: Facts) -> Iterator[Said]:
 
 
 def astronomy(facts: Facts) -> Iterator[Said]:
-    """Check how long the tables of the Earth's rotation and of the leap seconds last."""
+    """Check how long the tables of the Earth's rotation and of the leap seconds last, without astropy the almanac."""
+    if facts.without_astropy:
+        yield _almanac(facts)
+        return
     tables = {
         "the Earth's rotation (IERS)": (facts.rotation_until, "sidereal time is off by a few hundredths of a second"),
         "the leap seconds": (facts.leap_seconds_until, "the next leap second, if there is one, is not known"),
@@ -115,6 +121,28 @@ def astronomy(facts: Facts) -> Iterator[Said]:
             yield NOTE, f"the table of {name} ends on {_day(until)}", renewal
         else:
             yield GOOD, f"the table of {name} goes on until {_day(until)}", ""
+
+
+def _almanac(facts: Facts) -> Said:
+    calculate = "mount-gateway almanac FILE --days 400 on a computer with astropy, and run --almanac FILE here"
+    if facts.almanac_until is not None:
+        covers = (
+            f"astropy is left out: the sky is that of an almanac, which has the days until {_day(facts.almanac_until)}"
+        )
+        soon = facts.almanac_until < facts.now + FEW * DAY
+        return (NOTE, covers, calculate) if soon else (GOOD, covers, "")
+    if any(running.sky.startswith("almanac of") for running in facts.gateways):
+        return (
+            GOOD,
+            "astropy is left out: the gateway that runs has an almanac for today; doctor --almanac FILE tells more",
+            "",
+        )
+    return (
+        BAD,
+        "astropy is not installed, and no almanac is known for today: the Sun is within 0.01 degrees, the Moon within "
+        "0.04, and there are no planets",
+        f"name it, doctor --almanac FILE, if there is one; else {calculate}, or {facts.pip} install astropy",
+    )
 
 
 def ports(facts: Facts) -> Iterator[Said]:

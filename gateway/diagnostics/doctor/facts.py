@@ -68,6 +68,8 @@ class Running(Struct, frozen=True):
     foreign: bool = False
     served: tuple[str, ...] = ()
     folder: str = ""
+    #: What its sky is calculated from.
+    sky: str = ""
 
 
 class Facts(Struct, frozen=True):
@@ -81,6 +83,8 @@ class Facts(Struct, frozen=True):
     published: float | None
     rotation_until: float | None
     leap_seconds_until: float | None
+    #: When the days end that the almanac has from today on; None if it does not have today.
+    almanac_until: float | None
     packages: list[Package]
     #: The missing packages of each extra that is not installed completely.
     missing_extras: dict[str, list[str]]
@@ -97,3 +101,8 @@ class Facts(Struct, frozen=True):
     gateways: list[Running]
     #: The pip command of this environment, for the user to type.
     pip: str = "pip"
+
+    @property
+    def without_astropy(self) -> bool:
+        """Whether astropy was left out, which is permitted: an almanac from another computer takes its place."""
+        return any(package.name == "astropy" and not package.version for package in self.packages)

@@ -21,6 +21,8 @@ from pathlib import Path
 from gateway.app.control.exchange import ControlEndpoint, is_listening
 from gateway.app.control.reach import Scope, ask_state, reachable, search, unreachable_gateways
 from gateway.app.status import State
+from gateway.astro.ephemeris.day_table import DAY
+from gateway.astro.ephemeris.keeper import stored
 from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import here, holder, is_usb_or_named
 from gateway.diagnostics.doctor import installed
@@ -39,8 +41,8 @@ PATIENCE = 3.0
 UDEV = Path("/run/udev/data")
 
 
-def gather(state: str | None = None) -> Facts:
-    """Collect everything that the checks need; ``state`` is the state folder that the user named."""
+def gather(state: str | None = None, almanac: str | None = None) -> Facts:
+    """Collect everything that the checks need; ``state`` and ``almanac`` are what the user named. Raises UserError."""
     folder = directory(state)
     own, active = groups()
     return Facts(
@@ -51,6 +53,7 @@ def gather(state: str | None = None) -> Facts:
         published=installed.published(installed.version(installed.DATA)),
         rotation_until=installed.rotation_until(),
         leap_seconds_until=installed.leap_seconds_until(),
+        almanac_until=_almanac_until(time.time(), almanac),
         packages=list(installed.needed()),
         missing_extras=installed.missing_extras(),
         ports=list(ports()),
@@ -64,6 +67,12 @@ def gather(state: str | None = None) -> Facts:
         gateways=list(running(Scope(folder, alone=state is not None))),
         pip=pip_command(),
     )
+
+
+def _almanac_until(now: float, named: str | None) -> float | None:
+    today = int(now // DAY)
+    days = stored(named).days_from(today)
+    return (today + days - 1) * DAY if days else None
 
 
 def ports() -> Iterator[Port]:
@@ -108,20 +117,20 @@ def unwritable(folder: Path) -> str:
 def running(scope: Scope) -> Iterator[Running]:
     """List the gateways that can be queried, and those that are only visible as processes."""
     found = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
-    for endpoint, places in zip(found, asyncio.run(_all_served(found)), strict=True):
-        yield Running(endpoint.pid, endpoint.title, served=places, folder=endpoint.state)
+    for endpoint, (places, sky) in zip(found, asyncio.run(_all_served(found)), strict=True):
+        yield Running(endpoint.pid, endpoint.title, served=places, folder=endpoint.state, sky=sky)
     for process in unreachable_gateways(scope):
         yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
 
 
-async def _all_served(endpoints: Sequence[ControlEndpoint]) -> list[tuple[str, ...]]:
+async def _all_served(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tuple[str, ...], str]]:
     return await asyncio.gather(*map(_served, endpoints))
 
 
-async def _served(endpoint: ControlEndpoint) -> tuple[str, ...]:
-    """Return where programs connect to a gateway now, as it says itself; nothing if it does not answer."""
+async def _served(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
+    """Return where programs connect to a gateway now, and what its sky is from; nothing if it does not answer."""
     state = await ask_state(endpoint, fresh=False, seconds=PATIENCE)
-    return tuple(map(str, state.served)) if isinstance(state, State) else ()
+    return (tuple(map(str, state.served)), state.sky) if isinstance(state, State) else ((), "")
 
 
 def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:

@@ -131,10 +131,10 @@ def test_the_rehearsals_days_are_in_the_package() -> None:
 
 
 def test_what_is_stored_is_not_calculated_again(process: Process) -> None:
-    almanac, trouble = keeper.renewed([TODAY, TODAY + 1], ["a"])
+    almanac, trouble = keeper.renewed(TODAY, [TODAY, TODAY + 1], ["a"])
     assert set(almanac.days) == {TODAY, TODAY + 1} and not trouble
-    assert keeper.stored() == almanac == keeper.renewed([TODAY], ["a"])[0]
-    keeper.renewed([TODAY, TODAY + 2], ["a", "b"])
+    assert keeper.stored() == almanac == keeper.renewed(TODAY, [TODAY], ["a"])[0]
+    keeper.renewed(TODAY, [TODAY, TODAY + 2], ["a", "b"])
     assert process.asked == [([TODAY, TODAY + 1], ["a"]), ([TODAY + 2], ["b"])]
     folder = keeper.cache_directory()
     assert [path.name for path in folder.iterdir()] == ["almanac"]
@@ -151,7 +151,7 @@ def test_two_that_start_together_on_an_empty_cache_calculate_once(process: Proce
         return process(days, sites)
 
     keeper.calculated = slowly
-    threads = [threading.Thread(target=lambda: found.append(keeper.renewed([TODAY])[0])) for _ in range(2)]
+    threads = [threading.Thread(target=lambda: found.append(keeper.renewed(TODAY, [TODAY])[0])) for _ in range(2)]
     threads[0].start()
     assert begun.wait(20)
     threads[1].start()
@@ -162,16 +162,16 @@ def test_two_that_start_together_on_an_empty_cache_calculate_once(process: Proce
 
 
 def test_days_of_another_astropy_or_of_older_data_are_dropped(process: Process) -> None:
-    keeper.renewed([TODAY], ["a"])
+    keeper.renewed(TODAY, [TODAY], ["a"])
     process.by = "astropy 9.0"
-    almanac, _ = keeper.renewed([TODAY + 1])
+    almanac, _ = keeper.renewed(TODAY, [TODAY + 1])
     assert (almanac.by, set(almanac.days), set(almanac.sites)) == ("astropy 9.0", {TODAY + 1}, {"a"})
 
 
 def test_old_days_make_room_and_those_asked_for_last_stay(process: Process) -> None:
-    keeper.renewed([TODAY - 2, TODAY - 1, TODAY])
+    keeper.renewed(TODAY, [TODAY - 2, TODAY - 1, TODAY])
     for day in range(100):
-        keeper.renewed([day], [str(day)])
+        keeper.renewed(TODAY, [day], [str(day)])
     kept = keeper.stored()
     assert {TODAY - 1, TODAY} < set(kept.days) and TODAY - 2 not in kept.days and 99 in kept.days
     assert len(kept.days) == keeper.STORED + 2 and len(kept.sites) == keeper.STORED
@@ -368,6 +368,12 @@ def test_a_program_that_sets_one_date_after_another_fills_no_memory(process: Pro
     for day in range(200):
         asyncio.run(kept._renew([day]))
     assert len(kept._almanac.days) == keeper.STORED and 199 in kept._almanac.days
+
+
+def test_the_days_kept_are_those_about_the_keepers_own_today(process: Process) -> None:
+    kept = AlmanacKeeper(Sky(), print, clock=lambda: 15000 * DAY)
+    asyncio.run(kept._renew([*range(15000, 15040)]))
+    assert len(kept._almanac.days) == len(keeper.stored().days) == 40 > keeper.STORED
 
 
 # --- from another computer --------------------------------------------------------------------------------------------

@@ -211,11 +211,33 @@ def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Pr
 def test_one_that_cannot_be_asked_is_waited_for_only_while_it_may_be_starting(
     seconds: float, looks: int, stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    looked = list[int]()
+    looked, slept = list[int](), list[float]()
+
+    async def sleep(seconds: float) -> None:
+        slept.append(seconds)
+
+    monkeypatch.setattr(stop_command.asyncio, "sleep", sleep)
     monkeypatch.setattr(stop_command, "age", lambda pid: seconds)
     monkeypatch.setattr(processes, "gateways", lambda: looked.append(1) or [Process(4711, os.getuid())])
     assert stop()[0] == 1
-    assert len(looked) == looks
+    assert len(looked) == looks == len(slept) + 1, "nobody waits after the last look"
+
+
+def test_another_users_gateway_is_not_waited_for(
+    stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def sleep(seconds: float) -> None:
+        raise AssertionError("somebody waits")
+
+    seen.append(Process(4711, os.getuid() + 1))
+    monkeypatch.setattr(reach, "user", os.getuid)
+    monkeypatch.setattr(reach, "reachable", lambda process: False)
+    monkeypatch.setattr(stop_command, "reachable", lambda process: False)
+    monkeypatch.setattr(stop_command.asyncio, "sleep", sleep)
+    code, words = stop()
+    assert code == 1 and "runs as process 4711: stop it as" in words
+    assert main(["status"]) == 1
+    assert "process 4711 is a gateway of" in capsys.readouterr().err
 
 
 @LINUX

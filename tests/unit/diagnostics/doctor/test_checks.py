@@ -25,6 +25,7 @@ WELL = Facts(
     published=at("2026-05-04"),
     rotation_until=at("2027-05-01"),
     leap_seconds_until=at("2026-12-28"),
+    almanac_until=None,
     packages=[Package("astropy", ">=8.0", "8.0.2"), Package("pyserial", ">=3.5", "3.5")],
     missing_extras={},
     ports=[USB],
@@ -38,6 +39,10 @@ WELL = Facts(
     gateways=[],
     pip="/here/pip",
 )
+
+
+#: Packages where astropy and what it needs are left out.
+LEAN = [*(Package(name, "", "", False) for name in ("astropy", "numpy", "pyerfa")), WELL.packages[1]]
 
 
 def of(check: str, facts: Facts) -> list[Result]:
@@ -121,6 +126,17 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
         ("astronomy", {"rotation_until": at("2026-07-30")}, NOTE, "ends on 2026-07-30", "upgrade astropy-iers-data"),
         ("astronomy", {"leap_seconds_until": at("2026-05-31")}, NOTE, "the leap seconds ended", "astropy-iers-data"),
         ("astronomy", {"rotation_until": None}, BAD, "cannot be read", "force-reinstall astropy-iers-data"),
+        ("packages", {"packages": LEAN, "almanac_until": at("2027-05-01")}, GOOD, "pyserial 3.5", ""),
+        ("astronomy", {"packages": LEAN, "almanac_until": at("2027-05-01")}, GOOD, "the days until 2027-05-01", ""),
+        ("astronomy", {"packages": LEAN, "almanac_until": at("2026-06-10")}, NOTE, "until 2026-06-10", "--days 400"),
+        ("astronomy", {"packages": LEAN}, BAD, "no almanac is known for today", "run --almanac FILE"),
+        (
+            "astronomy",
+            {"packages": LEAN, "gateways": [Running(77, "nexstar@sim", sky="almanac of 2026-06-01")]},
+            GOOD,
+            "the gateway that runs has an almanac for today",
+            "",
+        ),
         ("network", {"listeners": [Listener(4030, 9, "nc")]}, NOTE, "taken by nc (process 9)", "such as 4031"),
         ("network", {"listeners": [Listener(10001)]}, NOTE, "Stellarium would look", "10002"),
         (

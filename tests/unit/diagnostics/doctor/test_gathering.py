@@ -13,6 +13,8 @@ import msgspec
 import pytest
 
 from gateway.app.control.reach import Scope
+from gateway.astro.ephemeris.almanac import Almanac
+from gateway.astro.ephemeris.day_table import DAY
 from gateway.cli import main
 from gateway.cli.inspect import doctor
 from gateway.diagnostics.doctor import gathering, installed
@@ -70,6 +72,19 @@ def test_what_udev_has_told_modem_manager(line: str, ignored: bool, tmp_path: Pa
 def test_releases_of_the_astronomy_data_are_days() -> None:
     assert installed.published("0.2026.11.2.0.34.55") == datetime(2026, 11, 2, tzinfo=UTC).timestamp()
     assert installed.published("") is None
+
+
+def test_an_almanac_has_days_until_the_first_that_it_lacks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
+    named, today = tmp_path / "year.almanac", 20780
+    named.write_bytes(Almanac("", dict.fromkeys((today, today + 1, today + 3), bytes(8 * 333))).encoded())
+    assert gathering._almanac_until(today * DAY + 5.0, str(named)) == (today + 1) * DAY
+    assert gathering._almanac_until((today + 2) * DAY, str(named)) is None
+    assert gathering._almanac_until(today * DAY, None) is None
+    assert main(["doctor", "--almanac", str(tmp_path / "none")]) == 2
+    assert "--almanac" in capsys.readouterr().err
 
 
 def test_the_installed_astronomy_data_can_be_read() -> None:
