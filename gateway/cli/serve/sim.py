@@ -65,6 +65,7 @@ and --time. Nothing that a program tells the mount changes what site and time th
 
 Examples:
   mount-gateway sim nexstar:cpc --at tcp://127.0.0.1:5000 --latency 0.2
+  mount-gateway sim alpaca:german --at tcp://127.0.0.1:11111 --truth night.jsonl
   mount-gateway sim lx200:lx200gps --at pty:/tmp/meade --at tcp://127.0.0.1:5001 --truth night.jsonl
 """
 

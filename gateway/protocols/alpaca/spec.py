@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
+    from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
     from gateway.protocols.base.frames import Framer
     from gateway.transport.web_port import Web
 
-NAME = "alpaca"
+NAME, DEFAULT_MODEL = "alpaca", "german"
 
 
 def _framing() -> Framer:
@@ -29,6 +30,12 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     protocol, model = load(NAME), {"name": NAME, "equinox": settings.equinox}
     surface = AlpacaSurface(protocol, protocol.functions("surface", abilities, device, motion, site))
     return MadeSurface(surface, model, ClientSettings(settings.limits))
+
+
+def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedAlpaca:
+    from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
+
+    return SimulatedAlpaca(model or DEFAULT_MODEL, **settings)
 
 
 def _hint(frame: bytes) -> str:
@@ -56,6 +63,7 @@ SPEC = ProtocolSpec(
     framing=_framing,
     opening=re.compile(rb"(?:(?:get|put) [^\n]*\n)*"),
     make_surface=_make_surface,
+    make_simulator=_make_simulator,
     web=_web,
     required_requests=("put connected Connected=true\\x0a",),
     hint=_hint,

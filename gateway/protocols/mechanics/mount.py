@@ -87,6 +87,10 @@ class Mechanics:
         leg = self._axes[axis].leg
         return leg is not None and now < leg.ends
 
+    def arrives(self, now: float) -> float:
+        """Return when the goto ends; ``now`` without one."""
+        return max([now, *(motor.leg.ends for motor in self._axes.values() if motor.leg is not None)])
+
     def tracking(self, now: float) -> bool:
         """Whether the motors follow the sky at this moment. The second motor of a polar mount rests meanwhile."""
         first, second = self._axes[1], self._axes[2]

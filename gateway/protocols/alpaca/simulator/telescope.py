@@ -1,0 +1,266 @@
+"""The state and the mechanics of a simulated Alpaca telescope.
+
+It can be made to lack members (``lacks``, by their names in addresses: its ``Can…`` follow), to give other values than
+it has (``tells``), and to differ as servers do: ``platform`` 6 has no DeviceState and no ``connect``, ``blocks``
+answers a slew when it has ended, ``quiet_axes`` says that it is not slewing while an axis is moved, ``sends_j2000``
+sends and takes J2000 and declares it, ``senses`` are the signs of MoveAxis, and ``keeps_clock`` accepts a time and goes
+on with its own.
+"""
+
+from __future__ import annotations
+
+import math
+import uuid
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from functools import cache
+from typing import Any, NamedTuple
+
+from gateway.astro.axes import Build, Pair, Sky
+from gateway.astro.ephemeris.sky import Sky as Ephemeris
+from gateway.astro.spherical import (
+    SIDEREAL_RATE,
+    fold_declination,
+    horizon_to_hour_angle,
+    hour_angle_to_horizon,
+    wrap180,
+    wrap360,
+)
+from gateway.core.errors import UserError
+from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
+from gateway.protocols.mechanics.mount import Mechanics
+from gateway.protocols.mechanics.simulated import Simulated
+from gateway.protocols.wireformat.command_set import load
+
+#: ASCOM's error numbers.
+NOT_IMPLEMENTED, INVALID_VALUE, NOT_SET, NOT_CONNECTED = 0x400, 0x401, 0x402, 0x407
+PARKED, INVALID_OPERATION, NO_ACTION = 0x408, 0x40B, 0x40C
+#: Seconds that ``connect`` takes.
+CONNECTING = 0.5
+#: The fastest rate of each axis, degrees a second.
+FASTEST = 4.0
+
+
+class Refusal(Exception):
+    """An error with a number, which the server sends with HTTP status 200."""
+
+    def __init__(self, number: int, words: str) -> None:
+        super().__init__(words)
+        self.number = number
+
+
+class Kind(NamedTuple):
+    """A kind of mount: ASCOM's AlignmentMode, the position at power-on in the north, and its AxisRates."""
+
+    build: Build
+    mode: int
+    start: Pair
+    rates: tuple[Pair, ...]
+
+
+KINDS = {
+    "german": Kind(Build.GERMAN, 2, (90.0, 90.0), ((0.001, FASTEST),)),
+    "altaz": Kind(Build.ALTAZ, 0, (180.0, 45.0), ((0.001, 0.5), (1.0, FASTEST))),
+    "polar": Kind(Build.WEDGE, 1, (180.0, 0.0), tuple((rate, rate) for rate in (0.0042, 0.067, 0.5, 2.0, FASTEST))),
+}
+
+
+def ranged(value: float, low: float, high: float, name: str) -> float:
+    """Return the value. Raises Refusal if it is out of range."""
+    if not low <= value <= high:
+        raise Refusal(INVALID_VALUE, f"{name} {value:g} is out of range, {low:g} to {high:g}")
+    return value
+
+
+@cache
+def rows() -> dict[str, Any]:
+    """Return the table of what a telescope knows of its members."""
+    return load("alpaca").extra("simulator.toml")
+
+
+class Telescope(Simulated):
+    """``site`` is latitude and longitude east, degrees; ``clock`` returns Unix seconds. ``aligned``: it tracks at the
+    start; ``lowest`` is the altitude below which it refuses a slew. Raises UserError for an unknown model.
+    """
+
+    def __init__(
+        self,
+        model: str = "german",
+        *,
+        clock: Callable[[], float],
+        site: Pair = (45.0, 10.0),
+        aligned: bool = True,
+        speed: float = 1.0,
+        ramps: bool = True,
+        platform: int = 7,
+        lacks: frozenset[str] = frozenset(),
+        tells: Mapping[str, Any] | None = None,
+        senses: tuple[int, int] = (1, 1),
+        lowest: float = -90.0,
+        parked: bool = False,
+        blocks: bool = False,
+        quiet_axes: bool = False,
+        sends_j2000: bool = False,
+        keeps_clock: bool = False,
+    ) -> None:
+        if model not in KINDS:
+            raise UserError(f"no simulated Alpaca telescope is called {model!r}; there are {', '.join(KINDS)}")
+        self.model, self.kind, self.unique_id = model, KINDS[model], str(uuid.uuid4())
+        self.clock, self.now = clock, clock()
+        self.platform, self.tells, self.senses = platform, dict(tells or {}), senses
+        self.lacks = lacks | set(rows()["which"]["absent"]) | set(rows()["lacks"][model])
+        self.lowest, self.blocks, self.quiet_axes = lowest, blocks, quiet_axes
+        self.sends_j2000, self.keeps_clock, self._ephemeris = sends_j2000, keeps_clock, Ephemeris()
+        first, second = self.kind.start
+        if site[0] < 0.0 and self.kind.build is not Build.GERMAN:
+            first = 0.0
+        self.start: Pair = (first, second)
+        self.park_at = self.start
+        self.mechanics = Mechanics(self.kind.build, Sky(*site), self.now, self.start)
+        self.mechanics.fastest, self.mechanics.speed = FASTEST, speed
+        self.mechanics.acceleration = FASTEST / RAMP_SECONDS if ramps else math.inf
+        self.connected_since, self.elevation = math.inf, 100.0
+        self.target: list[float | None] = [None, None]
+        self.drive_rate, self.guides = 0, [SIDEREAL_RATE / 2.0, SIDEREAL_RATE / 2.0]
+        self.moved: set[int] = set()
+        self.going, self.at = "", "park" if parked else ""
+        self.tracks = False
+        self.track(aligned and not parked)
+
+    def advance_to_now(self) -> None:
+        """Advance to the present time; a park or a search for home may have ended."""
+        self.now = self.clock()
+        self.mechanics.advance(self.now)
+        if self.going and not self.mechanics.slewing(self.now):
+            self.at, self.going = self.going, ""
+
+    # --- what it says of itself ---------------------------------------------------------------------------------------
+
+    @property
+    def connected(self) -> bool:
+        return self.now >= self.connected_since
+
+    @property
+    def sky(self) -> Sky:
+        """The site and the clock that it believes in."""
+        return self.mechanics.sky
+
+    @property
+    def moves(self) -> bool:
+        """What Slewing says: a slew, or an axis that is moved, until the motors have their ordered speed."""
+        if self.mechanics.slewing(self.now):
+            return True
+        return not self.quiet_axes and (bool(self.moved) or (self.mechanics.runs_on(self.now) and not self.pulses))
+
+    @property
+    def pulses(self) -> bool:
+        return any(self.mechanics.pulsing(self.now, axis) for axis in (1, 2))
+
+    def place(self) -> Pair:
+        """Return right ascension and declination as it sends them, degrees."""
+        here = fold_declination(*self.mechanics.believed(self.now))
+        return self._ephemeris.to_j2000(*here, self.utc()) if self.sends_j2000 else here
+
+    def horizon(self) -> Pair:
+        """Return azimuth and altitude, degrees."""
+        ra, dec = fold_declination(*self.mechanics.believed(self.now))
+        return hour_angle_to_horizon(wrap180(self.sky.sidereal(self.now) - ra), dec, self.sky.latitude)
+
+    def utc(self) -> float:
+        """Return its own time, Unix seconds."""
+        return self.now + self.sky.ahead
+
+    # --- what it does -------------------------------------------------------------------------------------------------
+
+    def track(self, on: bool) -> None:
+        self.tracks = on
+        self.mechanics.track(self.now, on, self.mechanics.geometry.pole)
+
+    def of_date(self, ra: float, dec: float) -> Pair:
+        """Return the position of date that a program means."""
+        return self._ephemeris.to_of_date(ra, dec, self.utc()) if self.sends_j2000 else (ra, dec)
+
+    def slew(self, ra: float, dec: float) -> None:
+        """Slew to a position in degrees. Raises Refusal if it does not track, or below its lowest altitude."""
+        if not self.tracks:
+            raise Refusal(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
+        ra, dec = self.of_date(ra, dec)
+        self._reachable(hour_angle_to_horizon(wrap180(self.sky.sidereal(self.now) - ra), dec, self.sky.latitude)[1])
+        self.release()
+        self.mechanics.goto_sky(self.now, ra, dec)
+
+    def slew_altaz(self, azimuth: float, altitude: float) -> None:
+        """Slew to a direction, and rest there. Raises Refusal if it tracks, or below its lowest altitude."""
+        if self.tracks:
+            raise Refusal(INVALID_OPERATION, "SlewToAltAz is not allowed when tracking is True")
+        ranged(azimuth, 0.0, 360.0, "Azimuth")
+        self._reachable(ranged(altitude, -90.0, 90.0, "Altitude"))
+        there = horizon_to_hour_angle(azimuth, altitude, self.sky.latitude)
+        geometry, correction = self.mechanics.geometry, self.mechanics.correction
+        first, second = geometry.axes(*there, geometry.other_side(there[0]))
+        self.go((wrap360(first - correction[0]), second - correction[1]))
+
+    def _reachable(self, altitude: float) -> None:
+        if altitude < self.lowest:
+            raise Refusal(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
+
+    def go(self, axes: Pair, to: str = "") -> None:
+        """Slew to axis positions; ``to`` is ``park`` or ``home``, where it does not track."""
+        self.release()
+        if to:
+            self.track(False)
+        self.mechanics.goto_axes(self.now, *axes)
+        self.going = to
+
+    def park(self) -> None:
+        if self.at != "park":
+            self.go(self.park_at, "park")
+
+    def set_clock(self, text: str) -> None:
+        """Set its own clock. Raises Refusal."""
+        try:
+            unix = datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
+        except ValueError:
+            raise Refusal(INVALID_VALUE, f"{text!r} is no date") from None
+        if not self.keeps_clock:
+            self.mechanics.relocate(self.now, self.sky._replace(ahead=unix - self.now))
+
+    def move_at_rate(self, axis: int, rate: float) -> None:
+        """MoveAxis: axis 0 or 1. Raises Refusal for a rate that AxisRates does not have."""
+        if ranged(axis, 0, 2, "Axis") == 2:
+            raise Refusal(NOT_IMPLEMENTED, "There is no third axis")
+        if rate and not any(low <= abs(rate) <= high for low, high in self.kind.rates):
+            raise Refusal(INVALID_VALUE, f"Rate {rate:g} is not in AxisRates")
+        self.move_axis(axis + 1, rate)
+
+    def move_axis(self, axis: int, rate: float) -> None:
+        """Move an axis, 1 or 2, in degrees a second; at 0 it does what it did before. A hand control does so, too."""
+        self.mechanics.cancel(self.now)
+        self.at = self.going = ""
+        if rate:
+            self.moved.add(axis)
+            self.mechanics.move(self.now, axis, self.senses[axis - 1] * rate)
+        elif axis in self.moved:
+            self.moved.discard(axis)
+            self.mechanics.resume_axis(self.now, axis)
+            if not self.moved:
+                self.mechanics.resume(self.now)
+
+    def release(self) -> None:
+        """End what moves an axis, and a way to park or home."""
+        for axis in tuple(self.moved):
+            self.move_axis(axis, 0.0)
+        self.at = self.going = ""
+
+    def abort(self) -> None:
+        """End every motion, also the way to park or home."""
+        self.release()
+        self.mechanics.cancel(self.now)
+
+    def pulse(self, direction: int, seconds: float) -> None:
+        """Guide: 0 raises the declination, 1 lowers it, 2 is east, 3 west, on both sides of the pier."""
+        axis = 2 if direction < 2 else 1
+        sense = self.mechanics.geometry.pole * (1.0 if direction in (0, 3) else -1.0)
+        if axis == 2 and self.mechanics.flipped:
+            sense = -sense
+        self.mechanics.pulse(self.now, axis, sense * self.guides[axis - 1], seconds)
