@@ -22,7 +22,8 @@ from gateway.system.own_names import host_of
 
 #: Content types of the files that are served, by their suffix.
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
-         ".svg": "image/svg+xml", ".webmanifest": "application/manifest+json", ".png": "image/png"}  # fmt: skip
+         ".txt": "text/plain", ".svg": "image/svg+xml", ".png": "image/png",
+         ".webmanifest": "application/manifest+json"}  # fmt: skip
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 #: Headers of every response: the browser loads and runs only files of this server, and allows no frames around it.

@@ -31,7 +31,8 @@ async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
     about: dict[str, Any] = {}
     if isinstance(where, Named):
         entry = await asyncio.to_thread(objects.describe, where.name)
-        about, where = {"name": entry.name, "kind": entry.kind, "magnitude": entry.magnitude}, entry.where
+        about = {key: value for key, value in entry._asdict().items() if key != "where"}
+        where = entry.where
     goal = await of_date(controller, where)
     fault = await controller.preview(goal)
     why = "" if fault is None else explain(fault, controller.policy.limits)

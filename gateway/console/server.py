@@ -19,6 +19,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from gateway.app.discovery.offer import web_address
 from gateway.app.gateway import Gateway
 from gateway.app.pages import Pages, from_own_page, guarded, same_token
+from gateway.astro.catalog import supplied
 from gateway.clients.access import Access
 from gateway.clients.any_protocol.web import NONE
 from gateway.console.mounts import Mounts
@@ -48,7 +49,8 @@ class Console:
         self._access, self._names, self._port_rules = access, tuple(names), ports
         self._with_page = page
         self._token = secrets.token_urlsafe(24)
-        self._files = Pages({path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")})
+        files = {path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")}
+        self._files = Pages(files | {f"data/{name}": supplied.file(name) for name in supplied.SHARED})
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
         self._room, self._ending = Room(MOST_PAGES), BackgroundTasks()

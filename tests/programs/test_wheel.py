@@ -72,7 +72,7 @@ def installed_files() -> set[str]:
         for path in (ROOT / "gateway").rglob("*")
         if path.is_file() and path.suffix != ".pyc"
     }
-    tables = [path for path in (ROOT / "mappings").rglob("*") if path.suffix in (".toml", ".md")]
+    tables = [path for path in (ROOT / "mappings").rglob("*") if path.suffix in (".toml", ".md", ".json", ".txt")]
     return files | {f"gateway/{path.relative_to(ROOT).as_posix()}" for path in tables}
 
 

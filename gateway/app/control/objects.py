@@ -10,7 +10,9 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from gateway.astro.catalog import deepsky, names, stars
+from msgspec.structs import replace
+
+from gateway.astro.catalog import deepsky, names, stars, supplied
 from gateway.astro.catalog.objects import Entry, NotInstalled
 from gateway.core.errors import Fault, SunIsNoGoal, UserError
 from gateway.core.requests import Body, Spot, Where
@@ -23,17 +25,32 @@ _CATALOGUES = {"m": "M", "messier": "M", "ngc": "NGC", "ic": "IC", "c": "C", "ca
 #: The highest number of the catalogues that are numbered from 1 without gaps.
 _HIGHEST = {"M": 110, "NGC": 7840, "IC": 5386, "C": 109}
 _KINDS = {"G": "galaxy", "P": "planetary nebula", "D": "diffuse nebula", "C": "globular cluster", "O": "open cluster",
-          "*": "star"}  # fmt: skip
+          "DO": "cluster in a nebula", "*": "star"}  # fmt: skip
 _YEAR = 365.25 * 86400.0
 
 
 class Object(NamedTuple):
-    """An object: its name, where it is, its kind in words, and its magnitude if it is known."""
+    """An object: its name, where it is, its kind in words; its magnitude, length and width (arcminutes) if known.
+
+    ``also`` are its other names, ``seen`` is what there is to see of a double.
+    """
 
     name: str
     where: Where
     kind: str
     magnitude: float | None = None
+    size: float | None = None
+    width: float | None = None
+    also: str = ""
+    seen: str = ""
+
+
+class NotSupplied(UserError):
+    """An object that only another package has; ``remedy`` says how to install that, for a person at a shell."""
+
+    def __init__(self, words: str, remedy: str) -> None:
+        super().__init__(words)
+        self.remedy = remedy
 
 
 def find(text: str) -> Where:
@@ -55,14 +72,22 @@ def describe(text: str) -> Object:
         name, entry = _numbered(found[1], int(found[2]))
     else:
         name, entry = _named(text)
-    return Object(name, Spot(entry.ra, entry.dec, j2000=True), _KINDS.get(entry.kinds[:1], "object"), entry.magnitude)
+    star = int(found[2]) if found and found[1].lower() == "hip" else names.star(text)
+    seen = supplied.doubles().get(star or 0, "")
+    kind = "double star" if seen or name == "M40" else _KINDS.get(entry.kinds, _KINDS.get(entry.kinds[:1], "object"))
+    place = Spot(entry.ra, entry.dec, j2000=True)
+    return Object(name, place, kind, entry.magnitude, entry.size, entry.width, entry.also, seen)
 
 
 def completions(text: str, most: int) -> list[str]:
-    """Return at most ``most`` names that begin with a text: planets, catalogue numbers, stars and nebulae."""
-    typed = names.normalized(text)
+    """Return at most ``most`` names that begin with a text: planets, catalogue numbers, stars and nebulae.
+
+    If there are none, those that are similar.
+    """
+    typed = supplied.normalized(text)
     bodies = [body for body in BODIES if typed and body.lower().startswith(typed)]
-    return list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.beginning(text, most))))[:most]
+    begun = list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.beginning(text, most))))[:most]
+    return begun or ([text.strip()] if names.star(text) else names.suggestions(text, BODIES))
 
 
 def _numbers(text: str) -> list[str]:
@@ -88,7 +113,11 @@ def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
     if called is None:
         raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC, HIP, SAO, HD and HR")
     name = f"{called}{number}"
-    if called == "HIP":
+    if (entry := supplied.look_up(name)) is not None:
+        return name, replace(entry, also=", ".join(one for one in (entry.name, *entry.also.split(", ")) if one != name))
+    if called == "HIP" and number in supplied.stars():
+        entry = names.of_star(number, _year())
+    elif called == "HIP":
         entry = _from_library(name, lambda: stars.hipparcos(number, _year()))
     elif called in stars.COLUMNS:
         entry = _from_library(name, lambda: stars.by_other_number(called, number, _year()))
@@ -110,21 +139,23 @@ def _named(text: str) -> tuple[str, Entry]:
             if close
             else f"{text!r} is no place: {RIGHT}"
         )
-    return text, entry
+    return entry.name, entry
 
 
 def _from_library(name: str, look: Callable[[], Entry | None]) -> Entry | None:
     try:
         return look()
     except stars.NoCrossNumbers:
-        raise UserError(
-            f"{name}: the list of SAO, HD and HR numbers is not installed. Write the star's name or its HIP number, or "
-            f"type {pip_command()} install --no-deps {stars.CROSS_PACKAGE} (57 MB, GPL)"
+        raise NotSupplied(
+            f"{name}: the list of SAO, HD and HR numbers is not installed. Write the star's name, its letter (alpha "
+            "Lyr) or its HIP number",
+            f"type {pip_command()} install --no-deps {stars.CROSS_PACKAGE} (57 MB, GPL)",
         ) from None
     except NotInstalled:
-        raise UserError(
-            f"{name}: the object library is not installed; to install it, {how_to_add('library')}. RA DEC and the "
-            "names of planets and bright stars work without it"
+        raise NotSupplied(
+            f"{name}: it is not among the 2,800 objects and 3,200 stars that are always known, and the whole catalogues"
+            " (the object library) are not installed. Its RA and DEC work without them",
+            how_to_add("library"),
         ) from None
     except Fault as fault:
         raise UserError(f"{name}: {fault}") from None

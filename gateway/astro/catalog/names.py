@@ -1,14 +1,15 @@
-"""Common names of objects: Vega, Rigel Kent, Ring Nebula; case, spaces, hyphens and other punctuation do not count.
+"""Common names of objects: Vega, alpha Lyr, 61 Cygni, Rigel Kent, Ring Nebula; spaces and punctuation do not count.
 
-The star names are this project's own list (``mappings/stars.toml``), each with a Hipparcos number. The stars of
-alignment lists and charts have their positions there too, so that ``goto Polaris`` works without any catalogue. Names
-of nebulae, clusters and galaxies are OpenNGC's. An unknown name gives None, and similar names are suggested.
+The names of stars are this project's own list (``mappings/stars.toml``), each with a Hipparcos number. Letters, and the
+names of nebulae, clusters and galaxies, are those of ``supplied.py``, which every installation has; OpenNGC's other
+names are known where it is installed. An unknown name gives None, and similar names are suggested.
 """
 
 from __future__ import annotations
 
-from gateway.astro.catalog import deepsky, stars
+from gateway.astro.catalog import deepsky, supplied
 from gateway.astro.catalog.objects import Entry, NotInstalled
+from gateway.astro.catalog.supplied import normalized
 from gateway.core.errors import similar
 from gateway.core.tables import read_table
 
@@ -17,62 +18,73 @@ _TABLE = read_table("stars.toml")
 HIPPARCOS: dict[str, int] = _TABLE["numbers"]
 #: Other name or spelling -> name.
 OTHER_NAMES: dict[str, str] = _TABLE["also"]
-#: Name -> right ascension and declination, degrees, at the catalogue's epoch; proper motion, mas a year.
-PLACES: dict[str, tuple[float, float, float, float]] = _TABLE["places"]
-_BY_NUMBER = {HIPPARCOS[name]: place for name, place in PLACES.items()}
 #: The similarity (0 to 1) from which a name is suggested, and how many are.
 ALIKE, SUGGESTED = 0.72, 3
-
-
-def by_number(number: int, year: float) -> tuple[float, float] | None:
-    """Return the J2000 position in degrees of a star in ``PLACES`` in that year (2026.5); None for any other star."""
-    place = _BY_NUMBER.get(number)
-    return None if place is None else stars.with_proper_motion(*place, year)
-
-
-def normalized(name: str) -> str:
-    """Return a name without case, punctuation, spaces and a leading "the", for comparing spellings."""
-    letters = "".join(letter for letter in name.casefold() if letter.isalnum())
-    return letters.removeprefix("the")
-
+#: The order of what has no magnitude.
+_LAST = 99.0
 
 _STARS = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
 
 
 def star(name: str) -> int | None:
-    return _STARS.get(normalized(name))
+    """Return the Hipparcos number of a star by its name or letter, or None."""
+    found = _STARS.get(normalized(name)) or supplied.star_by_letter(name)
+    if found is None:
+        doubles = {normalized(known): number for known, number in supplied.names_of_doubles().items()}
+        found = doubles.get(normalized(name))
+    return found
 
 
 def look_up(name: str, year: float) -> Entry | None:
-    """Return the star or deep sky object with this name, or None. Raises NotInstalled without the star catalogue."""
+    """Return the star or deep sky object with this name, or None."""
     number = star(name)
-    if number is None:
-        row = {normalized(known): row for known, row in _deep_sky().items()}.get(normalized(name))
-        return None if row is None else deepsky.by_row(row)
-    try:
-        return stars.hipparcos(number, year)
-    except NotInstalled:
-        place = by_number(number, year)  # bright stars are known without the catalogue
-        if place is None:
-            raise
-        return Entry(name, "*", *place)
+    if number is not None:
+        return of_star(number, year)
+    if (entry := supplied.look_up(name)) is not None:
+        return entry
+    row = {normalized(known): row for known, row in _deep_sky().items()}.get(normalized(name))
+    return None if row is None else deepsky.by_row(row)
+
+
+def of_star(number: int, year: float) -> Entry:
+    """Return the entry of a star of ``supplied.stars``, by its Hipparcos number."""
+    known = supplied.stars()[number]
+    called = next((one for one, at in HIPPARCOS.items() if at == number), "")
+    first, *others = filter(None, (called, *known.letters.split("|")))
+    return Entry(first, "*", *known.at(year), known.magnitude, also=", ".join(others))
 
 
 def beginning(text: str, most: int) -> list[str]:
-    """Return names that begin with a text: alignment stars first, other spellings last, shorter names before longer."""
+    """Return names that begin with a text, or have a word that does: stars first, the brightest before."""
     typed = normalized(text)
-    spelled = {normalized(known): known for known in (*_deep_sky(), *OTHER_NAMES, *HIPPARCOS)}
-    longer = [known for spelling, known in spelled.items() if typed and spelling.startswith(typed)]
-    return sorted(longer, key=lambda known: (known in OTHER_NAMES, known not in PLACES, len(known)))[:most]
+    if not typed:
+        return []
+    spelled = {normalized(known): known for known in _known()}
+    begin = [known for spelling, known in spelled.items() if spelling.startswith(typed)]
+    words = [known for known in spelled.values() if any(normalized(word).startswith(typed) for word in known.split())]
+    return list(dict.fromkeys((*sorted(begin, key=_rank), *sorted(words, key=_rank))))[:most]
+
+
+def _rank(known: str) -> tuple[bool, float, int]:
+    number = HIPPARCOS.get(known)
+    return known in OTHER_NAMES, _LAST if number is None else supplied.stars()[number].magnitude, len(known)
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     """Return known names that begin with an unknown one or are similar to it; ``more`` are additional known names."""
-    spelled = {normalized(known): known for known in (*_deep_sky(), *OTHER_NAMES, *HIPPARCOS, *more)}
+    spelled = {normalized(known): known for known in (*_known(), *more)}
+    spelled = {supplied.shortened(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
-    close = [*longer, *similar(typed, spelled, SUGGESTED, ALIKE)]
-    return [spelled[known] for known in dict.fromkeys(close)][:SUGGESTED]
+    close = [*longer, *similar(typed, spelled, 2 * SUGGESTED, ALIKE)]
+    known = dict.fromkeys(spelled[spelling] for spelling in close)
+    return [one for one in known if OTHER_NAMES.get(one) not in known][:SUGGESTED]
+
+
+def _known() -> list[str]:
+    """Return all names, without the numbers of catalogues; those that are known everywhere stand last."""
+    supplied_names = [name for name in supplied.deep_sky() if not name[-1].isdecimal() or " " in name]
+    return [*_deep_sky(), *supplied_names, *supplied.names_of_doubles(), *OTHER_NAMES, *HIPPARCOS]
 
 
 def _deep_sky() -> dict[str, int]:

@@ -42,7 +42,10 @@ def data_file(package: str, name: str) -> Path:
 
 
 class Entry(Struct, frozen=True):
-    """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured."""
+    """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured.
+
+    ``also`` are its other numbers and names.
+    """
 
     name: str
     kinds: str
@@ -51,6 +54,7 @@ class Entry(Struct, frozen=True):
     magnitude: float | None = None
     size: float | None = None
     width: float | None = None
+    also: str = ""
 
 
 class SearchLimits(Struct, frozen=True):

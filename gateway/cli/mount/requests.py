@@ -45,8 +45,8 @@ A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and map
   05:34:32 +22:00:52     hours and degrees; 5h34m32s 22d00m52s, and fewer parts (05:34 22), are understood as well
   83.633 22.014          degrees both
   Moon Mercury Venus Mars Jupiter Saturn Uranus Neptune
-  Polaris Vega Sirius    and about seventy other bright stars, by name
-  M42 NGC7000 IC434 C14 UGC12914 HIP32349 "Ring Nebula"
+  Polaris "alpha Ori" "61 Cyg" HIP32349      3,200 stars
+  M42 NGC7000 IC434 C14 "Ring Nebula"        2,800 nebulae, clusters and galaxies; the rest of NGC, IC and UGC
       from the object library, which is installed apart: docs/programs.md
 """
 
@@ -184,10 +184,13 @@ def add_place(command: argparse.ArgumentParser) -> None:
 def place(arguments: argparse.Namespace) -> requests.Where:
     """Return the target that the user typed. Raises UserError that says what would be right."""
     words = [word.strip() for word in arguments.place]
-    if len(words) != 2 or not words[0][:1].isdecimal():
+    if len(words) != 2 or not words[0][:1].isdecimal() or words[1][:1].isalpha():
         from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
-        return objects.find(" ".join(words))
+        try:
+            return objects.find(" ".join(words))
+        except objects.NotSupplied as missing:
+            raise UserError(f"{missing}. To install them, {missing.remedy}") from None
     ra, dec = words
     degrees = ":" not in ra and "h" not in ra.lower()
     right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)

@@ -1,0 +1,147 @@
+"""The objects that every installation knows, without any package: the files of ``mappings/sky/``.
+
+They hold a part of OpenNGC (2,800 nebulae, clusters and galaxies), the stars with a letter of Bayer's, a number of
+Flamsteed's or a name, and sixty doubles; a script in ``docs/tools`` writes them. Each is read when it is first
+needed. Spellings are compared without case, spaces and punctuation (``normalized``).
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from gateway.astro.catalog.objects import Entry
+from gateway.astro.catalog.stars import with_proper_motion
+from gateway.core.tables import mappings_folder
+
+#: The files that the console's page reads too.
+SHARED = ("deepsky.json", "doubles.json", "LICENSE-CC-BY-SA-4.0.txt")
+_GREEK = {
+    "α": "alpha", "β": "beta", "γ": "gamma", "δ": "delta", "ε": "epsilon", "ζ": "zeta", "η": "eta", "θ": "theta",
+    "ι": "iota", "κ": "kappa", "λ": "lambda", "μ": "mu", "ν": "nu", "ξ": "xi", "ο": "omicron", "π": "pi", "ρ": "rho",
+    "σ": "sigma", "τ": "tau", "υ": "upsilon", "φ": "phi", "χ": "chi", "ψ": "psi", "ω": "omega",
+}  # fmt: skip
+#: What is left out of the name of an object where nothing else has the rest for a name: the Lagoon is a nebula.
+_ENDINGS = ("nebula", "galaxy", "starcluster", "cluster")
+#: Every spelling of a Greek letter -> the letter: alpha, alf, alp and the letter itself.
+_LETTERS = {spelled: letter for letter, name in _GREEK.items() for spelled in (name, name[:3], letter)} | {"alf": "α"}
+
+
+class Star(msgspec.Struct, array_like=True, frozen=True):
+    """A star of Hipparcos: its place at the catalogue's epoch, its proper motion (mas a year)."""
+
+    number: int
+    letters: str
+    ra: float
+    dec: float
+    east: float
+    north: float
+    magnitude: float
+
+    def at(self, year: float) -> tuple[float, float]:
+        """Return the J2000 position in that year (2026.5), degrees."""
+        return with_proper_motion(self.ra, self.dec, self.east, self.north, year)
+
+
+def normalized(name: str) -> str:
+    """Return a name without case, punctuation, spaces and a leading "the", for comparing spellings."""
+    letters = "".join(letter for letter in name.casefold() if letter.isalnum())
+    return letters.removeprefix("the") if name.casefold().startswith("the ") else letters
+
+
+def file(name: str) -> Path:
+    return mappings_folder() / "sky" / name
+
+
+def _read(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = msgspec.json.decode(file(name).read_bytes())
+    return found
+
+
+@cache
+def deep_sky() -> dict[str, Entry]:
+    """Return nebulae, clusters and galaxies by each of their numbers and names, as they are written in the file."""
+    rows: list[Any] = _read("deepsky.json")["rows"]
+    found: dict[str, Entry] = {}
+    for names, *row in reversed(rows):  # if several have had the same name, it means the first
+        first, *others = names.split("|")
+        found |= dict.fromkeys((first, *others), Entry(*(first, *row, ", ".join(others))))
+    return found
+
+
+@cache
+def _spelled() -> dict[str, Entry]:
+    """Return the same by normalized names, with the names that are clear without their last word."""
+    spelled = {normalized(name): entry for name, entry in deep_sky().items()}
+    shorter: dict[str, set[str]] = {}
+    for name in spelled:
+        if (rest := shortened(name)) not in spelled:
+            shorter.setdefault(rest, set()).add(name)
+    return spelled | {rest: spelled[names.pop()] for rest, names in shorter.items() if len(names) == 1}
+
+
+def shortened(name: str) -> str:
+    """Return a normalized name without a last word like "nebula"."""
+    return next((name.removesuffix(ending) for ending in _ENDINGS if name.endswith(ending)), name)
+
+
+def look_up(name: str) -> Entry | None:
+    """Return a nebula, cluster or galaxy by a number (NGC7000) or a name (North America), or None."""
+    return _spelled().get(normalized(name))
+
+
+@cache
+def stars() -> dict[int, Star]:
+    """Return the stars by their Hipparcos numbers."""
+    return {star.number: star for star in msgspec.convert(_read("stars.json")["rows"], list[Star])}
+
+
+@cache
+def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
+    """Return the numbers of stars by letter and constellation (``αOri``), the brightest first; and all spellings of
+    constellations."""
+    found: dict[str, int] = {}
+    for star in sorted(stars().values(), key=lambda star: star.magnitude):
+        for name in filter(None, star.letters.split("|")):
+            letter, constellation = name.split(" ")
+            found.setdefault(letter + constellation, star.number)
+            if not letter.isdecimal():
+                found.setdefault(letter[0] + constellation, star.number)
+    names: dict[str, list[str]] = _read("stars.json")["constellations"]
+    spelled = {normalized(one): short for short, both in names.items() for one in (short, *both)}
+    return found, spelled
+
+
+def star_by_letter(name: str) -> int | None:
+    """Return the Hipparcos number of a star by its letter or number: alpha Ori, α Orionis, 61 Cygni; or None."""
+    typed = normalized(name)
+    parts = re.fullmatch(r"(\d+)()(\D+)", typed)
+    if parts is not None:
+        letter = parts[1]
+    elif begins := [one for one in _LETTERS if typed.startswith(one)]:
+        longest = max(begins, key=len)
+        parts = re.fullmatch(r"()(\d*)(\D+)", typed.removeprefix(longest))
+        letter = _LETTERS[longest]
+    if parts is None:
+        return None
+    numbers, constellations = _by_letter()
+    return numbers.get(f"{letter}{parts[2]}{constellations.get(parts[3])}")
+
+
+@cache
+def doubles() -> dict[int, str]:
+    """Return what is to be seen of the doubles, by Hipparcos number."""
+    return {
+        row[1]: f"magnitudes {row[4]:.1f} and {row[5]:.1f}, {row[6]:g}″ apart: {row[7]}"
+        for row in _read("doubles.json")["rows"]
+    }
+
+
+@cache
+def names_of_doubles() -> dict[str, int]:
+    """Return the Hipparcos numbers of the doubles by their names: Double Double, Albireo."""
+    return {row[0].split("|")[0]: row[1] for row in _read("doubles.json")["rows"]}
