@@ -8,7 +8,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, ip_address
 
 
 def interface_addresses() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
@@ -19,6 +19,16 @@ def interface_addresses() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
         for one in adapter.ips:
             text = one.ip if isinstance(one.ip, str) else one.ip[0]
             yield str(adapter.nice_name), ip_address(text)
+
+
+def ipv4_networks() -> Iterator[tuple[IPv4Address, IPv4Network]]:
+    """Yield every IPv4 address of this computer with its network."""
+    import ifaddr
+
+    for adapter in ifaddr.get_adapters():
+        for one in adapter.ips:
+            if isinstance(one.ip, str):
+                yield IPv4Address(one.ip), IPv4Network(f"{one.ip}/{one.network_prefix}", strict=False)
 
 
 def host_of(header: str) -> str:

@@ -26,19 +26,21 @@ NONE_FOUND = 1
 def add_detect(commands: Commands) -> None:
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",
-        description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "
+        description="Looks for a mount on all serial ports and for ASCOM Alpaca telescopes in the network, or at those "
+                    "given. A port is asked two harmless "
                     "questions (Kx, then ACK), and one named as lx200@ a third (:GR#), first at 9600 baud; nothing "
                     "moves. Exit code 0: a mount was found, 1: none.",
         epilog="Examples:\n  mount-gateway detect\n  mount-gateway detect /dev/ttyUSB0 --write gateway.toml\n"
                "  mount-gateway detect --network --write gateway.toml      for programs on a phone, too\n"
-               "  mount-gateway detect socket://192.168.1.50:4030",
+               "  mount-gateway detect socket://192.168.1.50:4030\n"
+               "  mount-gateway detect http://192.168.1.60:11111",
     )  # fmt: skip
     detect.add_argument(
         "port",
         nargs="*",
         metavar="PORT",
-        help="a device, a pyserial URL (socket://HOST:PORT, rfc2217://HOST:PORT), or with its protocol "
-        "lx200@/dev/ttyUSB0: some old classics do not answer ACK",
+        help="a device, a pyserial URL (socket://HOST:PORT, rfc2217://HOST:PORT), an Alpaca server "
+        "(http://HOST:PORT), or with its protocol lx200@/dev/ttyUSB0: some old classics do not answer ACK",
     )
     detect.add_argument(
         "--network",
@@ -54,7 +56,7 @@ def add_detect(commands: Commands) -> None:
 def _detect(arguments: argparse.Namespace) -> int:
     import json
 
-    from gateway.diagnostics.detect import here, look_at_all, named
+    from gateway.diagnostics.detect import ask_servers, here, look_at_all, named
     from gateway.diagnostics.detect.report import block, next_steps, values
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
@@ -63,14 +65,20 @@ def _detect(arguments: argparse.Namespace) -> int:
         missing = FileNotFoundError(errno.ENOENT, "")
         raise UserError(f"{arguments.write}: {about_file(arguments.write, missing)}")
     places = list({place.url: place for place in map(named, arguments.port)}.values()) if arguments.port else here()
-    if not places:
+    urls = [place.url for place in places if place.url.startswith("http://")]
+    ports = [place for place in places if place.url not in urls]
+    if not arguments.json:
+        print(_looking(len(ports), not arguments.port, bool(urls)), file=sys.stderr, flush=True)
+
+    async def look() -> list[Finding]:
+        offered = ask_servers(urls) if arguments.port else ask_servers(None)
+        return [one for several in await asyncio.gather(look_at_all(ports), offered) for one in several]
+
+    findings = asyncio.run(look())
+    if not findings:
         print("[]" if arguments.json else "no mount was found", flush=True)
         _advise(next_steps([]), arguments.json)
         return NONE_FOUND
-    if not arguments.json:
-        many = f"{len(places)} ports" if len(places) > 1 else "1 port"
-        print(f"looking at {many}, up to 25 s …", file=sys.stderr, flush=True)
-    findings = asyncio.run(look_at_all(places))
     if arguments.json:
         print(json.dumps([values(finding, arguments.network) for finding in findings], indent=2))
     else:
@@ -80,6 +88,13 @@ def _detect(arguments: argparse.Namespace) -> int:
         _write(arguments.write, mounts, arguments.force, arguments.network)
     _advise(next_steps(findings), arguments.json)
     return 0 if mounts else NONE_FOUND
+
+
+def _looking(ports: int, network: bool, servers: bool) -> str:
+    """Return what is being looked at."""
+    at = [f"{ports} ports" if ports > 1 else "1 port"] if ports else []
+    at += ["the servers in the network"] if network else ["what the server offers"] if servers else []
+    return f"looking at {' and '.join(at)}, up to {25 if ports else 5} s …"
 
 
 def _advise(steps: list[str], json: bool) -> None:

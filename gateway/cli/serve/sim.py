@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+from collections.abc import Callable
 from math import inf
 from typing import TYPE_CHECKING, TextIO
 
@@ -19,6 +20,7 @@ from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 
 if TYPE_CHECKING:
+    from gateway.app.discovery.offer import Offer
     from gateway.protocols.mechanics.simulated import Simulated
 
 
@@ -129,7 +131,8 @@ def _sim(arguments: argparse.Namespace) -> int:
         speed=arguments.speed,
         **settings,
     )
-    name = f"{endpoint.protocol}:{endpoint.model or PROTOCOLS[endpoint.protocol].default_model}"
+    spec = PROTOCOLS[endpoint.protocol]
+    name = spec.shown(endpoint.model or spec.default_model, None)
 
     async def serve() -> int:
         return await _serve(simulator, name, places, arguments.latency, arguments.baud, arguments.truth)
@@ -140,6 +143,7 @@ def _sim(arguments: argparse.Namespace) -> int:
 async def _serve(
     simulator: Simulated, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
 ) -> int:
+    from gateway.app.discovery.offer import network_offers
     from gateway.app.simulated import serve_simulator
 
     done = until_signal()
@@ -147,15 +151,27 @@ async def _serve(
     ports = await serve_simulator(simulator, places, latency, baud)
     for port in ports:
         streams.say(f"ready {name}@{port.where}")
+    end = await _answer_discovery(network_offers(f"{name}@{port.where}" for port in ports))
     try:
         if file is None:
             await done.wait()
         else:
             await _tell_truth(simulator, file, done)
     finally:
+        end()
         for port in ports:
             await port.close()
     return 0
+
+
+async def _answer_discovery(offers: list[Offer]) -> Callable[[], None]:
+    """Let programs discover a mount that is reached over HTTP, as real servers do; return the function that ends it."""
+    web = PROTOCOLS[offers[0].protocol].web if offers else None
+    try:
+        return await web().answer_discovery([(offer.host, offer.port) for offer in offers]) if web else lambda: None
+    except OSError as error:
+        streams.say(f"programs will not find it by themselves: {error.strerror or error}")
+        return lambda: None
 
 
 def _open(path: str) -> TextIO:

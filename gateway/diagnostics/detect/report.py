@@ -30,6 +30,7 @@ WORDS = {
     "unopened": "cannot be opened",
     "vanished": "the port vanished while it was looked at",
     "mute": "a mount",
+    "offered": "a mount to which programs connect; it needs no second gateway",
 }
 EQUINOX = {
     "jnow": "of date (jnow)",
@@ -84,6 +85,8 @@ def _nothing(finding: Finding) -> str:
 def _mount_lines(finding: Finding, network: bool) -> list[str]:
     mount = finding.mount
     assert mount is not None
+    if not mount.answers:  # it was not asked anything: a server offers it
+        return [f"{mount.product}; its server answers in {mount.latency * 1000:.0f} ms", *_starts(finding, network)]
     baud = f"{finding.baud} baud; " if finding.baud else ""
     motors = f"motors {', '.join(dict.fromkeys(mount.motors))}; " if mount.motors else ""
     version = "tells no version" if mount.version == UNTOLD else f"version {mount.version}"
@@ -96,6 +99,13 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
         *([f"it does not tell: {', '.join(mute)}"] if mute else []),
         f"equinox: {EQUINOX[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
         *hints(mount),
+        *_starts(finding, network),
+    ]
+
+
+def _starts(finding: Finding, network: bool) -> list[str]:
+    """Return the lines that say how to start a gateway with a mount."""
+    return [
         "for programs on this computer:",
         f"  {command(finding)}",
         "for phones and other computers, too (anybody in your network can then move the mount):",
@@ -128,7 +138,7 @@ def endpoint(finding: Finding) -> str:
     assert mount is not None
     if place.named is not None and place.named.protocol == mount.protocol:
         return str(place.named)
-    model = f":{mount.model}" if mount.version == UNTOLD else ""
+    model = f":{mount.model}" if mount.version == UNTOLD and mount.model else ""
     return f"{mount.protocol}{model}@{place.name}"
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from enum import StrEnum
 from functools import partial
 
@@ -163,8 +163,8 @@ OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
 EAVESDROP = 1.6
 #: Verdicts after which other rates are tried.
 OPEN = (Verdict.SILENT, Verdict.GARBLED, Verdict.TALKER)
-#: Another program has the port; and that program is a gateway.
-BUSY, SERVED = "busy", "served"
+#: Another program has the port; and that program is a gateway. A gateway in the network offers the mount.
+BUSY, SERVED, OFFERED = "busy", "served", "offered"
 UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
@@ -185,6 +185,21 @@ class Finding(Struct, frozen=True):
 async def look_at_all(places: Iterable[SerialPortInfo]) -> list[Finding]:
     """Examine several ports at the same time."""
     return await asyncio.gather(*(look(place) for place in places))
+
+
+async def ask_servers(urls: Sequence[str] | None) -> list[Finding]:
+    """Return the mounts that servers at these addresses offer; None asks the whole network."""
+    found = []
+    for spec in PROTOCOLS.values():
+        for one in await spec.find_mounts(urls) if spec.find_mounts is not None else []:
+            place = SerialPortInfo(one.where, one.where, f"{spec.title}: {one.server}")
+            mount = Mount(
+                spec.name, one.product, "", "?", (), one.seconds, "jnow", None, None,
+                tells_model=False, tells_place=True, answers={},
+            )  # fmt: skip
+            gateway = Finding(place, OFFERED, reason=one.product)
+            found.append(gateway if one.gateway else Finding(place, spec.name, mount=mount, seconds=one.seconds))
+    return found
 
 
 async def look(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
+from gateway.protocols.base.spec import MadeSurface, OfferedMount, ProtocolSpec, SurfaceSettings
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
@@ -38,6 +39,12 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
     return SimulatedAlpaca(model or DEFAULT_MODEL, **settings)
 
 
+async def _find_mounts(urls: Sequence[str] | None) -> list[OfferedMount]:
+    from gateway.protocols.alpaca.http.finding import find
+
+    return await find(urls)
+
+
 def _hint(frame: bytes) -> str:
     """Explain how requests are written, for one that does not exist."""
     if load(NAME).find(frame + b"\n") is not None:
@@ -64,6 +71,7 @@ SPEC = ProtocolSpec(
     opening=re.compile(rb"(?:(?:get|put) [^\n]*\n)*"),
     make_surface=_make_surface,
     make_simulator=_make_simulator,
+    find_mounts=_find_mounts,
     web=_web,
     required_requests=("put connected Connected=true\\x0a",),
     hint=_hint,

@@ -7,7 +7,7 @@ a function imports what it needs when it is called.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import Struct
@@ -88,6 +88,19 @@ class Question(Struct, frozen=True):
     judge: Callable[[bytes, float], str | None]
     named: bool = False
     late: bool = False
+
+
+class OfferedMount(Struct, frozen=True):
+    """A mount that a server in the network offers: ``where`` belongs into an endpoint, ``server`` is what it calls
+    itself; ``gateway``: it is a mount-gateway. It answered in ``seconds``; its ``identifier`` is the same everywhere.
+    """
+
+    where: str
+    product: str
+    server: str
+    gateway: bool
+    identifier: str
+    seconds: float
 
 
 class NightRows(Struct, frozen=True):
@@ -171,6 +184,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     questions: tuple[Question, ...] = ()
     #: Other states that an answer to a question may show, with their descriptions.
     states: Mapping[str, str] = {}
+    #: Returns the mounts that servers offer: those at these addresses, or all that answer in the network.
+    find_mounts: Callable[[Sequence[str] | None], Awaitable[list[OfferedMount]]] | None = None
     night: NightRows = NightRows()
     #: Where to plug in the cable; which mount may not hear the questions that are sent to every port (at ``{port}``).
     cable: str = ""

@@ -19,6 +19,7 @@ from aiohttp import web
 
 from gateway.core.about import full_version, version
 from gateway.core.errors import ReadOnly
+from gateway.protocols.alpaca.http.chain import MEMBER, SERVER, tokens
 from gateway.protocols.alpaca.http.programs import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, client_numbers, parse_request
 from gateway.protocols.alpaca.tables import empty_value, member, refused
@@ -133,8 +134,8 @@ class AlpacaServer:
 
     async def _description(self, request: web.Request) -> web.StreamResponse:
         return _value(request, {
-            "ServerName": "mount-gateway", "Manufacturer": "the mount-gateway developers",
-            "ManufacturerVersion": version(), "Location": "",
+            "ServerName": SERVER, "Manufacturer": "the mount-gateway developers",
+            "ManufacturerVersion": version(), "Location": "", MEMBER: tokens(),
         })  # fmt: skip
 
     async def _configured(self, request: web.Request) -> web.StreamResponse:

@@ -75,9 +75,16 @@ def test_without_a_mount_it_is_said_what_to_try(finding: Finding, says: list[str
 
 def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.here", list)
+    asked = []
+
+    async def nobody(urls: list[str] | None) -> list[Finding]:
+        asked.append(urls)
+        return []
+
+    monkeypatch.setattr("gateway.diagnostics.detect.ask_servers", nobody)
     assert main(["detect"]) == 1
     told = capsys.readouterr()
-    assert told.out == "no mount was found\n"
+    assert told.out == "no mount was found\n" and asked == [None]
     assert "plug the USB adapter in" in told.err and "socket://192.168.1.50:4030" in told.err
     assert main(["detect", "--json"]) == 1
     assert capsys.readouterr() == ("[]\n", "")

@@ -399,7 +399,7 @@ def test_management() -> None:
         _, versions = await own.ask("GET", "/management/apiversions?ClientTransactionID=9")
         assert versions["Value"] == [1] and versions["ClientTransactionID"] == 9
         _, about = await own.ask("GET", "/management/v1/description")
-        assert set(about["Value"]) == {"ServerName", "Manufacturer", "ManufacturerVersion", "Location"}
+        assert set(about["Value"]) == {"ServerName", "Manufacturer", "ManufacturerVersion", "Location", "Gateways"}
         _, devices = await own.ask("GET", "/management/v1/configureddevices")
         [device] = devices["Value"]
         assert (device["DeviceName"], device["DeviceType"], device["DeviceNumber"]) == ("a mount", "Telescope", 0)

@@ -1,0 +1,124 @@
+"""Finds telescopes of Alpaca servers, for ``detect``: by ASCOM's discovery in every network of this computer, or at
+addresses that are given. Servers are only asked what they offer: no telescope is connected, and nothing moves.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+from collections.abc import Sequence
+from ipaddress import ip_address
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from gateway.protocols.alpaca.http.chain import SERVER
+from gateway.protocols.alpaca.http.discovery import PORT, QUESTION, Place
+from gateway.protocols.base.spec import OfferedMount
+from gateway.system.own_names import ipv4_networks
+
+if TYPE_CHECKING:
+    from aiohttp import ClientSession
+
+#: How often the question is sent, seconds between two times, seconds until no more answers are expected, and until a
+#: server must have answered.
+TIMES, BETWEEN, LAST, LONGEST = 3, 0.15, 1.0, 5.0
+#: The port of a server whose address is given without one.
+USUAL = 80
+
+
+async def find(urls: Sequence[str] | None, port: int = PORT) -> list[OfferedMount]:
+    """Return the telescopes of the servers at these addresses, or of all that answer; each once, by its identifier."""
+    from aiohttp import ClientSession, ClientTimeout
+
+    places = await _discover(port) if urls is None else [_place(url) for url in urls]
+    async with ClientSession(timeout=ClientTimeout(total=LONGEST)) as session:
+        found = await asyncio.gather(*(_telescopes(session, *place) for place in places))
+    mounts: dict[str, OfferedMount] = {}
+    for mount in sorted((one for several in found for one in several), key=_local_first):
+        mounts.setdefault(mount.identifier.casefold() or mount.where, mount)
+    return list(mounts.values())
+
+
+def _local_first(mount: OfferedMount) -> tuple[bool, str]:
+    """A loopback address does not change with the network."""
+    return not ip_address(urlsplit(mount.where).hostname or "").is_loopback, mount.where
+
+
+def _place(url: str) -> Place:
+    parts = urlsplit(url)
+    return parts.hostname or "", parts.port or USUAL
+
+
+# --- asking the network ---------------------------------------------------------------------------------------------
+
+
+class _Asking(asyncio.DatagramProtocol):
+    def __init__(self, places: set[Place]) -> None:
+        self._places = places
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        with contextlib.suppress(ValueError, TypeError, KeyError):
+            if 0 < (port := int(json.loads(data)["AlpacaPort"])) < 65536:
+                self._places.add((addr[0], port))
+
+
+async def _discover(port: int) -> list[Place]:
+    """Ask by one broadcast in each network, loopback included, because 255.255.255.255 goes to one network only."""
+    places: set[Place] = set()
+    loop, askers = asyncio.get_running_loop(), []
+    for address, network in ipv4_networks():
+        if network.is_link_local or network.prefixlen > 30:
+            continue
+        with contextlib.suppress(OSError):
+            made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            made.bind((str(address), 0))
+            transport, _ = await loop.create_datagram_endpoint(lambda: _Asking(places), sock=made)
+            askers.append((transport, str(network.broadcast_address)))
+    for _ in range(TIMES):
+        for transport, broadcast in askers:
+            transport.sendto(QUESTION, (broadcast, port))
+        await asyncio.sleep(BETWEEN)
+    await asyncio.sleep(LAST)
+    for transport, _ in askers:
+        transport.close()
+    return sorted(places)
+
+
+# --- asking a server ------------------------------------------------------------------------------------------------
+
+
+async def _telescopes(session: ClientSession, host: str, port: int) -> list[OfferedMount]:
+    """Return the telescopes of one server; none if it does not answer as ASCOM defines."""
+    server, now = f"http://{host}:{port}", asyncio.get_running_loop().time
+    began = now()
+    devices = await _value(session, f"{server}/management/v1/configureddevices")
+    seconds = now() - began
+    about = await _value(session, f"{server}/management/v1/description")
+    about = about if isinstance(about, dict) else {}
+    name = " ".join(str(about.get(key) or "") for key in ("ServerName", "ManufacturerVersion")).strip()
+    return [
+        OfferedMount(
+            where=f"{server}/{device.get('DeviceNumber', 0)}",
+            product=str(device.get("DeviceName") or "telescope"),
+            server=name or "a server without a name",
+            gateway=about.get("ServerName") == SERVER,
+            identifier=str(device.get("UniqueID") or ""),
+            seconds=seconds,
+        )
+        for device in (devices if isinstance(devices, list) else [])
+        if isinstance(device, dict) and str(device.get("DeviceType")).lower() == "telescope"
+    ]
+
+
+async def _value(session: ClientSession, url: str) -> Any:
+    """Return the value that a server tells; None if it tells none."""
+    from aiohttp import ClientError
+
+    try:
+        async with session.get(url) as answer:
+            return json.loads(await answer.text())["Value"]
+    except (ClientError, OSError, ValueError, TypeError, KeyError, TimeoutError):
+        return None

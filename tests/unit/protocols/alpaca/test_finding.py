@@ -1,0 +1,129 @@
+"""``detect`` finds the telescopes of Alpaca servers, each once, and names a gateway as one."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import Awaitable, Callable
+from ipaddress import IPv4Address, IPv4Network
+from typing import Any
+
+import pytest
+from aiohttp import web
+
+from gateway.app.simulated import serve_simulator
+from gateway.cli import main
+from gateway.diagnostics.detect import ask_servers
+from gateway.diagnostics.detect.report import block, command, toml
+from gateway.protocols.alpaca.http import chain, finding
+from gateway.protocols.alpaca.http.discovery import answer_discovery
+from gateway.protocols.alpaca.http.server import AlpacaServer
+from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
+from gateway.protocols.base.spec import OfferedMount
+from gateway.transport.http_server import HttpServer
+from gateway.transport.web_port import WebDevice
+from tests.support.in_process_gateway import EVENING
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
+        made.bind(("127.0.0.1", 0))
+        return int(made.getsockname()[1])
+
+
+def served(look: Callable[[list[str]], Awaitable[Any]], *simulators: SimulatedAlpaca) -> Any:
+    """Serve each simulator on two ports, and return what ``look`` returns for the addresses."""
+
+    async def program() -> Any:
+        ports = []
+        for sim in simulators:
+            ports += await serve_simulator(sim, ["tcp://127.0.0.1:0", "tcp://127.0.0.1:0"], 0.0)
+        where = [port.where.replace("tcp:", "http:") for port in ports]
+        try:
+            async with asyncio.timeout(20.0):
+                return await look(where)
+        finally:
+            for port in ports:
+                await port.close()
+
+    return asyncio.run(program())
+
+
+def test_discovery_finds_each_telescope_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two addresses of a server are one telescope; a server that is none offers nothing."""
+    loopback = IPv4Address("127.0.0.1"), IPv4Network("127.0.0.0/8")
+    monkeypatch.setattr(finding, "ipv4_networks", lambda: [loopback])
+    monkeypatch.setattr(finding, "LAST", 0.3)
+    udp = free_udp_port()
+
+    async def look(where: list[str]) -> list[OfferedMount]:
+        places = [("127.0.0.1", int(one.rpartition(":")[2])) for one in where]
+        silent = socket.create_server(("127.0.0.1", 0))  # takes connections and never answers
+        monkeypatch.setattr(finding, "LONGEST", 1.0)
+        end = await answer_discovery([*places, silent.getsockname()], udp)
+        try:
+            return await finding.find(None, udp)
+        finally:
+            end()
+            silent.close()
+
+    german, polar = (SimulatedAlpaca(kind, clock=lambda: EVENING) for kind in ("german", "polar"))
+    found = served(look, german, polar)
+    assert sorted(one.product for one in found) == ["Simulated german", "Simulated polar"]
+    assert {one.identifier for one in found} == {german.unique_id, polar.unique_id}
+    assert not any(one.gateway for one in found)
+
+
+def test_the_line_to_type() -> None:
+    sim = SimulatedAlpaca("polar", clock=lambda: EVENING)
+    [finding_there] = served(ask_servers, sim)
+    where = finding_there.place.url
+    assert where.startswith("http://127.0.0.1:") and where.endswith("/0")
+    assert f"mount-gateway run --mount alpaca@{where} --surface lx200@tcp://127.0.0.1:4030" in block(finding_there)
+    assert "Simulated polar" in block(finding_there) and f"alpaca@{where}" in command(finding_there)
+    assert f'at = "alpaca@{where}"' in toml(finding_there)
+
+
+@pytest.mark.parametrize(
+    "told", [None, [], {"Value": "nothing"}, {"Value": [{"DeviceType": "Camera", "DeviceNumber": 0}, 7]}]
+)
+def test_a_server_without_a_telescope(told: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    sim = SimulatedAlpaca(clock=lambda: EVENING)
+    monkeypatch.setattr(SimulatedAlpaca, "request", lambda *_: (200, json.dumps(told)))
+    assert served(finding.find, sim) == []
+
+
+def test_nobody_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        assert main(["detect", f"http://127.0.0.1:{closed.getsockname()[1]}"]) == 1
+    assert "no mount was found" in capsys.readouterr().out
+
+
+def test_a_gateway_is_named_as_one() -> None:
+    async def program() -> str:
+        app = web.Application()
+        AlpacaServer([WebDevice(lambda connected: None, "nexstar@sim")]).add_to(app)  # type: ignore[arg-type,return-value]
+        server = await HttpServer.start(app)
+        port = await server.listen("127.0.0.1", 0)
+        try:
+            [found] = await ask_servers([f"http://127.0.0.1:{port}"])
+        finally:
+            await server.close()
+        assert found.mount is None
+        return block(found)
+
+    text = asyncio.run(program())
+    assert "mount-gateway" in text and "it needs no second gateway: nexstar@sim" in text
+
+
+def test_a_gateway_that_would_drive_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tokens of gateways in a row are all there; one's own is refused."""
+    monkeypatch.setattr(chain, "_behind", {})
+    chain.check("http://a", {"ServerName": "another"}), chain.check("http://b", {"Gateways": ["first", "second", 3]})
+    assert chain.tokens() == [chain.OWN, "first", "second"]
+    with pytest.raises(OSError, match="this very gateway"):
+        chain.check("http://c", {"Gateways": ["first", chain.OWN]})
+    chain.check("http://b", {"Gateways": "nonsense"})
+    assert chain.tokens() == [chain.OWN]
