@@ -17,7 +17,6 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, Networks, networks
 from gateway.clients.any_protocol.acceptor import AnyAcceptor
-from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.core.about import RULES
 from gateway.core.errors import UserError
@@ -33,7 +32,7 @@ from gateway.transport import Listener, open_port
 from gateway.transport.handler import Accept
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
-from gateway.transport.web_port import SharedWebPort, WebDevice
+from gateway.transport.web_port import SharedWebPort, WebDevice, WebPort
 from gateway.transport.wires import SerialTransport, Transport, on_the_wire
 
 MakeFramer = Callable[[], Framer]
@@ -141,7 +140,7 @@ class AcceptorFactory:
         clock: Callable[[], float],
         sky: Sky,
         warn: Callable[[str], None],
-        web: Web,
+        web: WebPort,
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
         self._shared, self._clock, self._warn, self._web = shared, clock, warn, web

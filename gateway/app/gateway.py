@@ -33,7 +33,6 @@ from gateway.app.state.mount_claim import claim, taken
 from gateway.app.state.store import PreviousRun, StateStore, restore
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.about import RULES
@@ -50,7 +49,7 @@ from gateway.system.locks import Claim
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
 from gateway.transport.listening import SERVED
-from gateway.transport.web_port import WebDevice
+from gateway.transport.web_port import WebDevice, WebPort
 
 if TYPE_CHECKING:
     from gateway.app.control.requests import RequestHandler
@@ -85,7 +84,7 @@ class Gateway:
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         #: Serves the HTTP protocols on a surface for every protocol.
-        self.web = Web()
+        self.web = WebPort()
         self.fitted = asyncio.Event()
         self._controller: MountController | None = None
         #: What the previous run saved, and the store of this run; a replay has no store.

@@ -16,12 +16,10 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from gateway.app.discovery.offer import web_address
 from gateway.app.gateway import Gateway
 from gateway.app.pages import Pages, from_own_page, guarded, same_token
 from gateway.astro.catalog import supplied
 from gateway.clients.access import Access
-from gateway.clients.any_protocol.web import NONE
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.core.waiting import BackgroundTasks
@@ -29,6 +27,7 @@ from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.http_server import HttpServer, addressed_here, local_address
 from gateway.transport.room import Guest, Room, Use
+from gateway.transport.web_port import NONE
 
 PAGE = Path(__file__).parent / "page"
 #: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
@@ -36,7 +35,7 @@ LONGEST, MOST_PAGES, HEARTBEAT = 16384, 64, 10.0
 
 
 class Console:
-    """The console's web server, from ``open`` to ``close``."""
+    """The console's web server, from ``open`` to ``close``. Called for each connection, it returns its protocol."""
 
     def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
                  names: Sequence[str] = (), ports: Mapping[int, Access] = MappingProxyType({}),
@@ -56,15 +55,9 @@ class Console:
         self._room, self._ending = Room(MOST_PAGES), BackgroundTasks()
         self._server: HttpServer | None = None
         self._served: list[Callable[[], None]] = []
-        self.host, self.port = "", 0
 
-    @property
-    def where(self) -> str:
-        """The address to enter in a browser on this computer."""
-        return web_address(self.host, self.port)
-
-    async def open(self, host: str = "", port: int = 0) -> None:
-        """Serve connections that other ports accept, and with a host those of a port of its own. Raises OSError."""
+    async def open(self) -> None:
+        """Make the server that is to serve the connections."""
         app = web.Application(middlewares=[guarded(self._refusal)], client_max_size=1024)
         self._served = self._serve_programs(app)
         app.add_routes([web.get("/{path:.*}", _no_page)] if not self._with_page else [
@@ -72,8 +65,6 @@ class Console:
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._files.file),
         ])  # fmt: skip
         self._server = await HttpServer.start(app)
-        if host:
-            self.host, self.port = host, await self._server.listen(host, port)
 
     def _serve_programs(self, app: web.Application) -> list[Callable[[], None]]:
         """Serve clients of HTTP protocols at the same port. Return the functions that end this."""
@@ -84,10 +75,9 @@ class Console:
             if spec.web is not None and all(name in one for one in served)
         ]
 
-    def serve(self, transport: asyncio.Transport, data: bytes) -> None:
-        """Take over a connection that was accepted elsewhere and of which these bytes have been read."""
+    def __call__(self) -> asyncio.Protocol:
         assert self._server is not None
-        self._server.serve(transport, data)
+        return self._server()
 
     async def close(self) -> None:
         """Close all pages, which releases their direction keys, stop serving, and end running recordings."""

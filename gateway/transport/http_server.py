@@ -1,4 +1,4 @@
-"""A web server, which answers the HTTP connections of its own ports and those that other ports hand over.
+"""A web server, which answers the HTTP connections of its own ports and those that ``web_port.py`` hands over.
 
 A request that is not whole ``WHOLE`` seconds after its first byte, body included, ends its connection, however it
 trickles in; so does a connection that sends none. The places are shared as ``room.py`` says. Importing this module
@@ -47,14 +47,6 @@ class HttpServer:
         """Listen at an address and return the actual port. Raises OSError."""
         self._ports.append(await asyncio.get_running_loop().create_server(self, host, port, backlog=128))
         return int(self._ports[-1].sockets[0].getsockname()[1])
-
-    def serve(self, transport: asyncio.Transport, data: bytes) -> None:
-        """Take over a connection that was accepted elsewhere and of which these bytes have been read."""
-        protocol = self()
-        transport.set_protocol(protocol)
-        protocol.connection_made(transport)
-        if data:
-            protocol.data_received(data)
 
     async def close(self) -> None:
         """Stop answering and close all connections."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import os
 import socket
@@ -19,28 +20,37 @@ LISTENING = ("tcp://", "rfc2217://")
 SERVED = "web"
 
 
-async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[asyncio.Server, str]:
+async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: int = 0) -> tuple[asyncio.Server, str]:
     """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
-    ``make`` is called for every connection. Without a host only this computer can connect; port 0 takes a free one. The
-    address ``[::]`` means every address of this computer, IPv4 and IPv6.
+    ``make`` is called for every connection. Without a host only this computer can connect; port 0 takes a free one, and
+    one that is taken one of the ``others`` after it. The address ``[::]`` means every address of this computer, IPv4
+    and IPv6.
     """
     host, port = split_address(where)
-    loop = asyncio.get_running_loop()
     try:
-        if host == "::":
-            both = socket.create_server(
-                (host, port), family=socket.AF_INET6, backlog=BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
-            )
-            server = await loop.create_server(make, sock=both, backlog=BACKLOG)
+        for last in range(port, min(port + others, 65535) if port else 0):
+            with contextlib.suppress(OSError):
+                server = await _server(host, last, make)
+                break
         else:
-            server = await loop.create_server(make, host, port, backlog=BACKLOG)
+            server = await _server(host, port, make)
     except UnicodeError:
         raise UserError(f"cannot listen on {where}: {host!r} is not a valid host name") from None
     except OSError as error:
         raise UserError(f"cannot listen on {where}: {_reason(error, host, port)}") from None
     real = server.sockets[0].getsockname()
     return server, f"{where.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
+
+
+async def _server(host: str, port: int, make: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
+    loop = asyncio.get_running_loop()
+    if host != "::":
+        return await loop.create_server(make, host, port, backlog=BACKLOG)
+    both = socket.create_server(
+        (host, port), family=socket.AF_INET6, backlog=BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
+    )
+    return await loop.create_server(make, sock=both, backlog=BACKLOG)
 
 
 def _reason(error: OSError, host: str, port: int) -> str:

@@ -1,22 +1,35 @@
-"""A listening port of a web server, which is loaded for the first connection.
+"""A web server that is loaded at the first byte for it, for connections of its own port and of others.
 
-Loading takes a quarter of a second, which would delay every start. Until then connections wait.
+Loading takes a quarter of a second, which would delay every start. Until then connections wait with what they have
+sent, as many as at the server and for some seconds at most; one that is not served gets a short answer that says so.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Protocol, cast
 
 from msgspec import Struct
 
+from gateway.system.file_limits import no_room
 from gateway.transport.handler import Accept, Listener
 from gateway.transport.listening import SERVED, listen
+from gateway.transport.room import Guest, Room
 
-#: Bytes of one connection that are kept until the server is loaded; no legitimate request is longer.
-MAX_BYTES = 16384
+#: Connections that may wait, and bytes of each: no legitimate request is longer. Seconds that one may send nothing, and
+#: that it waits for the server.
+MOST, MAX_BYTES, SILENT, TIMEOUT = 256, 16384, 10.0, 5.0
+
+NONE = (
+    "404 Not Found",
+    "There is no console here: mount-gateway was started without one (--no-console).\n"
+    "Telescope programs can use this port.\n",
+)
+LATE = (
+    "503 Service Unavailable",
+    "mount-gateway is starting or waiting for its mount. Load this page again in a moment.\n",
+)
 
 
 class WebServer(Protocol):
@@ -26,40 +39,56 @@ class WebServer(Protocol):
     async def close(self) -> None: ...
 
 
-class WebPort:
-    """Listens from ``open`` to ``close``; ``load`` loads the server."""
+async def no_server() -> None:
+    """Load nothing: there is no web server."""
 
-    def __init__(self, load: Callable[[], Awaitable[WebServer]]) -> None:
+
+class WebPort:
+    """Serves connections, and from ``open`` on those of a port of its own, to ``close``; ``load`` loads the server."""
+
+    def __init__(self, load: Callable[[], Awaitable[WebServer | None]] = no_server) -> None:
         self._load = load
-        self._server: WebServer | None = None
-        self._loading: asyncio.Task[WebServer] | None = None
+        self.server: WebServer | None = None
+        self._loading: asyncio.Task[None] | None = None
         self._listening: asyncio.Server | None = None
+        self.room = Room(MOST)
         self.where = ""
 
-    async def open(self, where: str) -> None:
-        """Open the port. Raises UserError."""
-        self._listening, self.where = await listen(where, self.connection)
+    async def open(self, where: str, others: int = 0) -> None:
+        """Open the port, or one of so many ``others`` after it that is free. Raises UserError."""
+        self._listening, self.where = await listen(where, self.connection, others)
 
     def connection(self) -> asyncio.Protocol:
         """Return the protocol for a connection that was accepted, here or on another port."""
-        return _Waiting(self) if self._server is None else self._server()
+        return _Waiting(self) if self.server is None else self.server()
 
-    async def server(self) -> WebServer:
-        """Return the server. It is loaded once."""
+    def take(self, transport: asyncio.Transport, sent: bytes) -> None:
+        """Take over a connection that was accepted elsewhere and has sent these bytes."""
+        protocol = self.connection()
+        transport.set_protocol(protocol)
+        protocol.connection_made(transport)
+        if sent:
+            protocol.data_received(sent)
+
+    def loading(self) -> asyncio.Task[None]:
+        """Return the task that loads the server. It is loaded once."""
         if self._loading is None:
-            self._loading = asyncio.ensure_future(self._load())
-        self._server = await asyncio.shield(self._loading)
-        return self._server
+            self._loading = asyncio.ensure_future(self._keep())
+        return self._loading
+
+    async def _keep(self) -> None:
+        self.server = await self._load()
 
     async def close(self) -> None:
         """Stop answering, close the port and the server."""
+        self._load = no_server
         if self._listening is not None:
             self._listening.close()
         if self._loading is not None:
-            if not self._loading.done():
-                self._loading.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await (await self._loading).close()
+            self._loading.cancel()
+        server, self.server = self.server, None
+        if server is not None:
+            await server.close()
 
 
 class SharedWebPort:
@@ -76,31 +105,63 @@ class _Waiting(asyncio.Protocol):
 
     def __init__(self, port: WebPort) -> None:
         self._port = port
-        self._received = b""
-        self._handing_over: asyncio.Task[None] | None = None
-        self._disconnected = False
+        self._guest: Guest | None = None
+        self._sent = b""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
-        self._handing_over = asyncio.ensure_future(self._hand_over())
+        peer = transport.get_extra_info("peername") or ("?", 0)
+        self._guest = None if no_room() else self._port.room.enter(str(peer[0]), self._transport.abort)
+        if self._guest is None:
+            self._transport.abort()
+        else:
+            self._deadline = asyncio.get_running_loop().call_later(SILENT, self._transport.abort)
 
     def data_received(self, data: bytes) -> None:
-        self._received += data
-        if len(self._received) > MAX_BYTES:
-            self._transport.abort()
+        if self._guest is None:
+            return
+        first, self._sent = not self._sent, self._sent + data
+        if first:
+            self._deadline.cancel()
+            self._deadline = asyncio.get_running_loop().call_later(TIMEOUT, self._hang_up, LATE)
+            self._port.loading().add_done_callback(self._loaded)
+        elif len(self._sent) > MAX_BYTES:
+            self._hang_up(LATE)
+
+    def _loaded(self, loading: asyncio.Task[None]) -> None:
+        if self._guest is None:
+            return
+        if not loading.cancelled():
+            loading.result()  # a fault of ours is told in the log, and this connection gives up in a while
+        if self._port.server is None:
+            self._hang_up(NONE)
+        else:
+            self._leave()
+            self._port.take(self._transport, self._sent)
+
+    def _hang_up(self, answer: tuple[str, str]) -> None:
+        self._leave()
+        self._transport.write(answer_of(*answer))
+        self._transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._disconnected = True
+        self._leave()
 
-    async def _hand_over(self) -> None:
-        server = await self._port.server()
-        if self._disconnected or self._transport.is_closing():
-            return
-        protocol = server()
-        self._transport.set_protocol(protocol)
-        protocol.connection_made(self._transport)
-        if self._received:
-            protocol.data_received(self._received)
+    def _leave(self) -> None:
+        if self._guest is not None:
+            self._deadline.cancel()
+            self._port.room.leave(self._guest)
+            self._guest = None
+
+
+def answer_of(status: str, words: str) -> bytes:
+    """Return the bytes of a short answer, after which the connection ends."""
+    body = words.encode()
+    head = (
+        f"HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {len(body)}\r\n"
+        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nRetry-After: 2\r\nConnection: close\r\n\r\n"
+    )
+    return head.encode() + body
 
 
 # --- for protocols whose clients use HTTP ------------------------------------------------------------------------

@@ -12,10 +12,10 @@ from typing import Any
 
 from gateway.app.bindings import AcceptorFactory
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.clients.any_protocol.web import Web
 from gateway.core.waiting import TimedEvent
 from gateway.protocols.alpaca.http.programs import Program as Lines
 from gateway.transport.handler import Connected
+from gateway.transport.web_port import WebPort
 from tests.support.in_process_gateway import Bridge
 
 PROTOCOLS = ("alpaca", "lx200", "nexstar")
@@ -54,7 +54,7 @@ class ThreePrograms(Bridge):
         super().__init__(mount, *arguments, state=state, surface=None, **others)
         made = AcceptorFactory(
             self.controller, Endpoint(self._driven, "sim"), self.gateway.config, self.shared, self.clock,
-            self.controller.astrometry.sky, self.warned.append, Web(),
+            self.controller.astrometry.sky, self.warned.append, WebPort(),
         )  # fmt: skip
         self.faces: dict[str, Any] = {
             name: made.make(number, Endpoint(name, "tcp://127.0.0.1:0"), SurfaceConfig(at=f"{name}@tcp://127.0.0.1:0"))

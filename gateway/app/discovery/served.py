@@ -13,7 +13,8 @@ from gateway.app.discovery.offer import WEB, Offer, network_offers, phone_line, 
 from gateway.app.mount_state import MountState
 from gateway.app.state.store import StateStore
 from gateway.app.status import Served
-from gateway.clients.any_protocol.web import Web
+from gateway.transport.listening import split_address
+from gateway.transport.web_port import WebPort
 
 #: The name of the console among the surfaces.
 CONSOLE = "console"
@@ -22,7 +23,7 @@ CONSOLE = "console"
 class Serving(Protocol):
     """What is asked of a gateway."""
 
-    web: Web
+    web: WebPort
     store: StateStore | None
 
     def names(self) -> Sequence[str]: ...
@@ -35,8 +36,9 @@ def served(gateway: Serving) -> Iterator[Served]:
         what, _, rest = name.partition("@")
         where = rest.partition(" ")[0]
         yield _served(what, where, next(iter(network_offers([name])), None))
-    if gateway.web.where is not None:
-        yield _served(CONSOLE, web_address(*gateway.web.where), Offer(WEB, CONSOLE, "tcp", *gateway.web.where))
+    if gateway.web.where:
+        host, port = split_address(gateway.web.where)
+        yield _served(CONSOLE, web_address(host, port), Offer(WEB, CONSOLE, "tcp", host, port))
 
 
 def _served(name: str, where: str, offer: Offer | None) -> Served:

@@ -16,65 +16,58 @@ from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoin
 from gateway.app.config.tables import ConsoleConfig
 from gateway.cli.serve.live import Screen
 from gateway.clients.access import Access
+from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS
+from gateway.system import garbage
 from gateway.transport.listening import SERVED, split_address
+from gateway.transport.web_port import WebPort
 
 if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
-    from gateway.clients.any_protocol.web import Web
-    from gateway.console.port import ConsolePort
     from gateway.console.server import Console
     from gateway.fleet import client as brokers
     from gateway.fleet.station import Station
 
 
-async def open_console(config: Config, web: Web, screen: Screen, phone: PhoneLines) -> ConsolePort | None:
-    """Open the console's port and print its address; return None if it is off or cannot be opened."""
-    if config.page is None:
-        return None
-    from gateway.console.port import ConsolePort
+#: How many ports are tried after the console's, if that is taken.
+OTHERS = 50
 
-    page = ConsolePort(web)
-    host, port = split_address(config.page.at)
+
+async def open_console(page: ConsoleConfig, web: WebPort, screen: Screen, phone: PhoneLines) -> None:
+    """Open the console's port, or the next free one, and print its address."""
+    from gateway.app.discovery.offer import web_address
+
     try:
-        await page.open(host, port)
-    except OSError as error:
+        await web.open(page.at, OTHERS)
+    except UserError as error:
         screen.warn(
-            f"the console cannot be opened at {config.page.at}: {error.strerror or error}; the mount and its surfaces "
-            "work without it, and --console tcp://HOST:PORT puts it elsewhere"
+            f"the console cannot be opened: {error}; the mount and its surfaces work without it, and --console "
+            "tcp://HOST:PORT puts it elsewhere"
         )
-        return None
-    screen.say(f"ready console {page.where}")
-    for line in phone.news(console_offers(page)):
+        return
+    screen.say(f"ready console {web_address(*split_address(web.where))}")
+    for line in phone.news(console_offers(web)):
         screen.say(line)
         for row in qr_code(line):
             screen.say(row)
-    return page
 
 
-async def load_console(page: ConsoleConfig, gateways: Sequence[Gateway]) -> Console:
-    """Load the web server of a console whose port is open."""
+async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway], opened: asyncio.Event) -> Console:
+    """Load the web server once the gateways are open; without a page only for programs that speak HTTP."""
+    await opened.wait()
     console = await asyncio.to_thread(_load_console)  # loading takes a quarter of a second, and clients must not wait
-    names = [*page.names, *_names(gateways)]
-    server = console(gateways, _access(page), page.pin or "", names, _shared_ports(gateways))
+    names, ports = _names(gateways), _shared_ports(gateways)
+    server = (
+        console(gateways, names=names, ports=ports, page=False)
+        if page is None
+        else console(gateways, _access(page), page.pin or "", [*page.names, *names], ports)
+    )
     await asyncio.sleep(0)  # each half takes milliseconds, and clients come between them
     await server.open()
+    garbage.started()  # again, for the objects of the web server
     return server
-
-
-async def open_programs(gateway: Gateway) -> Console:
-    """Open a server without a console or a port: for the HTTP programs at the mount's ports for every protocol."""
-    console = await asyncio.to_thread(_load_console)
-    server = console([gateway], names=_names([gateway]), ports=_shared_ports([gateway]), page=False)
-    await server.open()
-    return server
-
-
-def shares_port(gateway: Gateway) -> bool:
-    """Whether programs that speak HTTP can arrive at a port for every protocol."""
-    return any(endpoint.protocol == ANY for endpoint in gateway.endpoints)
 
 
 def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
@@ -128,24 +121,20 @@ def _access(page: ConsoleConfig) -> Access:
     return Access(*access_networks(page))
 
 
-def console_offer(page: ConsolePort) -> Offer:
-    """Return the console as an offer for announcements on the network."""
-    from gateway.app.discovery.offer import WEB, Offer
-
-    return Offer(WEB, "mount-gateway", "tcp", page.host, page.port)
-
-
-def http_offers(page: ConsolePort | None) -> list[Offer]:
+def http_offers(web: WebPort) -> list[Offer]:
     """Return the console's server as offers of the HTTP protocols, for their own discovery."""
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
-    return [Offer(name, "", "tcp", one.host, one.port) for one in console_offers(page) for name in speaking]
+    return [Offer(name, "", "tcp", one.host, one.port) for one in console_offers(web) for name in speaking]
 
 
-def console_offers(page: ConsolePort | None) -> list[Offer]:
+def console_offers(web: WebPort) -> list[Offer]:
     """Return the offers to announce for a console: none if only this computer reaches it."""
-    return [found] if page is not None and (found := console_offer(page)).wide else []
+    from gateway.app.discovery.offer import WEB, Offer
+
+    offers = [Offer(WEB, "mount-gateway", "tcp", *split_address(web.where))] if web.where else []
+    return [offer for offer in offers if offer.wide]
 
 
 def qr_code(line: str) -> list[str]:

@@ -10,7 +10,7 @@ import asyncio
 import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
-from functools import cache
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,8 +26,6 @@ from gateway.cli.serve.console_and_broker import (
     load_console,
     open_broker,
     open_console,
-    open_programs,
-    shares_port,
 )
 from gateway.cli.serve.finding import GIVE_UP, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
@@ -39,16 +37,14 @@ from gateway.system import garbage
 from gateway.system.file_limits import raise_limit
 from gateway.system.short_slices import ask_for_short_slices
 from gateway.system.systemd import notify
+from gateway.transport.web_port import WebPort
 
 if TYPE_CHECKING:
-    from gateway.app.config.tables import ConsoleConfig
     from gateway.app.discovery.offer import Offer
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
-    from gateway.console.port import ConsolePort
-    from gateway.console.server import Console
 
 #: Seconds between two looks at the addresses of this computer.
 LOOK_EVERY = 3.0
@@ -87,7 +83,6 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     from gateway.app.discovery.offer import network_offers
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
-    from gateway.clients.any_protocol.web import Web
 
     access = broker_access(config)
     done, sky = until_signal(), Sky()
@@ -99,11 +94,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     gateways: list[Gateway] = []
     recorders: list[Recorder] = []
     status_tasks: list[asyncio.Task[None]] = []
-    page: ConsolePort | None = None
     broker = None
     phone = PhoneLines()
-    web = Web(asyncio.get_running_loop().call_later)
-    servers: list[Console] = []
+    opened = asyncio.Event()
+    web = WebPort(partial(load_console, config.page, gateways, opened))
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def surfaces() -> list[Offer]:
@@ -114,7 +108,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     def reached() -> list[Offer]:
         every = network_offers(name for gateway in gateways for name in gateway.names())
-        return [offer for offer in [*every, *console_offers(page)] if offer.wide]
+        return [offer for offer in [*every, *console_offers(web)] if offer.wide]
 
     ask_for_short_slices()
     if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
@@ -129,7 +123,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
             clock = host_clock()
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, clock, screen.warn, watchdog))
-        gateways[-1].web = web if config.page is not None else Web(web.later)
+        only = WebPort(partial(load_console, None, gateways[-1:], opened))
+        gateways[-1].web = web if config.page is not None else only
         gateways[-1].open_store()
         if mount.record:
             recorders.append(record_whole(Path(mount.record), gateways[-1]))
@@ -146,35 +141,12 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         almanac.open(config.almanac)
         for gateway in gateways:
             await gateway.open()
+        opened.set()
         await announcement.answer(offers())
         if banner:
             screen.say(banner)
         status_tasks = start_status_updates(gateways, screen)
 
-        async def serve_programs(gateway: Gateway) -> None:
-            await gateway.web.wanted.wait()
-            servers.append(server := await open_programs(gateway))
-            gateway.web.open(server.serve)
-
-        async def open_page() -> None:
-            nonlocal page
-            page = await open_console(config, web, screen, phone)
-            if page is None:
-                web.close()
-
-        async def serve_page(settings: ConsoleConfig) -> None:
-            await web.wanted.wait()
-            await opening()
-            if page is not None:
-                servers.append(server := await load_console(settings, gateways))
-                garbage.started()  # again, for the objects of the web server
-                web.open(server.serve, (page.host, page.port))
-
-        opening = cache(lambda: asyncio.ensure_future(open_page()))
-        if config.page is not None:
-            status_tasks.append(asyncio.ensure_future(serve_page(config.page)))
-        else:
-            status_tasks += [asyncio.ensure_future(serve_programs(one)) for one in gateways if shares_port(one)]
         broker = open_broker(config, access, gateways, screen)
         patient, longest = config.wait or len(gateways) > 1, 0.0 if config.wait is False else GIVE_UP
 
@@ -195,10 +167,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         status_tasks.append(asyncio.ensure_future(almanac.keep()))
         await unless(done, asyncio.gather(*(serve(one, patient, longest, ready, screen.warn) for one in gateways)))
         garbage.started()
-        if not done.is_set():
-            await opening()
+        if config.page is not None and not done.is_set():
+            await open_console(config.page, web, screen, phone)
         if config.discovery:
-            await announcement.answer_discovery([*surfaces(), *http_offers(page)])
+            await announcement.answer_discovery([*surfaces(), *http_offers(web)])
 
         def publish() -> None:
             announcement.publish(reached() if config.discovery else [])
@@ -212,11 +184,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             task.cancel()
         screen.clear()
         for one in {web, *(gateway.web for gateway in gateways)}:
-            one.close()
-        if page is not None:
-            page.close()
-        for server in servers:
-            await server.close()
+            await one.close()
         moved = [gateway.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if broker is not None:

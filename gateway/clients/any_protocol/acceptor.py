@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Admission
 from gateway.clients.any_protocol.deciding import HTTP, decide, protocol_that_waits, shared_prefix
-from gateway.clients.any_protocol.web import Web
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE
 from gateway.protocols.registry import PROTOCOLS
-from gateway.transport.handler import Connected, ConnectionHandler, Taker
+from gateway.transport.handler import Connected, ConnectionHandler
+from gateway.transport.web_port import NONE, WebPort, answer_of
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
 GREET_AFTER, INCOMPLETE_FOR = 3.0, 1.0
@@ -39,8 +39,6 @@ class AnyConnection:
         #: Bytes that were answered before the decision.
         self._answered_bytes = b""
         self._last_received = -1e9
-        #: Whether it waits for the web server.
-        self._waits_for_web = False
         self.feed: Callable[[bytes], None] = self._recognise
         self._silence = port.controller.loop.call_later(GREET_AFTER, self._greet)
 
@@ -51,7 +49,7 @@ class AnyConnection:
 
     @property
     def answered(self) -> bool:
-        return not self._waits_for_web if self._handler is None else self._handler.answered
+        return self._handler is None or self._handler.answered
 
     def peer_closed(self) -> None:
         self._silence.cancel()
@@ -61,7 +59,6 @@ class AnyConnection:
     def close(self) -> None:
         self._silence.cancel()
         self.feed = lambda data: None
-        self._web.leave(self)
         if self._handler is not None:
             self._handler.close()
         self._closed()
@@ -128,28 +125,14 @@ class AnyConnection:
         sent, self.sent = self.sent, b""
         self.feed(sent)
 
-    # --- the web ----------------------------------------------------------------------------------------------------
-
     def _pass_to_web(self, sent: bytes) -> None:
         self._close_handler()
-        self.sent, self.feed, self._waits_for_web = sent, self._wait_for_web, True
         words = "speaks HTTP: passed to the console, nothing of it reaches the mount"
         self._controller.wire_log.note_once(self._connected.name, words, of=self.host)
-        self._web.enter(self)
-
-    def _wait_for_web(self, data: bytes) -> None:
-        self.sent += data
-        self._web.received_more(self)
-
-    def hand_over(self, take: Taker) -> None:
-        """Give the connection to another owner. In a replay there is none to give."""
         if self._connected.hand_over is not None:
-            self._connected.hand_over(take)
-
-    def hang_up(self, last: bytes) -> None:
-        """Send the last bytes and close the connection."""
-        if self._connected.hang_up is not None:
-            self._connected.hang_up(last)
+            self._connected.hand_over(lambda transport: self._web.take(transport, sent))
+        elif self._connected.hang_up is not None:  # in a replay, which has no connection to give
+            self._connected.hang_up(answer_of(*NONE))
 
 
 class AnyAcceptor:
@@ -158,7 +141,7 @@ class AnyAcceptor:
     #: None, because each protocol presents a model of its own.
     model: str | None = None
 
-    def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: Web) -> None:
+    def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: WebPort) -> None:
         self.acceptors, self.web = acceptors, web
         first = next(iter(acceptors.values()))
         self.controller, self.number, self.access = first.controller, first.number, first.access

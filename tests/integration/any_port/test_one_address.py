@@ -183,6 +183,13 @@ def test_a_browser_that_comes_early_is_served_when_there_is_a_console(running: l
     assert early.page().startswith(b"HTTP/1.1 200 OK")
 
 
+def test_status_names_the_console_that_nobody_has_opened_yet(running: list[Running], tmp_path: Path) -> None:
+    ports = ("--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0")
+    running.append(one := Running("run", "--mount", "nexstar@sim", "--state", str(tmp_path), *ports))
+    assert one.ready() and not one.ready()  # of the surface, of the console
+    assert "console http://127.0.0.1:" in run_to_end("status", "--state", str(tmp_path)).stdout
+
+
 def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[Running], tmp_path: Path) -> None:
     path = tmp_path / "evening.rec"
     where = start(running, tmp_path, "--record", str(path))

@@ -36,7 +36,7 @@ def addresses(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return own
 
 
-def gateway(console: tuple[str, int] | None = ("0.0.0.0", 4080)) -> Any:
+def gateway(console: str = "tcp://0.0.0.0:4080") -> Any:
     return SimpleNamespace(names=lambda: NAMES, web=SimpleNamespace(where=console))
 
 
@@ -50,9 +50,9 @@ def test_every_surface_is_named_with_the_addresses_that_reach_it(addresses: list
         "console http://127.0.0.1:4080/; on your phone: http://192.168.1.77:4080/",
     ]
     assert next(served(gateway())).addresses == ("192.168.1.77",)
-    local = served(gateway(("127.0.0.1", 4081)))
+    local = served(gateway("tcp://127.0.0.1:4081"))
     assert list(local)[-1] == Served("console", "http://127.0.0.1:4081/", (), "this computer only")
-    assert len(list(served(gateway(None)))) == len(NAMES)
+    assert len(list(served(gateway("")))) == len(NAMES)
 
 
 def test_they_are_those_of_now(addresses: list[str]) -> None:

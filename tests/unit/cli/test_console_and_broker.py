@@ -10,23 +10,25 @@ import pytest
 from gateway.app.discovery.announcing import service
 from gateway.app.discovery.served import PhoneLines
 from gateway.cli.serve.console_and_broker import console_offers
+from gateway.transport.listening import in_brackets
+from gateway.transport.web_port import WebPort
 
 
 @pytest.mark.parametrize(
     ("host", "wide"), [("127.0.0.1", False), ("::1", False), ("0.0.0.0", True), ("192.0.2.7", True)]
 )
 def test_only_a_console_that_others_reach_is_told_of(host: str, wide: bool) -> None:
-    page: Any = SimpleNamespace(host=host, port=4080)
+    page: Any = SimpleNamespace(where=f"tcp://{in_brackets(host)}:4080")
     assert bool(console_offers(page)) is wide and bool(PhoneLines().news(console_offers(page))) is wide
 
 
 def test_without_a_console_there_is_nothing_to_tell() -> None:
-    assert console_offers(None) == []
+    assert console_offers(WebPort()) == []
 
 
 def test_it_is_announced_as_a_web_page() -> None:
     pytest.importorskip("zeroconf")
-    page: Any = SimpleNamespace(host="192.0.2.7", port=4080)
+    page: Any = SimpleNamespace(where="tcp://192.0.2.7:4080")
     [found] = console_offers(page)
     told = service(found)
     assert told.type == "_http._tcp.local." and told.port == 4080

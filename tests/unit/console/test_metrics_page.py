@@ -20,7 +20,7 @@ parser = pytest.importorskip("prometheus_client.parser")
 
 async def figures(there: Open) -> tuple[str, dict[tuple[str, ...], float]]:
     """The text, and every sample by its name and the values of its labels."""
-    async with there.http.get(f"{there.console.where}metrics") as response:
+    async with there.http.get(f"{there.where}metrics") as response:
         assert response.status == 200 and response.content_type == "text/plain"
         text = await response.text()
     samples = [sample for family in parser.text_string_to_metric_families(text) for sample in family.samples]
@@ -67,7 +67,7 @@ def test_without_the_extra_it_is_told_how_to_get_it(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(metrics, "find_spec", lambda name: None)
 
     async def work() -> None:
-        async with opened(tmp_path) as there, there.http.get(f"{there.console.where}metrics") as response:
+        async with opened(tmp_path) as there, there.http.get(f"{there.where}metrics") as response:
             assert response.status == 501
             assert "prometheus-client is needed; to install it" in await response.text()
 
@@ -78,7 +78,7 @@ def test_without_the_extra_it_is_told_how_to_get_it(tmp_path: Path, monkeypatch:
 def test_a_page_of_somebody_else_reads_nothing(tmp_path: Path, headers: dict[str, str]) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
-            where = f"{there.console.where}metrics"
+            where = f"{there.where}metrics"
             async with there.http.get(where, headers=headers) as response:
                 assert response.status == 403
 

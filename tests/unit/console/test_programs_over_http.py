@@ -17,6 +17,7 @@ from gateway.app.gateway import Gateway
 from gateway.cli.serve.console_and_broker import http_surfaces
 from gateway.clients.access import Access
 from gateway.console.server import Console
+from tests.unit.console.test_server import at_port
 
 PATIENCE = 10.0
 API = "api/v1/telescope/"
@@ -32,16 +33,13 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
         mount = MountConfig(at="nexstar@sim", name=f"pier {number}", sun=0.0, speed=8.0, state=str(state / str(number)))
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0"), *http_surfaces(config, mount)]
         gateways.append(Gateway(mount, surfaces, warn=lambda text: None))
-    console: Console | None = None
     try:
         for gateway in gateways:
             await gateway.open()
-        console = Console(gateways, Access(), pin)
-        await console.open("127.0.0.1", 0)
-        async with aiohttp.ClientSession() as http:
+        async with at_port(Console(gateways, Access(), pin)) as where, aiohttp.ClientSession() as http:
 
             async def ask(method: str, path: str, **more: Any) -> Any:
-                async with http.request(method, console.where + path, **more) as response:
+                async with http.request(method, where + path, **more) as response:
                     return await response.json() if response.content_type == "application/json" else response.status
 
             for number, gateway in enumerate(gateways):
@@ -49,8 +47,6 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
                 assert (await ask("PUT", f"{API}{number}/connected", data={"Connected": "true"}))["ErrorNumber"] == 0
             yield gateways, ask
     finally:
-        if console is not None:
-            await console.close()
         for gateway in gateways:
             await gateway.close()
 

@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
@@ -18,6 +19,7 @@ from gateway.app.gateway import Gateway
 from gateway.clients.access import Access, networks
 from gateway.console.server import LONGEST, MOST_PAGES, Console
 from gateway.transport.room import KEPT
+from gateway.transport.web_port import WebPort
 
 PATIENCE = 10.0
 
@@ -59,20 +61,34 @@ class Page:
 class Open:
     """A gateway over a simulated mount, its console, and a browser."""
 
-    def __init__(self, gateway: Gateway, console: Console, http: aiohttp.ClientSession) -> None:
-        self.gateway, self.console, self.http = gateway, console, http
+    def __init__(self, gateway: Gateway, console: Console, http: aiohttp.ClientSession, where: str) -> None:
+        self.gateway, self.console, self.http, self.where = gateway, console, http, where
 
     async def token(self) -> str:
-        async with self.http.get(self.console.where) as response:
+        async with self.http.get(self.where) as response:
             assert response.status == 200
             return (await response.text()).split('name="token" content="')[1].split('"')[0]
 
     @asynccontextmanager
     async def page(self) -> AsyncIterator[Page]:
-        async with self.http.ws_connect(f"{self.console.where}socket?token={await self.token()}") as ws:
+        async with self.http.ws_connect(f"{self.where}socket?token={await self.token()}") as ws:
             page = Page(ws)
             await page.until(lambda: page.mount.get("site") and page.mount["position"])
             yield page
+
+
+@asynccontextmanager
+async def at_port(console: Console) -> AsyncIterator[str]:
+    """Open a console at a port; yield the address of its page."""
+
+    port = WebPort()
+    port.server = console
+    try:
+        await console.open()
+        await port.open("tcp://127.0.0.1:0")
+        yield port.where.replace("tcp", "http") + "/"
+    finally:
+        await port.close()
 
 
 @asynccontextmanager
@@ -82,12 +98,10 @@ async def opened(state: Path, access: Access = Access(), pin: str = "", **mount:
     await gateway.open()
     console = Console([gateway], access, pin)
     try:
-        await console.open("127.0.0.1", 0)
         assert await gateway.wait_identified(PATIENCE)
-        async with aiohttp.ClientSession() as http:
-            yield Open(gateway, console, http)
+        async with at_port(console) as where, aiohttp.ClientSession() as http:
+            yield Open(gateway, console, http, where)
     finally:
-        await console.close()
         await gateway.close()
 
 
@@ -114,7 +128,7 @@ def test_a_page_of_somebody_else_is_shown_nothing(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
             for headers, path in OTHERS:
-                async with there.http.get(there.console.where + path, headers=headers) as response:
+                async with there.http.get(there.where + path, headers=headers) as response:
                     assert response.status == 403, (headers, path)
 
     play(work())
@@ -122,7 +136,7 @@ def test_a_page_of_somebody_else_is_shown_nothing(tmp_path: Path) -> None:
 
 def test_the_page_can_be_framed_by_nobody_and_runs_nothing_but_its_own(tmp_path: Path) -> None:
     async def work() -> None:
-        async with opened(tmp_path) as there, there.http.get(there.console.where) as response:
+        async with opened(tmp_path) as there, there.http.get(there.where) as response:
             policy = response.headers["Content-Security-Policy"]
             assert "frame-ancestors 'none'" in policy and "default-src 'none'" in policy and "unsafe" not in policy
             assert response.headers["X-Frame-Options"] == "DENY"
@@ -136,7 +150,7 @@ def test_only_files_of_the_page_are_served(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
             for path in ("nothing", "../server.py", "%2e%2e/server.py", "js/../../server.py", "recording/0/x"):
-                async with there.http.get(f"{there.console.where}{path}") as response:
+                async with there.http.get(f"{there.where}{path}") as response:
                     assert response.status in (403, 404), path
 
     play(work())
@@ -145,7 +159,7 @@ def test_only_files_of_the_page_are_served(tmp_path: Path) -> None:
 def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
     async def work() -> None:
         access = Access(allow=networks(["192.0.2.0/24"]))
-        async with opened(tmp_path, access) as there, there.http.get(there.console.where) as response:
+        async with opened(tmp_path, access) as there, there.http.get(there.where) as response:
             assert response.status == 403
 
     play(work())
@@ -184,7 +198,7 @@ def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
 def test_a_page_too_many_takes_the_place_of_the_one_that_was_not_used_for_longest(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there, contextlib.AsyncExitStack() as stack:
-            where = f"{there.console.where}socket?token={await there.token()}"
+            where = f"{there.where}socket?token={await there.token()}"
 
             async def connect() -> Page:
                 return Page(await stack.enter_async_context(there.http.ws_connect(where)))
@@ -365,7 +379,7 @@ def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
             await page.ask("stop")
             answer = await page.ask("record", on=False)
             assert answer["ok"], answer
-            path = f"{there.console.where}{answer['download'][1:]}?token={await there.token()}"
+            path = f"{there.where}{answer['download'][1:]}?token={await there.token()}"
             async with there.http.get(path) as response:
                 assert response.status == 200 and "attachment" in response.headers["Content-Disposition"]
                 assert (await response.text()).startswith("# mount-gateway")
@@ -377,7 +391,7 @@ def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
 def test_a_page_that_reads_nothing_holds_up_nobody(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
-            _, writer = await asyncio.open_connection(there.console.host, there.console.port, limit=1024)
+            _, writer = await asyncio.open_connection("127.0.0.1", urlsplit(there.where).port, limit=1024)
             key = "dGhlIHNhbXBsZSBub25jZQ=="
             writer.write(
                 f"GET /socket?token={await there.token()} HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"

@@ -26,7 +26,10 @@ class Line(asyncio.Transport):
         self.heard, self.closed_after = b"", -1.0
         self._loop = asyncio.get_running_loop()
         self._began = self._loop.time()
-        server.serve(self, sent)
+        self.set_protocol(protocol := server())
+        protocol.connection_made(self)
+        if sent:
+            protocol.data_received(sent)
 
     def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
         assert isinstance(protocol, asyncio.Protocol)

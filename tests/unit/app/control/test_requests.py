@@ -15,12 +15,12 @@ from gateway.app.recording.entrance import Entrance, Work
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
-from gateway.clients.any_protocol.web import Web
 from gateway.core import requests
 from gateway.core.operations import Direction, Place
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.site_clock import CONFIGURED, MOUNT, Site, Time
 from gateway.protocols.mechanics.truth import truth_of
+from gateway.transport.web_port import WebPort
 from tests.support.in_process_gateway import Bridge
 
 NORTH = requests.Move(Direction.NORTH, 7, 3.0, number="m")
@@ -35,7 +35,7 @@ class Owner:
         serving: Any = SimpleNamespace(
             state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.present_hosts()),
             names=lambda: surfaces,
-            web=Web(),
+            web=WebPort(),
             store=None,
         )
         self.request_handler = RequestHandler(bridge.controller, serving, entrance)
