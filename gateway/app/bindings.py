@@ -30,6 +30,7 @@ from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSetti
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
 from gateway.transport import Listener, open_port
 from gateway.transport.handler import Accept
+from gateway.transport.http_wire import HttpWire
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import SharedWebPort, WebDevice, WebPort
@@ -267,4 +268,6 @@ def make_transport(mount: Endpoint, config: MountConfig, watched: WatchedMount |
     """Make the transport to a mount; the watchdog process may use the same port."""
     if mount.where == "sim":
         return simulated_transport(mount, config)
+    if (over_http := PROTOCOLS[mount.protocol].over_http) is not None:
+        return HttpWire(mount.where, over_http(mount.where))
     return SerialTransport(mount.where, config.baud, watched)

@@ -51,8 +51,13 @@ def simulators() -> list[str]:
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Return every pair of a surface and a mount of another protocol."""
-    return [(surface, mount) for surface in surfaces() for mount in mounts() if surface != mount]
+    """Return every pair of a surface and a mount of another protocol that can be simulated."""
+    return [(surface, mount) for surface in surfaces() for mount in rehearsed() if surface != mount]
+
+
+def rehearsed() -> list[str]:
+    """Return the protocols of mounts that can be simulated, and so rehearsed."""
+    return [name for name in mounts() if name in simulators()]
 
 
 def other_surface(mount: str) -> str:

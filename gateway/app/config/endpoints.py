@@ -23,6 +23,8 @@ from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
 
 _ADDRESS = re.compile(r"(?:(tcp|socket|rfc2217):/?)?([\w.-]+|\[[\w:]+\]):(\d{1,5})")
+#: The address of a mount that is reached over HTTP, with its number if it is not the first of its server.
+HTTP = re.compile(r"http://(?:[\w.-]+|\[[\w:]+\]):\d{1,5}(?:/\d{0,10})?")
 #: The default ports of brokers, by scheme.
 BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
 BROKER = "write mqtt://HOST:PORT, or mqtts://HOST:PORT with TLS"
@@ -52,7 +54,22 @@ def parse_endpoint(text: str, of: str = "") -> Endpoint:
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'))}")
-    return _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, of)
+    endpoint = _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, of)
+    return _over_http(endpoint, of) if where.startswith("http") or of == "mount" else endpoint
+
+
+def _over_http(endpoint: Endpoint, of: str) -> Endpoint:
+    """Return the endpoint of a mount, whose address is one of HTTP if its protocol needs that. Raises UserError."""
+    where, over = endpoint.where, [name for name, spec in PROTOCOLS.items() if spec.over_http is not None]
+    meant = "HOST:PORT" if (match := _ADDRESS.fullmatch(where)) is None else f"{match[2]}:{match[3]}"
+    if where.startswith("http") and (endpoint.protocol not in over or of == "surface"):
+        raise UserError(f"{endpoint}: only a mount is reached over HTTP; write {over[0]}@http://HOST:PORT")
+    if endpoint.protocol in over and where != "sim" and not HTTP.fullmatch(where):
+        raise UserError(
+            f"{endpoint}: such a mount is reached over HTTP; write {endpoint.protocol}@http://{meant}, "
+            f"or http://{meant}/1 for the second mount of its server"
+        )
+    return endpoint
 
 
 def _of_any(what: str, where: str) -> Endpoint:
@@ -75,8 +92,13 @@ def _example(text: str) -> str:
     if resolve_name(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
-        return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(mounts()))
-    return f"{mounts()[-1]}@/dev/ttyUSB0"
+        return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(_on_lines()))
+    return f"{_on_lines()[-1]}@/dev/ttyUSB0"
+
+
+def _on_lines() -> list[str]:
+    """Return the protocols of mounts on serial lines."""
+    return [name for name in mounts() if PROTOCOLS[name].over_http is None]
 
 
 def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:

@@ -14,7 +14,7 @@ from gateway.app.config import Endpoint
 from gateway.core.errors import UserError
 from gateway.system.locks import Claim, LockHeld
 
-SCHEMES = ("socket", "rfc2217")
+SCHEMES = ("socket", "rfc2217", "http")
 #: Names and addresses that all mean this computer.
 HERE = ("localhost", "::1", "0.0.0.0", "::")
 
@@ -53,4 +53,5 @@ def address(where: str) -> str | None:
     if url.scheme not in SCHEMES or not host or port is None:
         return None
     host = "127.0.0.1" if host in HERE else host
-    return f"mount_{re.sub(r'[^a-z0-9.-]+', '_', host)[:100]}_{port}"
+    number = url.path.strip("/").lstrip("0")  # of a server with several mounts
+    return f"mount_{re.sub(r'[^a-z0-9.-]+', '_', host)[:100]}_{port}{number and f'_{number}'}"

@@ -1,17 +1,26 @@
-"""The specification of ASCOM Alpaca for the registry. Programs speak it, no mount does."""
+"""The specification of ASCOM Alpaca for the registry: programs speak it, and servers with a telescope behind them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gateway.protocols.base.spec import MadeSurface, OfferedMount, ProtocolSpec, SurfaceSettings
+from gateway.protocols.base.spec import (
+    DriverSettings,
+    MadeDriver,
+    MadeSurface,
+    OfferedMount,
+    ProtocolSpec,
+    SurfaceSettings,
+)
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
     from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
     from gateway.protocols.base.frames import Framer
+    from gateway.protocols.base.reply_rules import ReplyRules
+    from gateway.transport.http_wire import Dialect
     from gateway.transport.web_port import Web
 
 NAME, DEFAULT_MODEL = "alpaca", "german"
@@ -45,6 +54,27 @@ async def _find_mounts(urls: Sequence[str] | None) -> list[OfferedMount]:
     return await find(urls)
 
 
+def _reply_rules() -> ReplyRules:
+    from gateway.protocols.alpaca.driver.reply_rules import AlpacaReplyRules
+
+    return AlpacaReplyRules()
+
+
+def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
+    from gateway.protocols.alpaca.driver import identify, motion, place, pointing
+    from gateway.protocols.alpaca.driver.state import AlpacaDriver
+
+    handlers = load(NAME).functions("driver", identify, motion, place, pointing)
+    driver = AlpacaDriver(now, settings, handlers)
+    return MadeDriver(driver, {motion.KeepTracking: motion.keep_tracking}, _reply_rules())
+
+
+def _over_http(url: str) -> Dialect:
+    from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
+
+    return TelescopeHttp(url)
+
+
 def _hint(frame: bytes) -> str:
     """Explain how requests are written, for one that does not exist."""
     if load(NAME).find(frame + b"\n") is not None:
@@ -64,7 +94,9 @@ SPEC = ProtocolSpec(
     a_program="an ASCOM Alpaca",
     a_mount="a mount with ASCOM Alpaca",
     preset="ASCOM Alpaca",
-    mounts="ASCOM Alpaca",
+    mounts="ASCOM Alpaca telescope",
+    default_model=DEFAULT_MODEL,
+    example="altaz",
     usual_port=11111,
     guide_directions="sky",
     framing=_framing,
@@ -73,6 +105,11 @@ SPEC = ProtocolSpec(
     make_simulator=_make_simulator,
     find_mounts=_find_mounts,
     web=_web,
+    reply_rules=_reply_rules,
+    make_driver=_make_driver,
+    over_http=_over_http,
+    parks_itself=True,
+    slowest="a server with a mount on a slow line",
     required_requests=("put connected Connected=true\\x0a",),
     hint=_hint,
     recognises=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,

@@ -1,0 +1,101 @@
+"""Connects the telescope, and asks for everything that it can or cannot do before anything depends on it.
+
+A telescope that is connected already belongs to other programs as well: it is used, and never disconnected.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer, Unsupported
+from gateway.protocols.alpaca.driver.state import MODELS, SIDEREAL, TOLD_BY, AlpacaDriver, device_state, told
+from gateway.protocols.base.driver import Remark, Send, Steps, Wait
+
+#: The version of the interface from which a telescope is connected in two steps; seconds between two looks whether it
+#: is, and how often.
+TWO_STEPS, LOOK_AGAIN, LOOKS = 4, 0.5, 120
+#: ASCOM's numbers of equinoxes.
+EQUINOXES = {1: "jnow", 2: "j2000"}
+
+
+def contact(mount: AlpacaDriver, _: object = None) -> Steps:
+    """Connect the telescope, unless it is connected. Raises NoAnswer if that fails."""
+    if (yield Send("connected"))["value"]:
+        return
+    try:
+        if (yield from told(mount, "interfaceversion", 0)) < TWO_STEPS:
+            raise Unsupported
+        yield Send("connect")
+    except Unsupported:
+        yield Send("set_connected", {"on": True})
+    for _look in range(LOOKS):
+        if not (yield from told(mount, "connecting", False)) and (yield Send("connected"))["value"]:
+            return
+        yield Wait(LOOK_AGAIN)
+    raise NoAnswer("The server does not connect the mount.")
+
+
+def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
+    """Return the Identity, after everything that depends on it was asked."""
+    yield from contact(mount)
+    for request, member in TOLD_BY.items():
+        if not (yield from told(mount, member, False)):
+            mount.absent.add(request)
+    mount.model = mount.settings.model or (yield from _kind(mount))
+    for axis in (1, 2):
+        mount.ranges[axis] = ()
+        if (yield from told(mount, "canmoveaxis", False, axis=axis - 1)):
+            mount.ranges[axis] = _ranges((yield from told(mount, "axisrates", [], axis=axis - 1)))
+    system = yield from told(mount, "equatorialsystem", 0)
+    mount.equinox = EQUINOXES.get(system, "jnow")
+    if system not in (0, *EQUINOXES):
+        yield Remark(f"the server's coordinates are of an equinox that is not known here (EquatorialSystem {system})")
+    mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount)).keys()
+    east = yield from told(mount, "guideraterightascension", 0.5 * SIDEREAL)
+    north = yield from told(mount, "guideratedeclination", 0.5 * SIDEREAL)
+    mount.rates = (east / SIDEREAL or 0.5, north / SIDEREAL or 0.5)
+    yield from read_status(mount)
+    name, version = (yield from told(mount, "name", "")), (yield from told(mount, "driverversion", ""))
+    return op.Identity(product=str(name or "Alpaca telescope"), version=str(version or "?"), model=mount.model)
+
+
+def _kind(mount: AlpacaDriver) -> Steps:
+    number = yield from told(mount, "alignmentmode")
+    if number in range(len(MODELS)):
+        return MODELS[number]
+    yield Remark("the server does not tell what kind of mount this is: it counts as a German one; write alpaca:altaz@…")
+    return "german"
+
+
+def _ranges(told: Any) -> tuple[tuple[float, float], ...]:
+    """Return the ranges of an axis; a list of single speeds is one of ranges without width."""
+    found = []
+    for one in told if isinstance(told, list) else ():
+        with suppress(KeyError, TypeError, ValueError):
+            low, high = sorted((abs(float(one["Minimum"])), abs(float(one["Maximum"]))))
+            if high > 0.0:
+                found.append((low, high))
+    return tuple(sorted(found))
+
+
+def read_status(mount: AlpacaDriver) -> Steps:
+    """Read whether it tracks and is parked. What it tells during a motion by hand is the motion's, and not kept."""
+    if mount.lists_state:
+        state = yield from device_state(mount)
+        tracks, parked = state.get("Tracking"), state.get("AtPark", False)
+    else:
+        tracks, parked = (yield from told(mount, "tracking")), (yield from told(mount, "atpark", False))
+    if not mount.moving:
+        mount.tracks = True if tracks is None else bool(tracks)
+    if mount.goto is None:
+        mount.parked = bool(parked)
+
+
+def status(mount: AlpacaDriver, _: op.GetStatus) -> Steps:
+    """Return the Status: no server tells whether its mount is aligned, so it counts as aligned."""
+    yield from read_status(mount)
+    own = mount.equatorial_mode if mount.equatorial else op.Tracking.ALTAZ
+    mode = own if mount.tracks else op.Tracking.OFF
+    return op.Status(tracking=mode, aligned=True, equatorial=mount.equatorial, wedge=mount.model == "polar")

@@ -1,0 +1,223 @@
+"""Motion by hand, stopping, guiding, and tracking.
+
+A motor's positive sense is west on the first axis (east in the south) and lifts the tube on the second, which on a
+German mount is reversed on the west side of the pier; ``MoveAxis`` is taken to count the same way. A stop sends rate 0
+to both axes besides ``AbortSlew``, which in older servers ends gotos only. Some stop tracking as well: it is looked at
+after every motion.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
+from gateway.protocols.alpaca.driver.identify import read_status
+from gateway.protocols.alpaca.driver.pointing import ORDER, order, pier_side, stop_current_motion
+from gateway.protocols.alpaca.driver.state import SIDEREAL, AlpacaDriver, told
+from gateway.protocols.alpaca.tables import Parked
+from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps, Wait
+
+#: Seconds after a motion at which tracking is looked at, and between two looks whether an order had an effect.
+LOOK_AFTER, LOOK_AGAIN = 1.0, 0.5
+#: How often that is looked at; a deviation from a speed by more than this fraction is remarked in the log.
+LOOKS, REMARK_FROM = 4, 0.1
+#: The longest guide pulse that is sent at once, milliseconds.
+LONGEST_PULSE = 5000
+#: ASCOM's numbers of directions and of tracking rates, and these as multiples of sidereal.
+DIRECTIONS = {"n": 0, "s": 1, "e": 2, "w": 3}
+RATES = {"sidereal": 0, "lunar": 1, "solar": 2}
+FACTORS = (1.0, 14.685 / 15.041067, 15.0 / 15.041067, 15.0369 / 15.041067)
+#: Rates whose factors differ by less count as the same.
+SAME_RATE = 0.0005
+
+
+def motor_sense(mount: AlpacaDriver, axis: int, sense: int) -> Steps:
+    """Convert a sense on the sky to that of a motor, or back: +1 is west, or north (up in alt-az)."""
+    if mount.equatorial and mount.southern and (axis == 1 or not mount.german):
+        sense = -sense
+    if mount.german and axis == 2:
+        with suppress(Unsupported):
+            return -sense if (yield from pier_side(mount, op.PierSide())) == "W" else sense
+    return sense
+
+
+def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
+    """Move in a sky direction. A tap at guide rate is a guide pulse, if the mount has them."""
+    if operation.ms is not None and mount.times_pulses:
+        return (yield from pulse(mount, op.Pulse(operation.direction, operation.ms, sky=True)))
+    sense = yield from motor_sense(mount, operation.axis, operation.sense)
+    yield from move_axis(mount, op.MoveAxis(operation.axis, sense, operation.rate))
+
+
+def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
+    """Move an axis by motor sense, at the nearest speed that it has."""
+    axis, rate = operation.axis, operation.rate
+    if not mount.ranges.get(axis):
+        raise Unsupported(f"The server of this mount reports that axis {axis} cannot be moved by hand.")
+    if mount.goto is not None:
+        yield from stop_current_motion(mount)
+    speed, asked = mount.fit(axis, rate), rate.degrees if rate.name is None else None
+    if asked is not None and abs(speed - asked) > REMARK_FROM * asked:
+        yield Remark(f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed")
+    mount.moving[axis], mount.parked = operation.sense * speed, False
+    try:
+        yield Send("moveaxis", {"axis": axis - 1, "rate": mount.moving[axis]}, patience=ORDER, prompt=True)
+    except (Silence, NoAnswer):
+        raise NoAnswer from None  # it may move: the stop that follows must know
+    except Fault as fault:
+        mount.moving.pop(axis, None)
+        if isinstance(fault, Refused):
+            raise Refused(f'The mount refused this. Its server says: "{fault}"') from None
+        raise
+
+
+def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
+    """End the motion of one axis."""
+    if not mount.ranges.get(operation.axis):
+        return
+    yield Send("moveaxis", {"axis": operation.axis - 1, "rate": 0.0})
+    if mount.moving.pop(operation.axis, None) is not None and not mount.moving:
+        yield Schedule(LOOK_AFTER, KeepTracking(), not_while_busy=True)
+
+
+def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
+    """End everything. A parked mount stands still, whatever its server answers."""
+    mount.give_up_goto()
+    refused: Fault | None = None
+    try:
+        yield Send("abortslew")
+    except (Parked, Unsupported):
+        pass
+    except NoAnswer:
+        raise
+    except Fault as fault:
+        refused = fault
+    for axis in (1, 2):
+        if mount.ranges.get(axis, True):
+            with suppress(Parked, Unsupported):
+                yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})
+            mount.moving.pop(axis, None)
+    if refused is not None and (yield from told(mount, "slewing", True)):
+        raise Refused(f'The stop was refused. The server says: "{refused}"')
+    yield Schedule(LOOK_AFTER, KeepTracking(), not_while_busy=True)
+
+
+class KeepTracking(op.Operation, frozen=True):
+    """Internal: turn tracking on again if the end of a motion has turned it off."""
+
+    survives_abort = True
+
+
+def keep_tracking(mount: AlpacaDriver, _: KeepTracking) -> Steps:
+    if mount.moving or mount.goto is not None or mount.parked or not mount.tracks:
+        return
+    yield from read_status(mount)
+    if not (mount.tracks or mount.parked) and mount.supports("set_tracking"):
+        yield from order(mount, "set_tracking", on=True)
+        mount.tracks = True
+        yield Remark("the end of a motion has turned tracking off: it is turned on again")
+
+
+# --- guiding ----------------------------------------------------------------------------------------------------------
+
+
+def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
+    """Send a guide pulse and return Pulsed. ASCOM's directions are those of the sky; a motor's are reversed with the
+    tube on the west side of the pier.
+    """
+    direction = operation.direction
+    if direction.axis == 2 and not operation.sky and mount.german:
+        sense = yield from motor_sense(mount, 2, direction.sense)
+        direction = op.Direction.NORTH if sense > 0 else op.Direction.SOUTH
+    return (yield from _pulse(mount, direction, operation.ms))
+
+
+def pulse_axis(mount: AlpacaDriver, operation: op.PulseAxis) -> Steps:
+    """Guide by a motor's sense. At another rate than the mount's, the pulse is shorter or longer."""
+    sense = yield from motor_sense(mount, operation.axis, operation.sense)
+    directions = {(1, 1): "w", (1, -1): "e", (2, 1): "n", (2, -1): "s"}
+    own = mount.rates[operation.axis - 1]
+    ms = operation.ms * (own if operation.rate is None else operation.rate) / own
+    return (yield from _pulse(mount, op.Direction(directions[operation.axis, sense]), round(ms)))
+
+
+def _pulse(mount: AlpacaDriver, direction: op.Direction, ms: int) -> Steps:
+    if mount.goto is not None:
+        raise Refused(SLEWING)
+    if ms <= 0:
+        return None
+    piece = min(ms, LONGEST_PULSE)
+    mount.pulses_until = mount.now() + piece / 1000.0
+    with suppress(Silence):  # some servers answer when the pulse has ended
+        values = {"direction": DIRECTIONS[direction.value], "ms": piece}
+        yield Send("pulseguide", values, patience=max(ORDER, piece / 1000.0), prompt=True)
+    return op.Pulsed(piece / 1000.0, ends=True, left=ms - piece, since=mount.sent_at)
+
+
+def guide_rate(mount: AlpacaDriver, operation: op.GuideRate) -> Steps:
+    """Return the guide rate as a fraction of sidereal."""
+    yield from ()
+    return mount.rates[operation.axis - 1]
+
+
+def set_guide_rate(mount: AlpacaDriver, operation: op.SetGuideRate) -> Steps:
+    name = "set_guideraterightascension" if operation.axis == 1 else "set_guideratedeclination"
+    yield from order(mount, name, rate=operation.rate * SIDEREAL)
+    first, second = mount.rates
+    mount.rates = (operation.rate, second) if operation.axis == 1 else (first, operation.rate)
+
+
+# --- tracking ---------------------------------------------------------------------------------------------------------
+
+
+def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
+    """Turn tracking on or off; a parked mount is unparked first. Raises Refused if it is ``heard`` without effect."""
+    if operation.on and mount.parked:
+        yield from order(mount, "unpark")
+        mount.parked = False
+    yield from order(mount, "set_tracking", on=operation.on)
+    mount.tracks = operation.on
+    for _look in range(LOOKS if operation.heard else 0):
+        yield from read_status(mount)
+        if mount.tracks is operation.on:
+            return
+        yield Wait(LOOK_AGAIN)
+    if operation.heard:
+        words = "on" if operation.on else "off"
+        raise Refused(f"The mount did not turn tracking {words}: it reports the same as before.")
+
+
+def unpark(mount: AlpacaDriver, _: op.Unpark) -> Steps:
+    """Unpark, and turn tracking on."""
+    yield from order(mount, "unpark")
+    mount.parked = False
+    if mount.supports("set_tracking"):
+        yield from order(mount, "set_tracking", on=True)
+        mount.tracks = True
+
+
+def rest(mount: AlpacaDriver, _: op.Hibernate) -> Steps:
+    """Turn tracking off, because no server puts its mount to sleep."""
+    yield from set_tracking(mount, op.SetTracking(on=False))
+
+
+def rise(mount: AlpacaDriver, _: op.Wake) -> Steps:
+    yield from set_tracking(mount, op.SetTracking(on=True))
+
+
+def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
+    """Choose one of the mount's tracking rates. Raises Unsupported for a rate that it does not have."""
+    factor = operation.factor or 1.0
+    near = (name for name, number in RATES.items() if abs(FACTORS[number] - factor) < SAME_RATE)
+    name = operation.name or next(near, "")
+    able = yield from told(mount, "trackingrates", [0])
+    if name not in RATES or (isinstance(able, list) and RATES[name] not in able):
+        raise Unsupported(f"This mount does not track at the {name or f'{factor:g} times sidereal'} rate.")
+    yield from order(mount, "set_trackingrate", rate=RATES[name])
+
+
+def drive_rate(mount: AlpacaDriver, _: op.DriveRate) -> Steps:
+    """Return the tracking rate as a multiple of sidereal."""
+    number = yield from told(mount, "trackingrate", 0)
+    return FACTORS[number] if number in range(len(FACTORS)) else 1.0

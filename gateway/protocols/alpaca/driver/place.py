@@ -1,0 +1,53 @@
+"""Site and clock of the telescope. Some servers accept both and keep their own: what was set is read back."""
+
+from __future__ import annotations
+
+from gateway.astro.spherical import wrap180
+from gateway.core.errors import Refused, Unsupported
+from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.protocols.alpaca.driver.pointing import order
+from gateway.protocols.alpaca.driver.state import AlpacaDriver
+from gateway.protocols.base.driver import Send, Steps, Wait
+
+#: Degrees and seconds by which what is read back may differ; how often it is read, and the seconds between.
+SAME_PLACE, SAME_TIME = 0.02, 3.0
+LOOKS, LOOK_AGAIN = 3, 0.5
+
+
+def get_site(mount: AlpacaDriver, _: GetSite) -> Steps:
+    latitude = (yield Send("sitelatitude"))["latitude"]
+    mount.site = Place(latitude, wrap180((yield Send("sitelongitude"))["longitude"]))
+    return mount.site
+
+
+def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
+    """Set latitude and longitude. Raises Refused if the server keeps another site, Unsupported."""
+    if operation.latitude is None or operation.longitude is None:
+        raise Unsupported("A site has a latitude and a longitude.")
+    longitude = wrap180(operation.longitude)
+    yield from order(mount, "set_sitelatitude", latitude=operation.latitude)
+    yield from order(mount, "set_sitelongitude", longitude=longitude)
+    for _look in range(LOOKS):
+        place = yield from get_site(mount, GetSite())
+        away = max(abs(place.latitude - operation.latitude), abs(wrap180(place.longitude - longitude)))
+        if away < SAME_PLACE:
+            return
+        yield Wait(LOOK_AGAIN)
+    raise Refused("The server has accepted the site and keeps another one.")
+
+
+def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
+    """Return the Moment; servers have no zone, so the offset is the one that was set last."""
+    return Moment((yield Send("utcdate"))["unix"], mount.zone)
+
+
+def set_clock(mount: AlpacaDriver, operation: SetClock) -> Steps:
+    """Set UTC. Raises Refused if the server keeps its own time, Unsupported."""
+    began, mount.zone = mount.now(), operation.offset
+    yield from order(mount, "set_utcdate", unix=operation.unix)
+    for _look in range(LOOKS):
+        told = (yield Send("utcdate"))["unix"]
+        if abs(told - operation.unix - (mount.now() - began)) < SAME_TIME:
+            return
+        yield Wait(LOOK_AGAIN)
+    raise Refused("The server has accepted the time and keeps its own.")

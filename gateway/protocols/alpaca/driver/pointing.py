@@ -1,0 +1,178 @@
+"""Positions, gotos, syncs, park and home.
+
+A server tells by number that a mount is parked. Why it refused anything else is found by asking what else could be the
+reason; its own text is passed on word for word. An order that is not answered soon may have been taken all the same:
+old servers answer when the motion has ended, so whether the mount slews decides.
+"""
+
+from __future__ import annotations
+
+from gateway.astro.spherical import fold_declination, hour_angle_to_horizon, wrap180
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Refused, Silence, Unsupported
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, GotoState, device_state, told
+from gateway.protocols.alpaca.tables import Parked
+from gateway.protocols.base.driver import Send, Steps
+
+#: Seconds that the answer to an order may take before the mount is looked at instead: a stop waits behind it.
+ORDER = 1.5
+#: Seconds after a goto has begun in which the server may still say that the mount does not slew.
+START_GRACE = 2.0
+#: What a program is told of a parked mount.
+PARKED = "The mount is parked: unpark it first, or turn tracking on."
+
+
+def position(mount: AlpacaDriver, _: op.Position) -> Steps:
+    """Return the Equatorial position, as the server tells it."""
+    if mount.lists_state:
+        state = yield from device_state(mount)
+        mount.read_at = None
+        try:
+            return op.Equatorial(*fold_declination(float(state["RightAscension"]) * 15.0, float(state["Declination"])))
+        except (KeyError, TypeError, ValueError):
+            mount.lists_state = False
+    ra = (yield Send("rightascension"))["ra"]
+    since = mount.now()
+    dec = (yield Send("declination"))["dec"]
+    mount.read_at = since, mount.now()
+    return op.Equatorial(*fold_declination(ra, dec))
+
+
+def horizontal_position(mount: AlpacaDriver, _: op.HorizontalPosition) -> Steps:
+    """Return None: it is calculated by the same site and clock as the limits."""
+    yield from ()
+
+
+def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
+    """Return the side of the tube of a German mount. Raises Unsupported if it is unknown, or there are no sides."""
+    side = (yield from told(mount, "sideofpier", -1)) if mount.german else -1
+    if side not in (0, 1):
+        raise Unsupported("The server does not tell the side of the pier.")
+    return "W" if side else "E"
+
+
+def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
+    """Return whether a goto is under way; what the server tells during a motion by hand is that motion."""
+    slews = bool((yield Send("slewing"))["value"])
+    state = mount.goto
+    if state is None:
+        return slews and not mount.moving
+    if slews:
+        state.seen, state.unconfirmed = True, False
+        return True
+    if not state.seen and mount.now() - state.since < START_GRACE:
+        return True
+    mount.give_up_goto()
+    if state.then == "park":
+        mount.parked = bool((yield from told(mount, "atpark", True)))
+        mount.tracks = mount.tracks and not mount.parked
+    elif state.then == "home":
+        mount.home_state = int(bool((yield from told(mount, "athome", True))))
+    return False
+
+
+def _slews(mount: AlpacaDriver) -> Steps:
+    return bool((yield Send("slewing"))["value"])
+
+
+# --- orders -----------------------------------------------------------------------------------------------------------
+
+
+def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, **values: object) -> Steps:
+    """Send an order that begins or ends something. Raises NoAnswer if it is not answered soon, and other Faults."""
+    try:
+        yield Send(command, values, patience=ORDER)
+    except Silence:
+        raise NoAnswer from None
+    except Parked as fault:
+        raise Parked(_with_text(PARKED, fault)) from None
+    except (Refused, Invalid) as fault:
+        raise (yield from _reason(mount, fault, goal)) from None
+
+
+def _reason(mount: AlpacaDriver, fault: Fault, goal: op.Equatorial | None) -> Steps:
+    """Return the refusal of an order with its reason, by what the mount tells of itself now."""
+    if (yield from told(mount, "atpark", False)):
+        return Parked(_with_text(PARKED, fault))
+    if not (yield from told(mount, "tracking", True)):
+        return Refused(_with_text("The mount does not track: turn tracking on first.", fault))
+    if goal is not None:
+        sidereal = yield from told(mount, "siderealtime")
+        latitude = yield from told(mount, "sitelatitude")
+        if None not in (sidereal, latitude):
+            altitude = hour_angle_to_horizon(wrap180(sidereal - goal.ra), goal.dec, latitude)[1]
+            if altitude < 0.0:
+                return BelowHorizon(_with_text("The goal is below the horizon.", fault))
+    return type(fault)(_with_text("The mount refused this.", fault))
+
+
+def _with_text(words: str, fault: Fault) -> str:
+    return f'{words} Its server says: "{fault}"'
+
+
+def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
+    """Slew, by a request that is answered at once if the mount has it; tracking is turned on before if possible."""
+    yield from stop_current_motion(mount)
+    if operation.track and not mount.tracks and not mount.parked and mount.supports("set_tracking"):
+        yield from order(mount, "set_tracking", on=True)
+        mount.tracks = True
+    goal = op.Equatorial(operation.ra, operation.dec)
+    command = "slewtocoordinatesasync" if mount.supports("slewtocoordinatesasync") else "slewtocoordinates"
+    steps = order(mount, command, goal, ra=operation.ra, dec=operation.dec)
+    yield from mount.begin_goto(GotoState(since=mount.now()), steps, _slews)
+
+
+def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes) -> Steps:
+    """Slew an alt-az mount over the horizon, for which ASCOM wants tracking off. Raises Unsupported for any other."""
+    if mount.equatorial:
+        raise Unsupported("Only an alt-az mount can be sent to readings of its axes.")
+    yield from stop_current_motion(mount)
+    if mount.tracks and mount.supports("set_tracking"):
+        yield from order(mount, "set_tracking", on=False)
+        mount.tracks = False
+    command = "slewtoaltazasync" if mount.supports("slewtoaltazasync") else "slewtoaltaz"
+    steps = order(mount, command, None, az=operation.az % 360.0, alt=operation.alt)
+    yield from mount.begin_goto(GotoState(since=mount.now()), steps, _slews)
+
+
+def stop_current_motion(mount: AlpacaDriver) -> Steps:
+    """End a goto or a motion by hand before a newer goto begins."""
+    for axis in sorted(mount.moving):
+        yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})
+        mount.moving.pop(axis, None)
+    if mount.goto is not None:
+        yield from abort_slew(mount, op.AbortSlew())
+
+
+def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
+    """End the goto under way. An axis that is moved by hand stands still afterwards."""
+    mount.give_up_goto()
+    yield Send("abortslew")
+    mount.moving.clear()
+
+
+def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:
+    yield from order(mount, "synctocoordinates", None, ra=operation.ra, dec=operation.dec)
+
+
+def park(mount: AlpacaDriver, _: op.Park) -> Steps:
+    """Send the mount to its own park position; there it does not track."""
+    yield from stop_current_motion(mount)
+    state = GotoState(since=mount.now(), then="park")
+    yield from mount.begin_goto(state, order(mount, "park"), _slews)
+
+
+def home(mount: AlpacaDriver, _: op.Home) -> Steps:
+    """Send the mount to its own home position."""
+    yield from stop_current_motion(mount)
+    mount.home_state = 0
+    state = GotoState(since=mount.now(), then="home")
+    yield from mount.begin_goto(state, order(mount, "findhome"), _slews)
+
+
+def home_state(mount: AlpacaDriver, _: op.HomeState) -> Steps:
+    """Return 2 on the way home or to park, 1 at home or parked, else 0."""
+    yield from ()
+    if mount.goto is not None and mount.goto.then in ("home", "park"):
+        return 2
+    return 1 if mount.parked else mount.home_state

@@ -1,0 +1,107 @@
+"""How requests to an Alpaca telescope look as lines, and what its answers mean.
+
+HTTP tells which answer belongs to which request and that it is whole, so no answer is asked for twice. A telescope that
+is no longer connected to its server is a lost line: it is connected again before anything else is asked.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+from gateway.core import errors
+from gateway.core.errors import Fault, Invalid, NoAnswer, Refused, Unsupported
+from gateway.core.operations import Values
+from gateway.protocols.alpaca.tables import NotConnected, Parked, numbers
+from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import Expected
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.fields import CODECS
+
+#: Seconds that an answer may take.
+TIMEOUT = 5.0
+#: What servers of other makers send for everything that went wrong, and for a value that they do not have.
+ANYTHING, INVALID = 1, 0x401
+
+
+class AlpacaReplyRules:
+    """The ``ReplyRules`` of an Alpaca telescope. They know whether it was connected when it answered last."""
+
+    protocol: CommandSet = load("alpaca")
+    closing = b""
+
+    def __init__(self) -> None:
+        self._dropped = False
+
+    def expected(self, ask: Send) -> Expected:
+        return Expected(None, TIMEOUT, unterminated=False)
+
+    def ambiguous_with(self, one: Send, other: Send) -> bool:
+        return False
+
+    def as_written(self, command: str, reply: bytes) -> bytes:
+        return reply
+
+    def encode(self, ask: Send) -> bytes:
+        """Return the line of a request. Raises Refused for a value that the field cannot hold."""
+        try:
+            return self.protocol.commands[ask.command].request.encode(ask.values)
+        except ValueError as error:
+            raise Refused(str(error)) from None
+
+    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+        """Return the answer that begins the buffer and its length; None while it is incomplete.
+
+        Raises ValueError for a value of another kind than the member's.
+        """
+        line, end, _ = buffer.partition(b"\n")
+        if not end:
+            return None
+        answer, command = json.loads(line), self.protocol.commands[ask.command]
+        if isinstance(answer, dict) and "ErrorNumber" in answer:
+            return self._fault(command, int(answer["ErrorNumber"]), str(answer["ErrorMessage"])), len(line) + 1
+        return _values(command, answer), len(line) + 1
+
+    def _fault(self, command: Command, number: int, text: str) -> Fault:
+        if number in (ANYTHING, INVALID) and command.question and not command.request.fields:
+            return Unsupported(text)  # nothing was given that could be invalid
+        kind = _faults().get(number, Refused)
+        if kind is NotConnected:
+            self._dropped = True
+            return NoAnswer(f"The server has lost the mount: {text}")
+        return kind(text or f"The server reports error 0x{number:X}, without a text.")
+
+    def resync_commands(self, number: int) -> Iterator[Send]:
+        """Yield the exchanges that show that the telescope can be used again."""
+        if self._dropped:
+            yield Send("set_connected", {"on": True})
+        yield Send("connected")
+
+    def is_resync_reply(self, ask: Send, values: Values) -> bool:
+        if ask.command == "connected":
+            self._dropped = not values["value"]
+            return bool(values["value"])
+        return True
+
+
+@cache
+def _faults() -> dict[int, type[Fault]]:
+    """Return the faults that have a number of their own; all other numbers are refusals."""
+    named: dict[str, type[Fault]] = {"NotConnected": NotConnected, "Parked": Parked}
+    several = [Invalid.__name__, "NoTarget", "Unsupported", *named]
+    return {numbers()[name]: named.get(name) or getattr(errors, name) for name in several}
+
+
+def _values(command: Command, value: Any) -> Values | Fault:
+    """Return the value of an answer under the name that it has in the table. Raises ValueError for another kind."""
+    if value is None and command.question:
+        return Unsupported("The server gives no value.")
+    for name, codec in command.replies[0][1].fields.items():
+        if codec is CODECS["truth"] and value in (0, 1):  # False and True are among these
+            return {name: bool(value)}
+        text = value if isinstance(value, str) and codec is not CODECS["json"] else json.dumps(value)
+        return {name: codec.decode(text.encode())}
+    return {}

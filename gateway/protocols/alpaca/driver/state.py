@@ -1,0 +1,174 @@
+"""What the driver knows of a telescope behind an Alpaca server: its abilities, as it tells them, and what it has begun.
+
+Nothing is assumed: what the server does not have, or reports that the mount cannot do, is refused in words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Mapping
+from typing import Any
+
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NoAnswer, Refused, Unsupported
+from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, Send, Step, Steps
+from gateway.protocols.base.spec import DriverSettings
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Model
+
+#: Request -> the member that tells whether the mount can carry it out.
+TOLD_BY = {
+    "findhome": "canfindhome", "park": "canpark", "unpark": "canunpark", "pulseguide": "canpulseguide",
+    "set_tracking": "cansettracking", "synctocoordinates": "cansync", "slewtocoordinates": "canslew",
+    "slewtocoordinatesasync": "canslewasync", "slewtoaltaz": "canslewaltaz", "slewtoaltazasync": "canslewaltazasync",
+    "set_guideraterightascension": "cansetguiderates", "set_guideratedeclination": "cansetguiderates",
+}  # fmt: skip
+#: Operation -> what is missing on a mount that cannot carry it out.
+MISSING = {
+    "Goto": "it has no gotos", "GotoAxes": "it has no gotos to an azimuth and altitude", "Sync": "it cannot be synced",
+    "Park": "it cannot be parked", "Unpark": "it cannot be unparked", "Home": "it has no home position",
+    "SetTracking": "its tracking cannot be turned on or off", "Pulse": "it cannot be guided",
+    "PulseAxis": "it cannot be guided", "Move": "it has no arrows", "MoveAxis": "it has no arrows",
+    "SetGuideRate": "its guide rates cannot be set", "SetHome": "its home position cannot be set",
+}  # fmt: skip
+#: The sidereal rate, degrees a second.
+SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
+#: Speeds of the named rates and of the hand control's keys, degrees a second, where a mount has them.
+NAMED = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.inf}
+KEYS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
+#: The greatest speed that is used, degrees a second: no limit could be kept beyond it.
+FASTEST = 8.0
+#: ASCOM's numbers of alignment modes -> models.
+MODELS = ("altaz", "polar", "german")
+
+
+class GotoState(GotoUnderWay):
+    """A goto under way. ``seen``: the server has reported that the mount slews."""
+
+    seen: bool = False
+
+
+class AlpacaDriver(Driver):
+    """A telescope of an Alpaca server. ``now`` is a monotonic clock, seconds."""
+
+    protocol = load("alpaca")
+    takes_site_aligned = True
+    default_equinox = "auto"
+
+    def __init__(
+        self,
+        now: Callable[[], float],
+        settings: DriverSettings = DriverSettings(),
+        handlers: Mapping[str, Handler] = {},
+    ) -> None:
+        super().__init__(handlers)
+        self.now, self.settings = now, settings
+        self.model: str | None = settings.model
+        self.goto: GotoState | None = None
+        self.home_state = 0
+        #: Local time minus UTC, hours, as it was set last: no server has a zone.
+        self.zone = 0.0
+        #: Whether it tracks, as told or ordered last.
+        self.tracks = True
+        #: Axis -> the rate at which it moves by hand, degrees a second, signed as it was sent.
+        self.moving: dict[int, float] = {}
+        #: When the last guide pulse ends.
+        self.pulses_until = -math.inf
+        self.line_was_lost()
+
+    def line_was_lost(self) -> None:
+        """Forget what the server has told of itself: another one may listen there now."""
+        #: Members that the server does not have, and requests that the mount cannot carry out.
+        self.absent: set[str] = set()
+        #: Axis -> the ranges of its speeds, degrees a second.
+        self.ranges: dict[int, tuple[tuple[float, float], ...]] = {}
+        #: Whether one answer lists all that is read often.
+        self.lists_state = False
+        self.rates: tuple[float, float] = (0.5, 0.5)
+
+    @property
+    def facts(self) -> Model:
+        """The row of its kind of mount; one that does not tell its kind counts as a German mount."""
+        return self.protocol.models[self.model or "german"]
+
+    @property
+    def german(self) -> bool | None:  # type: ignore[override]
+        return None if self.model is None else bool(self.facts["mount"] == "german")
+
+    @property
+    def equatorial(self) -> bool:
+        return self.model != "altaz"
+
+    @property
+    def times_pulses(self) -> bool:  # type: ignore[override]
+        return self.supports("pulseguide")
+
+    @property
+    def position_reads(self) -> int:  # type: ignore[override]
+        return 1 if self.lists_state else 2
+
+    def supports(self, name: str) -> bool:
+        """Whether the mount can carry out a request, as far as the server has told."""
+        if name == "moveaxis" and self.ranges:
+            return any(self.ranges.values())
+        return name not in self.absent and super().supports(name)
+
+    def perform(self, operation: op.Operation[Any]) -> Generator[Step, Any, Any]:
+        """Carry out an operation. Raises Unsupported with what the mount lacks, and other Faults."""
+        missing = MISSING.get(type(operation).__name__)
+        if missing is not None and self.implementation(type(operation)) is None:
+            raise Unsupported(f"The server of this mount reports that {missing}.")
+        return (yield from super().perform(operation))
+
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        if self.goto is not None and isinstance(operation, op.Pulse | op.PulseAxis):
+            return Refused(SLEWING)
+        return None
+
+    def tube_side(self, told: str) -> str | None:
+        return (told or None) if self.german else None
+
+    def fastest(self, axis: int | None = None) -> float:
+        several = [high for one, ranges in self.ranges.items() if axis in (None, one) for _, high in ranges]
+        return min(FASTEST, max(several, default=FASTEST))
+
+    def speed(self, rate: op.Rate) -> float:
+        return max(self.fit(axis, rate) for axis in (1, 2))
+
+    def fit(self, axis: int, rate: op.Rate) -> float:
+        """Return the speed nearest to a hand rate that this axis has, degrees a second."""
+        wanted = KEYS[(rate.key or 1) - 1] if rate.name is None else NAMED[rate.name]
+        if rate.degrees is not None:
+            wanted = min(wanted, rate.degrees) if rate.name == "max" else rate.degrees
+        wanted = max(1e-6, min(abs(wanted), self.fastest(axis)))
+        near = [max(low, min(high, wanted)) for low, high in self.ranges.get(axis, ())]
+        return min(near, key=lambda speed: abs(math.log(max(speed, 1e-6) / wanted)), default=wanted)
+
+    def can_do(self, equatorial: bool) -> op.Abilities:
+        able = super().can_do(equatorial)
+        speeds = tuple((low, min(high, FASTEST)) for low, high in self.ranges.get(1, ()) if low <= FASTEST)
+        return op.Abilities(able.can, speeds, self.rates, self.german)
+
+
+def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
+    """Return the value of a member, or something else if the server does not have it."""
+    if member in mount.absent:
+        return otherwise
+    try:
+        answer = yield Send(member, values)
+    except NoAnswer:
+        raise
+    except Fault as fault:
+        if isinstance(fault, Unsupported) and not values:
+            mount.absent.add(member)
+        return otherwise
+    return next(iter(answer.values()), otherwise)
+
+
+def device_state(mount: AlpacaDriver) -> Steps:
+    """Return what the server tells of the mount in one answer, by name; empty if it has no such answer."""
+    listed = yield from told(mount, "devicestate", [])
+    if not isinstance(listed, list):
+        return {}
+    return {str(one.get("Name")): one.get("Value") for one in listed if isinstance(one, dict)}

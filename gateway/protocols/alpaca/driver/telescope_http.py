@@ -1,0 +1,63 @@
+"""A telescope of an Alpaca server in HTTP: its lines as requests with their numbers, and JSON answers as lines.
+
+Names are written as ASCOM spells them and truth values as .NET does, because servers may refuse anything else. An error
+line has a number and the server's own text; a member that HTTP itself refuses is one that is not there.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+from itertools import count
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from gateway.transport.http_wire import Request
+
+#: What HTTP answers for a member or a parameter that a server does not have.
+NOT_THERE = (400, 404, 405, 422, 501)
+#: ASCOM's numbers for "not implemented" and for everything else.
+NOT_IMPLEMENTED, UNSPECIFIED = 0x400, 0x500
+#: The longest text of an error, letters.
+LONGEST = 600
+#: How old ASCOM drivers number errors: 0x80040400 is 0x400.
+COM = 0x80040000
+
+
+class TelescopeHttp:
+    """Converts between lines and HTTP for one telescope, ``http://HOST:PORT[/NUMBER]``."""
+
+    first = b"get connected\n"
+
+    def __init__(self, url: str) -> None:
+        self._path = f"/api/v1/telescope/{urlsplit(url).path.strip('/') or '0'}/"
+        self._client, self._requests = random.randrange(1, 2**32), count(1)
+
+    def request(self, line: bytes) -> Request:
+        verb, member, *words = line.decode("ascii").split()
+        fields = {}
+        for word in words:
+            name, _, value = word.partition("=")
+            fields[name] = value.capitalize() if value in ("true", "false") else unquote(value)
+        numbers = {"ClientID": str(self._client), "ClientTransactionID": str(next(self._requests) % 2**32)}
+        return Request(verb.upper(), self._path + member, fields | numbers)
+
+    def reply(self, status: int, body: bytes) -> bytes:
+        if status != 200:
+            text = " ".join(body.decode("utf-8", "replace").split())
+            return _error(NOT_IMPLEMENTED if status in NOT_THERE else UNSPECIFIED, f"HTTP {status}: {text}")
+        try:
+            answer = json.loads(body)
+            number = int(answer.get("ErrorNumber") or 0)
+        except (ValueError, AttributeError, TypeError):
+            return _error(UNSPECIFIED, "The answer is no JSON object of Alpaca.")
+        if number:
+            return _error(
+                number & 0xFFF if number & ~0xFFF in (COM, COM - 2**32) else number, answer.get("ErrorMessage")
+            )
+        return json.dumps(answer.get("Value")).encode("ascii") + b"\n"
+
+
+def _error(number: int, text: Any) -> bytes:
+    words = {"ErrorNumber": number, "ErrorMessage": str(text or "")[:LONGEST]}
+    return json.dumps(words).encode("ascii") + b"\n"

@@ -1,0 +1,158 @@
+"""The connection to a mount that is reached over HTTP: each line that is written is a request, each reply is a line.
+
+A protocol's ``Dialect`` converts both. Connections are kept open. Only the reply to the newest request is delivered,
+because the line has given up the ones before it. A read is repeated if its connection was closed meanwhile, anything
+else never is; a server that cannot be reached is a lost line. aiohttp is imported when the wire is opened.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+from urllib.parse import urlencode, urlsplit
+
+if TYPE_CHECKING:
+    from aiohttp import ClientSession
+
+    from gateway.transport.wires import OnData, OnLost
+
+#: Seconds until a connection must be open, until the first answer, and until a request is given up.
+CONNECT, FIRST, LONGEST = 4.0, 6.0, 120.0
+#: Seconds that an idle connection is kept, and the greatest number of connections.
+KEPT, MOST = 60.0, 4
+
+
+class Request(NamedTuple):
+    """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body."""
+
+    method: str
+    path: str
+    fields: Mapping[str, str]
+
+
+class Dialect(Protocol):
+    """Converts lines to requests, and answers to lines; ``first`` is the line that is asked when the wire opens."""
+
+    first: bytes
+
+    def request(self, line: bytes) -> Request: ...
+    def reply(self, status: int, body: bytes) -> bytes: ...
+
+
+class AddressWatcher(Protocol):
+    """Is informed of the numeric address of a server while the wire is open."""
+
+    def reached(self, host: str, port: int) -> None: ...
+    def closed(self) -> None: ...
+
+
+class HttpWire:
+    """The wire to ``url``, ``http://HOST:PORT`` with anything behind it."""
+
+    def __init__(self, url: str, dialect: Dialect, watcher: AddressWatcher | None = None) -> None:
+        parts = urlsplit(url)
+        self.name, self._dialect, self._watcher = url, dialect, watcher
+        self._host, self._port = parts.hostname or "", parts.port or 80
+        self._server = f"{parts.scheme}://{parts.netloc}"
+        self._session: ClientSession | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._reading: asyncio.Task[None] | None = None
+        self._number = 0
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        """Ask the server the first line, whose answer is not looked at. Raises OSError with a reason in words."""
+        import aiohttp
+
+        session = aiohttp.ClientSession(
+            connector=aiohttp.TCPConnector(limit=MOST, keepalive_timeout=KEPT),
+            timeout=aiohttp.ClientTimeout(total=LONGEST, sock_connect=CONNECT),
+        )
+        session._retry_connection = False  # it would repeat a PUT, and so a guide pulse
+        try:
+            async with asyncio.timeout(FIRST):
+                await self._asked(session, self._dialect.first)
+                found = await asyncio.get_running_loop().getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
+        except (aiohttp.ClientError, OSError) as error:
+            await session.close()
+            raise OSError(errno.EHOSTUNREACH, reason(error)) from None
+        except BaseException:
+            await session.close()
+            raise
+        self._session, self._on_data, self._on_lost = session, on_data, on_lost
+        if self._watcher is not None:
+            self._watcher.reached(*found[0][4][:2])
+
+    def write(self, data: bytes) -> None:
+        if self._session is None:
+            raise OSError(errno.ENODEV, "the connection is closed")
+        self._number += 1
+        if self._reading is not None:
+            self._reading.cancel()
+        reads = self._dialect.request(data).method == "GET"
+        task = asyncio.get_running_loop().create_task(self._carry_out(self._session, self._number, data, reads))
+        self._reading = task if reads else None
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _carry_out(self, session: ClientSession, number: int, line: bytes, reads: bool) -> None:
+        import aiohttp
+
+        try:
+            try:
+                answer = await self._asked(session, line)
+            except aiohttp.ServerDisconnectedError:
+                if not reads:
+                    raise
+                answer = await self._asked(session, line)
+        except (aiohttp.ClientError, OSError) as error:
+            given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
+            if session is self._session and not given_up:  # the line has stopped waiting for that one long ago
+                self._on_lost(reason(error))
+            return
+        if session is self._session and number == self._number:
+            self._on_data(answer)
+
+    async def _asked(self, session: ClientSession, line: bytes) -> bytes:
+        method, path, fields = self._dialect.request(line)
+        query, form = (fields, None) if method == "GET" else (None, fields)
+        url = self._server + path
+        async with session.request(method, url, params=query, data=form, allow_redirects=False) as answer:
+            return self._dialect.reply(answer.status, await answer.read())
+
+    def prepared(self, line: bytes) -> bytes:
+        """Return the bytes of a request, for a process without an HTTP library."""
+        method, path, fields = self._dialect.request(line)
+        words = urlencode(fields)
+        query, body = (f"?{words}", "") if method == "GET" else ("", words)
+        return (
+            f"{method} {path}{query} HTTP/1.1\r\nHost: {self._server.partition('//')[2]}\r\n"
+            f"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: {len(body)}\r\n\r\n{body}"
+        ).encode("ascii")
+
+    async def close(self) -> None:
+        session, self._session = self._session, None
+        if session is None:
+            return
+        if self._watcher is not None:
+            self._watcher.closed()
+        orders = [task for task in self._tasks if task is not self._reading]
+        if orders:  # a stop that was written just before
+            await asyncio.wait(orders, timeout=1.0)
+        for task in self._tasks:
+            task.cancel()
+        await session.close()
+
+
+def reason(error: Exception) -> str:
+    """Return why a server cannot be reached, in words."""
+    cause = getattr(error, "os_error", None) or error
+    if isinstance(cause, ConnectionRefusedError) or getattr(cause, "errno", None) == errno.ECONNREFUSED:
+        return "no program listens there (connection refused)"
+    if isinstance(cause, socket.gaierror):
+        return "no address is known for this name; write its number, like 192.168.1.50"
+    if isinstance(error, TimeoutError):
+        return "the server does not answer"
+    return str(getattr(cause, "strerror", None) or error or "the server has closed the connection")

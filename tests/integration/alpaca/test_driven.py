@@ -1,0 +1,109 @@
+"""An Alpaca telescope driven by the gateway, for programs that speak LX200 or NexStar: judged by where the tube is.
+
+The telescope is the Alpaca surface of another gateway, over a simulated NexStar or Meade, reached by its lines.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import wrap360
+from gateway.core import operations as op
+from gateway.core.errors import Fault, Unsupported
+from gateway.diagnostics.virtual_time import run
+from tests.integration.test_four_by_four import EXACT, NORTH, SOUTH, Program, apart
+from tests.support.in_process_gateway import Bridge
+from tests.support.two_gateways import TwoGateways
+
+MOUNTS = [
+    ("nexstar", "cge", False),
+    ("nexstar", "6-8se", True),
+    ("lx200", "lx200gps", False),
+    ("lx200", "autostar", True),
+]
+
+
+def chain(driven: str, model: str, nexstar: bool = False, south: bool = False) -> TwoGateways:
+    inner = Bridge(
+        model,
+        driven=driven,
+        presented="alpaca",
+        surface=None,
+        latency=0.02,
+        config={"lowest": -90.0, "sun": 0.0},
+        site=SOUTH if south else NORTH,
+    )
+    return TwoGateways(inner, "alpaca", "nexstar" if nexstar else "lx200", "6-8se" if nexstar else "autostar")
+
+
+@pytest.mark.parametrize(("driven", "model", "nexstar"), MOUNTS)
+@pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
+def test_what_a_program_orders_the_tube_does(driven: str, model: str, nexstar: bool, south: bool) -> None:
+    async def program() -> None:
+        whole = chain(driven, model, nexstar, south)
+        sim, site = whole.inner.sim, SOUTH if south else NORTH
+        async with whole:
+            one = Program(whole.client(), nexstar)
+            assert apart(await one.place(), sim.truth()) < 2.0 * EXACT
+            sidereal = sidereal_time(whole.inner.clock(), site[1])
+            target = round(wrap360(sidereal + 20.0) * 240.0) / 240.0, (-33.2575 if south else 33.2575)
+            await one.goto(*target)
+            assert apart(sim.truth(), target) < EXACT
+            assert apart(await one.place(), target) < EXACT
+            await one.leave(wrap360(sidereal - 40.0), -10.0 if south else 10.0)
+            await asyncio.sleep(3.0)
+            assert sim.slewing
+            await one.stop()
+            await asyncio.sleep(2.5)
+            stood = sim.truth()
+            await asyncio.sleep(2.0)
+            assert apart(sim.truth(), stood) < EXACT and sim.tracking
+            await one.arrows()
+            await asyncio.sleep(2.0)
+            assert apart(sim.truth(), stood) > 0.5
+            await one.stop()
+            await asyncio.sleep(3.5)
+            stood = sim.truth()
+            await asyncio.sleep(2.0)
+            assert apart(sim.truth(), stood) < EXACT and sim.tracking
+            ra, dec = await one.place()
+            centred = round(wrap360(ra + 0.5) * 240.0) / 240.0, round((dec + 0.5) * 3600.0) / 3600.0
+            await one.sync(*centred)
+            await asyncio.sleep(2.0)
+            assert apart(await one.place(), centred) < 2.0 * EXACT
+            assert apart(sim.truth(), stood) < 2.0 * EXACT
+            assert max(abs(a - b) for a, b in zip(await one.site(), site, strict=True)) < 0.02
+            assert abs(await one.clock() - whole.inner.clock()) < 3.0
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "model", "nexstar"), MOUNTS[1:3])
+def test_park_unpark_and_tracking(driven: str, model: str, nexstar: bool) -> None:
+    async def program() -> None:
+        whole = chain(driven, model)
+        sim = whole.inner.sim
+        async with whole:
+            ask = whole.controller.perform
+            await ask(op.Park())
+            for _ in range(60):
+                await asyncio.sleep(2.0)
+                if (await ask(op.GetActivity())).parked:
+                    break
+            assert not sim.tracking and not sim.slewing
+            with pytest.raises(Fault, match=r"parked: unpark it first.*says"):
+                await ask(op.Goto(*sim.truth()))
+            await ask(op.Unpark())
+            assert sim.tracking and not (await ask(op.GetActivity())).parked
+            await ask(op.SetTracking(on=False, heard=True))
+            assert not sim.tracking
+            await ask(op.SetTracking(on=True, heard=True))
+            assert sim.tracking
+            if model == "6-8se":
+                with pytest.raises(Unsupported, match="no home position"):
+                    await ask(op.Home())
+
+    run(program())
