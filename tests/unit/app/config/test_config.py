@@ -78,11 +78,11 @@ def flags(*words: str) -> Config:
         ),
         (f"{MOUNT}[[surface]]\nat = 'any@4030'\n", 4, "write any@tcp://127.0.0.1:4030, or one protocol"),
         (f"{MOUNT}[[surface]]\nat = 'any:6se@tcp://:0'\n", 4, "presents no single model; write any@tcp://:0"),
-        (f"[mount]\nat = 'any@sim'\n{SURFACE}", 2, "lx200@ or nexstar@ for a mount"),
+        (f"[mount]\nat = 'any@sim'\n{SURFACE}", 2, "lx200@ or nexstar@ or alpaca@ for a mount"),
         (
             f"[mount]\nat = 'any@tcp://:1'\n{SURFACE}",
             2,
-            "any@tcp://:1: any is for surfaces; write lx200@ or nexstar@ before a mount",
+            "any@tcp://:1: any is for surfaces; write lx200@ or nexstar@ or alpaca@ before a mount",
         ),
         (
             f"{MOUNT}[[surface]]\nat = 'any@tcp://:0'\nclient = 'nope'\n",
