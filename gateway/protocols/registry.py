@@ -51,13 +51,9 @@ def simulators() -> list[str]:
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Return every pair of a surface and a mount of another protocol that can be simulated."""
-    return [(surface, mount) for surface in surfaces() for mount in rehearsed() if surface != mount]
-
-
-def rehearsed() -> list[str]:
-    """Return the protocols of mounts that can be simulated, and so rehearsed."""
-    return [name for name in mounts() if name in simulators()]
+    """Return every pair of a surface and a mount of another protocol; mounts that are reached over HTTP come last."""
+    found = [(surface, mount) for surface in surfaces() for mount in mounts() if surface != mount]
+    return sorted(found, key=lambda pair: PROTOCOLS[pair[1]].over_http is not None)
 
 
 def other_surface(mount: str) -> str:

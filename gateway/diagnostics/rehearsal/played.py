@@ -30,7 +30,7 @@ from gateway.diagnostics.rehearsal.shown import changes, shown
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import SurfaceSettings
-from gateway.protocols.registry import PROTOCOLS, pairs, rehearsed, surfaces
+from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import PlayedRow, SurfaceRow
 
@@ -107,7 +107,7 @@ def _digests(protocol: str) -> dict[str, str]:
     assert make is not None
     functions = make(SurfaceSettings(None, None, None, None, Limits())).surface.handlers
     sources: dict[Callable[..., Any], str] = {}
-    models = [str(end) for name in (protocol, *rehearsed()) for end in _differing(name)]
+    models = [str(end) for name in (protocol, *mounts()) for end in _differing(name)]
     digests = {}
     for name, row in rows.items():
         parts = models, commands[name], row, *_source(functions.get(row.get("call")), sources)
@@ -243,5 +243,5 @@ def _tabulated(protocol: str, name: str, row: SurfaceRow, scene: Scene) -> tuple
 def _deciding(asked: tuple[str, ...]) -> list[str]:
     """Return the operations that decide what becomes of a command: those that change the mount in their order; if there
     is none, the reads that a mount can be asked for, the last one first, because the reply is made of it."""
-    can = {name for mount in rehearsed() for name in load(mount).driver}
+    can = {name for mount in mounts() for name in load(mount).driver}
     return [name for name in asked if changes(name)] or [name for name in reversed(asked) if name in can]

@@ -170,6 +170,12 @@ def home(mount: AlpacaDriver, _: op.Home) -> Steps:
     yield from mount.begin_goto(state, order(mount, "findhome"), _slews)
 
 
+def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:
+    """Raise Unsupported: only the mount's own software stores its home position."""
+    yield from ()
+    raise Unsupported("The home position of this mount is set by its own software.")
+
+
 def home_state(mount: AlpacaDriver, _: op.HomeState) -> Steps:
     """Return 2 on the way home or to park, 1 at home or parked, else 0."""
     yield from ()

@@ -30,7 +30,7 @@ MISSING = {
     "Park": "it cannot be parked", "Unpark": "it cannot be unparked", "Home": "it has no home position",
     "SetTracking": "its tracking cannot be turned on or off", "Pulse": "it cannot be guided",
     "PulseAxis": "it cannot be guided", "Move": "it has no arrows", "MoveAxis": "it has no arrows",
-    "SetGuideRate": "its guide rates cannot be set", "SetHome": "its home position cannot be set",
+    "SetGuideRate": "its guide rates cannot be set",
 }  # fmt: skip
 #: The sidereal rate, degrees a second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
