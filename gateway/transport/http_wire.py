@@ -34,10 +34,14 @@ class Request(NamedTuple):
 
 
 class Dialect(Protocol):
-    """Converts lines to requests, and answers to lines; ``first`` is the line that is asked when the wire opens."""
+    """Converts lines to requests, and answers to lines.
 
-    first: bytes
+    ``first`` is what is asked when the wire opens; ``opened`` raises OSError if its answer shows the wrong server.
+    """
 
+    first: Request
+
+    def opened(self, status: int, body: bytes) -> None: ...
     def request(self, line: bytes) -> Request: ...
     def reply(self, status: int, body: bytes) -> bytes: ...
 
@@ -63,7 +67,7 @@ class HttpWire:
         self._number = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Ask the server the first line, whose answer is not looked at. Raises OSError with a reason in words."""
+        """Ask the server its first question. Raises OSError with a reason in words."""
         import aiohttp
 
         session = aiohttp.ClientSession(
@@ -73,7 +77,7 @@ class HttpWire:
         session._retry_connection = False  # it would repeat a PUT, and so a guide pulse
         try:
             async with asyncio.timeout(FIRST):
-                await self._asked(session, self._dialect.first)
+                self._dialect.opened(*await self._ask(session, self._dialect.first))
                 found = await asyncio.get_running_loop().getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
         except (aiohttp.ClientError, OSError) as error:
             await session.close()
@@ -116,11 +120,14 @@ class HttpWire:
             self._on_data(answer)
 
     async def _asked(self, session: ClientSession, line: bytes) -> bytes:
-        method, path, fields = self._dialect.request(line)
+        return self._dialect.reply(*await self._ask(session, self._dialect.request(line)))
+
+    async def _ask(self, session: ClientSession, request: Request) -> tuple[int, bytes]:
+        method, path, fields = request
         query, form = (fields, None) if method == "GET" else (None, fields)
         url = self._server + path
         async with session.request(method, url, params=query, data=form, allow_redirects=False) as answer:
-            return self._dialect.reply(answer.status, await answer.read())
+            return answer.status, await answer.read()
 
     def prepared(self, line: bytes) -> bytes:
         """Return the bytes of a request, for a process without an HTTP library."""

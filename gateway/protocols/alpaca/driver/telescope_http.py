@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import json
 import random
+from contextlib import suppress
 from itertools import count
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from gateway.protocols.alpaca.http.chain import check
 from gateway.transport.http_wire import Request
 
-#: What HTTP answers for a member or a parameter that a server does not have.
-NOT_THERE = (400, 404, 405, 422, 501)
+#: What HTTP answers if all is well, and for a member or a parameter that a server does not have.
+OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
 #: ASCOM's numbers for "not implemented" and for everything else.
 NOT_IMPLEMENTED, UNSPECIFIED = 0x400, 0x500
 #: The longest text of an error, letters.
@@ -27,11 +29,21 @@ COM = 0x80040000
 class TelescopeHttp:
     """Converts between lines and HTTP for one telescope, ``http://HOST:PORT[/NUMBER]``."""
 
-    first = b"get connected\n"
+    first = Request("GET", "/management/v1/description", {})
 
     def __init__(self, url: str) -> None:
+        self._url = url
         self._path = f"/api/v1/telescope/{urlsplit(url).path.strip('/') or '0'}/"
         self._client, self._requests = random.randrange(1, 2**32), count(1)
+
+    def opened(self, status: int, body: bytes) -> None:
+        """Look which gateways are on the way to this telescope. Raises OSError if this one is among them."""
+        described: Any = {}
+        if status == OK:
+            with suppress(ValueError):
+                described = json.loads(body)
+        value = described.get("Value") if isinstance(described, dict) else None
+        check(self._url, value if isinstance(value, dict) else {})
 
     def request(self, line: bytes) -> Request:
         verb, member, *words = line.decode("ascii").split()
@@ -43,7 +55,7 @@ class TelescopeHttp:
         return Request(verb.upper(), self._path + member, fields | numbers)
 
     def reply(self, status: int, body: bytes) -> bytes:
-        if status != 200:
+        if status != OK:
             text = " ".join(body.decode("utf-8", "replace").split())
             return _error(NOT_IMPLEMENTED if status in NOT_THERE else UNSPECIFIED, f"HTTP {status}: {text}")
         try:
