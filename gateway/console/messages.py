@@ -2,7 +2,7 @@
 
 A message is a JSON object: ``do`` names what is asked, ``mount`` is the number of the mount, ``id`` that of the answer,
 which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a ``name``, or
-``ra`` and ``dec``. Angles are degrees, longitudes east positive, times Unix seconds.
+``ra`` and ``dec``, of date unless ``j2000`` is true. Angles are degrees, longitudes east positive, times Unix seconds.
 """
 
 from __future__ import annotations
@@ -121,5 +121,5 @@ def read(text: str | bytes, who: str) -> Message:
     fields |= {"type": _NAMES.get(head.do, head.do), "number": requests.new_number(), "who": who}
     if head.do in ("goto", "sync", "look_up", "ask"):
         kind = "spot" if fields.get("name") is None else "named"
-        fields["where"] = {"j2000": True, **fields, "type": kind}
+        fields["where"] = {**fields, "type": kind}
     return Message(head.id, head.mount, msgspec.convert(fields, Wish))

@@ -81,8 +81,24 @@ def test_a_sync_asks_first(console: Console, visit: Callable[..., Visit]) -> Non
     assert not console.moved_from(before)
 
 
-def test_an_unknown_name_is_said(visit: Callable[..., Visit]) -> None:
+def test_nothing_can_be_started_under_another_text(visit: Callable[..., Visit]) -> None:
+    """A name that nobody knows, and coordinates that can be meant in two ways, leave no target."""
     page = visit()
+    page.find("m 31")
+    assert page.text("#place h3") == "M31" and "Andromeda Galaxy" in page.text("#place")
     page.page.fill("#object", "Xyzzyx")
     page.page.press("#object", "Enter")
     page.until("it is said", lambda: "Xyzzyx" in page.text("#notices"))
+    assert not page.page.locator("#place").is_visible()
+    page.find("Capella")
+    page.page.fill("#object", "5.588 -5.39")
+    page.page.press("#object", "Enter")
+    page.until("it asks", lambda: page.text("#asks") == "Which one: hours or degrees?")
+    assert not page.page.locator("#place").is_visible()
+    page.page.locator("#suggestions li").first.dispatch_event("pointerdown")
+    page.until("the one that was chosen", lambda: "05h 35m 17s" in page.text("#place .equinox"))
+    assert page.text("#place .equinox [aria-pressed=true]") == "of date" and page.text("#asks") == ""
+    page.page.click("#place .equinox >> text=J2000")
+    page.until("it is of 2000", lambda: page.text("#place .equinox [aria-pressed=true]") == "J2000")
+    page.find("alt 60 az 180")
+    page.until("that place", lambda: page.text("#place .figures").startswith("Altitude60.0°Azimuth180.0° S"))

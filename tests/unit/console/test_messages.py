@@ -26,8 +26,8 @@ def read(do: str, **fields: Any) -> Any:
     ("sent", "wish"),
     [
         ({"do": "goto", "name": "M42"}, requests.Goto(requests.Named("M42"), **MINE)),
-        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.Goto(requests.Spot(83.0, 22.0, j2000=True), **MINE)),
-        ({"do": "sync", "ra": 1, "dec": 2, "j2000": False}, requests.Sync(requests.Spot(1.0, 2.0), **MINE)),
+        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.Goto(requests.Spot(83.0, 22.0), **MINE)),
+        ({"do": "sync", "ra": 1, "dec": 2, "j2000": True}, requests.Sync(requests.Spot(1.0, 2.0, True), **MINE)),
         ({"do": "wake"}, requests.Unpark(**MINE)),
         ({"do": "track", "on": False}, requests.Track(on=False, **MINE)),
         ({"do": "site", "latitude": 48, "longitude": 11}, requests.TellSite(48.0, 11.0, **MINE)),

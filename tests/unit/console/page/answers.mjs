@@ -11,6 +11,7 @@ const from = (name) => import(new URL(name, folder));
 const sphere = await from("sphere.js"), { View } = await from("view.js"), { Scene } = await from("scene.js");
 const { Catalogue } = await from("catalogue.js"), { pick } = await from("pick.js"), { Trail } = await from("trail.js");
 const moon = await from("moon.js"), words = await from("words.js"), { project } = await from("paint/stars.js");
+const { typedPlace } = await from("../finding/typed.js");
 
 const catalogue = new Catalogue(JSON.parse(readFileSync(new URL("../../data/stars.json", folder), "utf-8")));
 
@@ -50,6 +51,7 @@ const answers = {
     const grew = steps.map(([azimuth, altitude, time]) => trail.add(azimuth, altitude, time));
     return { grew, left: trail.points.length };
   },
+  typed: (text) => typedPlace(text),
   described: (mount, unix) => words.described(new Scene(mount, 0, unix)),
 };
 

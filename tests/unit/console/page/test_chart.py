@@ -2,55 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import math
-import subprocess
-from collections.abc import Iterator
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
-from tests.programs.processes import requires
 from tests.support.each import each
+from tests.unit.console.page.node import ask
 
-FOLDER = Path(__file__).resolve().parents[4] / "gateway/console/page/js/sky"
 MUNICH = (48.137, 11.575)
 UNIX = datetime(2026, 11, 22, 20, 0, tzinfo=UTC).timestamp()
 PHONE = {"width": 390, "height": 600}
 #: Nutation and aberration, which the chart leaves out.
 LEFT_OUT = 0.012
-
-
-NODE: list[subprocess.Popen[str]] = []
-
-
-@pytest.fixture(scope="module", autouse=True)
-def node() -> Iterator[None]:
-    """One process for all questions: starting it takes longer than any answer."""
-    requires("node")
-    words = ["node", str(Path(__file__).with_name("answers.mjs")), str(FOLDER)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True, encoding="utf-8") as process:
-        NODE.append(process)
-        yield
-        NODE.clear()
-        process.communicate(timeout=60.0)
-
-
-def ask(*questions: tuple[Any, ...]) -> list[Any]:
-    """The chart's answers."""
-    [process] = NODE
-    assert process.stdin is not None and process.stdout is not None and process.stderr is not None
-    process.stdin.write(json.dumps(questions) + "\n")
-    process.stdin.flush()
-    told = process.stdout.readline()
-    assert told, process.stderr.read()
-    found: list[Any] = json.loads(told)
-    return found
 
 
 @pytest.fixture(scope="module")

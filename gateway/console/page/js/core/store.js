@@ -1,8 +1,10 @@
 // The state of the page: the last state of every mount, and whether the gateway is connected. Parts of the page
 // subscribe and are called at most once per animation frame, however many messages have arrived.
 
-/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], chosen: number, connected: boolean, crowded: boolean, act: boolean, pin: string}} */
-export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chosen: 0, connected: false, crowded: false, act: false, pin: "" };
+import { Scene } from "../sky/scene.js";
+
+/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], toldAt: number, chosen: number, connected: boolean, crowded: boolean, act: boolean, pin: string}} */
+export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], toldAt: 0, chosen: 0, connected: false, crowded: false, act: false, pin: "" };
 
 /** @type {Set<() => void>} */
 const listeners = new Set();
@@ -31,6 +33,9 @@ export const mount = () => state.mounts[state.chosen] ?? null;
 export const gatewayNow = () =>
   state.hello ? state.hello.now + (performance.now() - state.heardAt) / 1000 : Date.now() / 1000;
 
+/** The selected mount's sky at a moment (Unix seconds): its sidereal time goes on from the last message. */
+export const skyAt = (unix) => new Scene(mount(), unix - gatewayNow() + (performance.now() - state.toldAt) / 1000, unix);
+
 /** Apply a message of the gateway to the state. */
 export function take(message) {
   if (message.hello) {
@@ -38,6 +43,7 @@ export function take(message) {
     state.heardAt = performance.now();
     state.act = message.hello.act;
   }
+  if (message.state || message.diff?.mounts) state.toldAt = performance.now();
   if (message.state) {
     state.mounts = message.state.mounts;
     state.recordings = message.state.recordings;

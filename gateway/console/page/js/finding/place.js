@@ -6,12 +6,15 @@ import { angle, azimuth, declination, hours, timeOfDay } from "../core/format.js
 import { answered, notice } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 import { ask } from "../core/socket.js";
-import { mount, state, subscribe } from "../core/store.js";
+import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
+import { angles, reversed, turned, vector } from "../sky/sphere.js";
 import { show } from "../core/views.js";
 
 const RENEW = 15000;
 /** The chosen position: the request for it, and its answer. @type {{request: any, found: any} | null} */
 let chosen = null;
+/** The number of the newest look-up: the answer to an earlier one is dropped. */
+let newest = 0;
 let drawn = "";
 const listeners = [];
 
@@ -20,20 +23,38 @@ export const onPlace = (listener) => listeners.push(listener);
 export const place = () => chosen?.found ?? null;
 
 /** The target of a goto or sync: the name if there is one, so that the Moon's motion is followed. */
-const aim = () => (chosen.request.name ? { name: chosen.request.name } : { ra: chosen.request.ra, dec: chosen.request.dec, j2000: true });
+const aim = () => (({ name, ra, dec, j2000 }) => (name ? { name } : { ra, dec, j2000 }))(requestNow(chosen.request));
+
+/** A request as it is sent: an altitude and azimuth are the place of the sky that is there now. */
+function requestNow({ alt, az, typed, ...request }) {
+  if (alt === undefined) return request;
+  const [ra, dec] = angles(turned(reversed(skyAt(gatewayNow()).ofDate), vector(az, alt)));
+  return { ...request, ra, dec, j2000: false };
+}
 
 export const showName = (name) => look({ do: "look_up", name }, name);
 
-/** Choose a J2000 position that was tapped or typed. */
-export const showPlace = ({ ra2000, dec2000 }, name = "") => look({ do: "ask", ra: ra2000, dec: dec2000, j2000: true }, name);
+/** Choose what was typed as numbers: of date unless J2000 was written with it; the card changes that. */
+export function showTyped(place) {
+  if ("ra" in place) return look({ do: "ask", ...place, j2000: place.j2000 ?? false, typed: true }, "");
+  if (!skyAt(0).ofDate) return notice("Altitude and azimuth need the site of the mount, which is not known yet.", "refused");
+  return look({ do: "ask", ...place }, `Alt ${angle(place.alt)}, Az ${angle(place.az)}`);
+}
+
+/** Choose a J2000 position that was tapped. */
+const showPlace = ({ ra2000, dec2000 }, name = "") => look({ do: "ask", ra: ra2000, dec: dec2000, j2000: true }, name);
 
 /** Choose what was tapped in the chart: by its name if the gateway knows that, because some objects move. */
 export async function showPicked(picked) {
   if (!picked.name || !(await look({ do: "look_up", name: picked.name }, picked.name, () => {}))) showPlace(picked, picked.name);
 }
 
+/** Look something up. Until the answer is there nothing is chosen: what was, cannot be started under a new name. */
 async function look(request, name, refused = (words) => notice(words, "refused")) {
-  const answer = await ask(request);
+  const mine = ++newest;
+  forget();
+  const answer = await ask(requestNow(request));
+  if (mine !== newest) return true;
   if (!answer.ok) {
     refused(answer.words);
     return false;
@@ -91,12 +112,23 @@ function nextEvent(found) {
 const kindOf = (found) =>
   [found.kind, Number.isFinite(found.magnitude) ? `magnitude ${found.magnitude.toFixed(1)}` : ""].filter(Boolean).join(", ");
 
+/** Which equinox the coordinates have; of typed ones it can be changed. */
+function coordinates({ request, found }) {
+  const j2000 = Boolean(request.j2000 ?? true);
+  const words = j2000 ? `${hours(found.ra2000)}  ${declination(found.dec2000)}` : `${hours(found.ra)}  ${declination(found.dec)}`;
+  const equinox = (label, value) =>
+    button(label, () => look({ ...request, j2000: value }, found.name), { class: "chip", "aria-pressed": String(j2000 === value) });
+  return el("p", { class: "equinox" }, `${words} `, ...(request.typed
+    ? [el("span", { role: "group", "aria-label": "Equinox of what was typed" }, equinox("of date", false), equinox("J2000", true))]
+    : [j2000 ? "J2000" : "of date"]));
+}
+
 function card(found) {
   const may = state.act && found.may;
   const [event, when] = nextEvent(found);
   return [
     el("header", {},
-      el("div", {}, el("h3", {}, found.name || "Chosen place"), el("p", { class: "kind" }, kindOf(found) || `${hours(found.ra2000)}  ${declination(found.dec2000)}`)),
+      el("div", {}, el("h3", {}, found.name || "Chosen place"), el("p", { class: "kind" }, kindOf(found), found.also ? ` · ${found.also}` : ""), coordinates(chosen)),
       button("×", forget, { class: "quiet close", "aria-label": "Close" })),
     el("dl", { class: "figures" },
       el("div", {}, el("dt", {}, "Altitude"), el("dd", {}, angle(found.alt))),
@@ -135,7 +167,7 @@ function redraw(box, key) {
 async function renew() {
   if (!chosen || document.hidden) return;
   const { request, found } = chosen;
-  const answer = await ask(request);
+  const answer = await ask(requestNow(request));
   if (!answer.ok || chosen?.request !== request) return;
   chosen.found = { ...answer, name: answer.name ?? found.name };
   draw();

@@ -1,27 +1,16 @@
-// Search for an object: suggestions while the user types; J2000 right ascension and declination can be typed too.
+// Search for an object: suggestions while the user types; coordinates can be typed too. What they may mean, if that is
+// more than one thing, is offered in the place of the suggestions.
 
-import { byId, el } from "../core/dom.js";
+import { byId, el, say } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
-import { showName, showPlace } from "./place.js";
+import { forget, showName, showTyped } from "./place.js";
+import { typedPlace } from "./typed.js";
 import { ask } from "../core/socket.js";
 
 const PATIENCE = 120;
 let timer = 0;
 let marked = -1;
 let latest = 0;
-
-/** `05:34:32 +22:00:52`, `5h34m +22d`, or degrees `83.6 22.01` -> a J2000 position in degrees, else null. */
-export function typedPlace(text) {
-  const found = /^\s*(\d[\d.:hms ]*?)[\s,]+([+\-−]?\d[\d.:°d'′m"″s ]*)$/i.exec(text);
-  if (!found) return null;
-  const numbers = (part) => part.match(/\d+(\.\d+)?/g)?.map(Number) ?? [];
-  const value = (list) => list[0] + (list[1] ?? 0) / 60 + (list[2] ?? 0) / 3600;
-  const first = numbers(found[1]);
-  const inDegrees = first.length === 1 && !/h/i.test(found[1]);
-  const ra = value(first) * (inDegrees ? 1 : 15);
-  const dec = value(numbers(found[2])) * (/^[-−]/.test(found[2]) ? -1 : 1);
-  return ra >= 0 && ra <= 360 && Math.abs(dec) <= 90 ? { ra2000: ra, dec2000: dec } : null;
-}
 
 function close() {
   byId("suggestions").hidden = true;
@@ -31,13 +20,22 @@ function close() {
   marked = -1;
 }
 
-function take(name) {
+/** Look up a name, or coordinates that can be meant in one way. */
+function take(text) {
   clearTimeout(timer);
   latest++;
-  byId("object").value = name;
+  byId("object").value = text;
+  const place = typedPlace(text);
+  say(byId("asks"), place?.asks ?? "");
+  if (place?.asks) {
+    forget();
+    byId("object").focus();
+    return offer(place.choices);
+  }
   close();
   byId("object").blur();
-  showName(name);
+  if (place) showTyped(place);
+  else showName(text);
 }
 
 function offer(names) {
@@ -52,7 +50,10 @@ function offer(names) {
 async function suggest() {
   const mine = ++latest;
   const text = byId("object").value.trim();
-  if (!text || typedPlace(text)) return close();
+  const place = typedPlace(text);
+  say(byId("asks"), "");
+  if (!text || (place && !place.choices)) return close();
+  if (place) return offer(place.choices);
   const answer = await ask({ do: "search", text });
   if (mine === latest && document.activeElement === byId("object")) offer((answer.found ?? []).map((one) => one.name));
 }
@@ -80,14 +81,12 @@ function submit(event) {
   const option = byId("suggestions").children[marked];
   const text = option ? option.textContent : byId("object").value.trim();
   if (!text) return notice("Type a name, like M 31, Vega or Jupiter.", "refused");
-  const place = typedPlace(text);
-  if (!place) return take(text);
-  close();
-  showPlace(place);
+  take(text);
 }
 
 export function start() {
   const input = byId("object");
+  byId("search").after(el("p", { id: "asks", class: "asks", role: "status" }));
   input.addEventListener("input", () => {
     clearTimeout(timer);
     mark(null); // the marked suggestion belonged to another text
