@@ -1,6 +1,8 @@
 """What the web servers of the console and the fleet share: static files, access checks.
 
 The files are read once at the start; a path to any other file is not served. Every refusal is one plain line of text.
+A page's scripts are sent as one, its style sheets too. The page names its files by a path with a digest of all of them,
+under which a browser keeps them for a year: after an update the path is another one.
 
 Only the server's own page may send requests, in a browser that reached it by an address of this computer. A foreign
 page in the same browser could send requests here, or let its own name point here (DNS rebinding). So ``Host`` must be
@@ -10,27 +12,38 @@ the served page has. The port is not compared: an SSH tunnel may use another one
 
 from __future__ import annotations
 
+import gzip
+import hashlib
 import hmac
 import html
+import re
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from aiohttp import web
 
+from gateway.app.bundle import scripts
 from gateway.system.own_names import host_of
 
 #: Content types of the files that are served, by their suffix.
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
-         ".txt": "text/plain", ".svg": "image/svg+xml", ".png": "image/png",
-         ".webmanifest": "application/manifest+json"}  # fmt: skip
+         ".svg": "image/svg+xml", ".webmanifest": "application/manifest+json", ".png": "image/png", ".mp4": "video/mp4",
+         ".txt": "text/plain"}  # fmt: skip
+
+_TEXTS = {kind for suffix, kind in TYPES.items() if suffix not in (".png", ".mp4")}
+#: In a page: the addresses of its own files, its style sheets, and the script of its modules.
+_LINKS = re.compile(r'\b(href|src)="([\w./-]+\.\w+)"')
+_SHEET = re.compile(r'<link rel="stylesheet" href="([^"]+)">\n?')
+_SCRIPT = re.compile(r'<script type="module" src="([^"]+)">')
+_ALL = '<link rel="stylesheet" href="all.css">\n'
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 #: Headers of every response: the browser loads and runs only files of this server, and allows no frames around it.
 HEADERS = {
     "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
-        "manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; "
+        "connect-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
     "X-Frame-Options": "DENY",
     "X-Content-Type-Options": "nosniff",
@@ -47,24 +60,52 @@ class Pages:
         self._files = {
             name: (path.read_bytes(), TYPES[path.suffix]) for name, path in paths.items() if path.suffix in TYPES
         }
+        self._packed: dict[str, bytes] = {}
+        digest = hashlib.sha256(b"".join(body for _, (body, _) in sorted(self._files.items())))
+        self._kept = f"files/{digest.hexdigest()[:16]}/"
+        self._index = _LINKS.sub(rf'\1="{self._kept}\2"', self._in_one(self._files["index.html"][0].decode()))
+
+    def _in_one(self, page: str) -> str:
+        """Return the page with one script and one style sheet, which are added to the files."""
+        texts = {name: body.decode() for name, (body, kind) in self._files.items() if kind in _TEXTS}
+        sheets = _SHEET.findall(page)
+        self._files["all.css"] = "\n".join(texts[name] for name in sheets).encode(), TYPES[".css"]
+        page = _SHEET.sub(lambda found: _ALL if found[1] == sheets[0] else "", page)
+
+        def script(found: re.Match[str]) -> str:
+            folder = found[1].rpartition("/")[0]
+            one = f"{folder}/all.js" if folder else "all.js"
+            self._files[one] = scripts(texts, found[1], folder).encode(), TYPES[".js"]
+            return found[0].replace(found[1], one)
+
+        return _SCRIPT.sub(script, page)
 
     def index(self, **words: str) -> web.Response:
         """Return the page with each ``{{name}}`` replaced by the word of that name."""
-        body, kind = self._files["index.html"]
+        page = self._index
         for name, word in words.items():
-            body = body.replace(f"{{{{{name}}}}}".encode(), html.escape(word).encode())
-        return _answer(body, kind, "no-store")
+            page = page.replace(f"{{{{{name}}}}}", html.escape(word))
+        return _answer(page.encode(), TYPES[".html"], {"Cache-Control": "no-store"})
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """Serve any other file, by the ``path`` of its route."""
-        found = self._files.get(request.match_info["path"])
-        if found is None:
+        name = request.match_info["path"].removeprefix(self._kept)
+        if name not in self._files:
             raise web.HTTPNotFound
-        return _answer(*found, "no-cache")
+        body, kind = self._files[name]
+        kept = name != request.match_info["path"]
+        headers = {"Cache-Control": "public, max-age=31536000, immutable" if kept else "no-cache"}
+        if kind in _TEXTS:
+            headers["Vary"] = "Accept-Encoding"
+            if "gzip" in request.headers.get("Accept-Encoding", ""):
+                headers["Content-Encoding"] = "gzip"
+                body = self._packed.get(name) or self._packed.setdefault(name, gzip.compress(body, 6, mtime=0))
+        return _answer(body, kind, headers)
 
 
-def _answer(body: bytes, kind: str, keeping: str) -> web.Response:
-    return web.Response(body=body, content_type=kind, charset="utf-8", headers={"Cache-Control": keeping})
+def _answer(body: bytes, kind: str, headers: Mapping[str, str]) -> web.Response:
+    charset = "utf-8" if kind in _TEXTS else None
+    return web.Response(body=body, content_type=kind, charset=charset, headers=headers)
 
 
 def guarded(refused: Callable[[web.Request], str]) -> Any:

@@ -99,9 +99,12 @@ Wish = Looks | Record | Jog | Common
 _NAMES = {"wake": "unpark", "ask": "look_up"}
 
 
-class _Head(Struct):
-    do: str
+class _Numbered(Struct):
     id: int = 0
+
+
+class _Head(_Numbered, kw_only=True):
+    do: str
     #: -1: every mount.
     mount: Annotated[int, Meta(ge=-1, lt=1000)] = 0
 
@@ -112,6 +115,14 @@ class Message(NamedTuple):
     id: int
     mount: int
     wish: Wish
+
+
+def number(text: str | bytes) -> int:
+    """Return the number of the answer that a message wants which cannot be read otherwise; 0 if there is none."""
+    try:
+        return msgspec.json.decode(text, type=_Numbered).id
+    except ValueError:
+        return 0
 
 
 def read(text: str | bytes, who: str) -> Message:

@@ -62,6 +62,20 @@ class Mounts:
         """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return success and the text."""
         named = _surface_argument(surface or gateway.names()[0].partition("@")[0], command)
         words = [*gateway_argv(), "explain", "--", named, _mount_argument(gateway), command]
+        return await self._run(words, "explanation")
+
+    async def report(self, recording: Path) -> Path:
+        """Make the report of a recording beside it, in a subprocess, and return its path. Raises UserError."""
+        target = recording.with_suffix(".html")
+        done, text = await self._run(
+            [*gateway_argv(), "report", "--force", "-o", str(target), str(recording)], "report"
+        )
+        if not done or not target.is_file():
+            raise UserError(text)
+        return target
+
+    async def _run(self, words: Sequence[str], what: str) -> tuple[bool, str]:
+        """Run a command of the gateway, one at a time. Return success, and what it has printed."""
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
                 *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
@@ -72,9 +86,9 @@ class Mounts:
             except TimeoutError:
                 process.kill()
                 await process.wait()
-                return False, f"no explanation within {EXPLAIN:.0f} seconds; mount-gateway explain may take longer"
+                return False, f"no {what} within {EXPLAIN:.0f} seconds; the command line waits longer"
         if not out:
-            return False, err.decode("utf-8", "replace").strip() or "no explanation"
+            return False, err.decode("utf-8", "replace").strip() or f"no {what}"
         return True, out.decode("utf-8", "replace")
 
 

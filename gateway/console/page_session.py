@@ -127,7 +127,9 @@ class PageSession:
         try:
             message = messages.read(text, self._who)
         except ValueError as error:
-            self._tasks.spawn(self._answer(0, False, f"the console does not understand this: {error}"))
+            self._tasks.spawn(
+                self._answer(messages.number(text), False, f"the console does not understand this: {error}")
+            )
             return False
         wish = message.wish
         if isinstance(wish, messages.Beat):
@@ -214,7 +216,8 @@ class PageSession:
             await self._answer(message.id, True, recording.begin())
             return
         path = recording.end()
-        more = {"download": f"/recording/{message.mount}/{path.name}"}
+        download = f"/recording/{message.mount}/{path.name}"
+        more = {"download": download, "report": download.removesuffix(".rec") + ".html"}
         await self._answer(message.id, True, f"the recording is in {path}", more)
 
     async def _tell(self, message: Message, answer: Answer) -> None:

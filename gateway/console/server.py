@@ -1,4 +1,4 @@
-"""The console's web server: the page, its WebSocket, downloads of recordings, metrics.
+"""The console's web server: the page, its WebSocket, downloads of recordings and of their reports, metrics.
 
 Every request passes the access checks first (``app/pages.py``). aiohttp is imported at the first byte for it.
 """
@@ -22,6 +22,7 @@ from gateway.astro.catalog import supplied
 from gateway.clients.access import Access
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
+from gateway.core.errors import UserError
 from gateway.core.waiting import BackgroundTasks
 from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
@@ -131,9 +132,16 @@ class Console:
             raise web.HTTPForbidden
         mount, name = request.match_info["mount"], request.match_info["name"]
         recordings = self._mounts.recordings
-        path = recordings[int(mount)].file(name) if mount.isdecimal() and int(mount) < len(recordings) else None
+        known = mount.isdecimal() and int(mount) < len(recordings)
+        recorded = f"{name.removesuffix('.html')}.rec" if name.endswith(".html") else name
+        path = recordings[int(mount)].file(recorded) if known else None
         if path is None:
             raise web.HTTPNotFound
+        if name.endswith(".html"):
+            try:
+                path = await self._mounts.report(path)
+            except UserError as error:
+                raise web.HTTPConflict(reason=str(error)) from None
         return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{name}"'})
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:

@@ -133,7 +133,8 @@ class RequestHandler:
             return Answer(DONE, await self._do(request, active))
         except Fault as fault:
             controller = self._controller
-            controller.wire_log.refused(active.activity.who, f"{title(request)}: {fault}")
+            why = " ended by a stop" if isinstance(fault, Stopped) else f": {fault}"
+            controller.wire_log.refused(active.activity.who, title(request) + why)
             return Answer(FAILED, explain(fault, controller.policy.limits), type(fault).__name__)
 
     def _remember(self, number: str, who: str) -> ActiveRequest:

@@ -14,9 +14,8 @@ from typing import Any
 from gateway.app.gateway import Gateway
 from gateway.app.status import Rate
 from gateway.console.shown import view
-from gateway.console.shown.talk import Talk
+from gateway.console.shown.talk import Talk, spoken
 from gateway.core.wire_log import MOUNT, Entry, show
-from gateway.protocols.registry import ANY
 
 #: How many answer times are stored for new pages.
 KEPT = 240
@@ -95,16 +94,10 @@ class ConnectedPrograms:
             client, side = visit.client, visit.client.log.name
             rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
             yield {
-                "name": show(side.encode()), "surface": _spoken(surface, visit.protocol), "profile": visit.profile,
+                "name": show(side.encode()), "surface": spoken(surface, visit.protocol), "profile": visit.profile,
                 "last": show(self._last.get(side, b"")[:SHOWN]), "rate": round(rate, 1),
                 "read_only": client.runner.rights.read_only,
             }  # fmt: skip
-
-
-def _spoken(surface: str, protocol: str) -> str:
-    """Return the surface of a client; if the surface takes any protocol, with the client's own."""
-    what, at, where = surface.partition("@")
-    return f"{protocol}{at}{where}" if what == ANY else surface
 
 
 async def let_others_run() -> None:

@@ -14,6 +14,7 @@ from gateway.app.gateway import Gateway
 from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
+from gateway.protocols.registry import ANY
 
 #: How many rows are stored for pages, and how many entries may wait to be made into rows; the oldest are dropped.
 MOST, WAITING = 400, 2000
@@ -31,6 +32,8 @@ class Talk:
         self._number = 0
         self._open: dict[str, tuple[int, float]] = {}
         self._asked: int | None = None
+        #: By connection, the surface at which it was accepted; empty for what is no connection, or is gone.
+        self._surfaces: dict[str, str] = {}
         self._rows = self._new_rows()
 
     def _new_rows(self) -> Rows:
@@ -44,6 +47,10 @@ class Talk:
         self._listening, wire_log = on, self._gateway.wire_log
         if on:
             self._rows, self._open, self._asked = self._new_rows(), {}, None
+            self._surfaces = connected(self._gateway)
+            for side, surface in self._surfaces.items():
+                if (protocol := kind(surface).partition(":")[0]) != ANY:
+                    self._rows.knows(side, protocol)
             wire_log.sinks.append(self._entries.append)
         else:
             self._entries.clear()
@@ -53,9 +60,16 @@ class Talk:
         """Yield the rows of the entries since the last call."""
         while self._entries:
             entry = self._entries.popleft()
-            pair = self._pair(entry)
+            pair, surface = self._pair(entry), kind(self._surface(entry))
             for row in self._rows.take(entry):
-                yield as_row(row, self._index, pair)
+                yield as_row(row, self._index, pair, surface)
+
+    def _surface(self, entry: Entry) -> str:
+        """Return the surface of a connection; one of any protocol is looked up again when it has turned out."""
+        side, known = entry.side, self._surfaces
+        if side not in known or entry.arrow == "~":
+            known[side] = "" if side == MOUNT else connected(self._gateway).get(side, "")
+        return known.pop(side) if entry.arrow == "-" else known[side]
 
     def _pair(self, entry: Entry) -> int | None:
         """Return the number of the client's command that an entry belongs to, judged by their order, or None."""
@@ -74,9 +88,30 @@ class Talk:
         return self._asked
 
 
-def as_row(row: Row, index: int, pair: int | None) -> dict[str, Any]:
+def connected(gateway: Gateway) -> dict[str, str]:
+    """Return the surface of every connection, by the connection's name in the log."""
+    surfaces = zip(gateway.names(), gateway.acceptors, strict=False)
+    return {
+        visit.client.log.name: spoken(surface, visit.protocol)
+        for surface, acceptor in surfaces
+        for visit in acceptor.connections()
+    }
+
+
+def spoken(surface: str, protocol: str) -> str:
+    """Return the surface of a client; if the surface takes any protocol, with the client's own."""
+    what, at, where = surface.partition("@")
+    return f"{protocol}{at}{where}" if what == ANY else surface
+
+
+def kind(surface: str) -> str:
+    """Return what a surface is, without its port: ``lx200:autostar``."""
+    return surface.partition("@")[0]
+
+
+def as_row(row: Row, index: int, pair: int | None, surface: str = "") -> dict[str, Any]:
     """Return a row for the page, with bytes as printable text; the page shows it as text, never as markup."""
     return {
         "mount": index, "time": round(row.time, 3), "side": show(row.side.encode()), "arrow": row.arrow,
-        "data": show(row.data), "words": row.words, "kind": row.kind, "pair": pair,
+        "data": show(row.data), "words": row.words, "kind": row.kind, "pair": pair, "surface": surface,
     }  # fmt: skip

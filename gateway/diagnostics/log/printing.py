@@ -18,6 +18,7 @@ from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
 from gateway.protocols.registry import ANY, guess
+from gateway.protocols.wireformat.command_set import load
 from gateway.system import streams
 
 #: Seconds after which the log shows how often a query has been repeated.
@@ -262,6 +263,10 @@ class Rows:
             self._asked.pop(entry.side, None)
         return self._folding.take(LogLine(row, host, heard, asked))
 
+    def knows(self, side: str, protocol: str) -> None:
+        """Note the protocol of a connection that was there before this log began."""
+        self._sides[side] = Side(protocol)
+
     def _surface(self, entry: Entry) -> str:
         """Return the surface to which a client has connected; the entry contains its number. Empty if it is unknown."""
         number = entry.note.partition(",")[0].rpartition(" ")[2]
@@ -285,7 +290,10 @@ class Rows:
             # A client that connected before this log began: its next command shows its protocol.
             return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
         if side is None:
-            protocol = self._mount if entry.side == MOUNT else guess(entry.data) or self._mount
+            protocol = self._mount if entry.side == MOUNT else guess(entry.data)
+            # What is no command of any protocol says nothing of what follows.
+            if protocol is None or (entry.side != MOUNT and load(protocol).find(entry.data) is None):
+                return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
             side = self._sides[entry.side] = Side(protocol)
         if entry.arrow == "x":
             foreign = other(side.protocol, entry.data)

@@ -103,6 +103,24 @@ def test_arrow_keys_move_while_the_pad_is_chosen(console: Console, visit: Callab
     console.at_rest()
 
 
+def test_east_and_west_stand_where_the_chart_shows_them(visit: Callable[..., Visit]) -> None:
+    page = visit(DESK)
+    places = "[...document.querySelectorAll('[data-go]')].map(one => [one.dataset.go, one.getBoundingClientRect()])"
+    script = f"Object.fromEntries({places}.map(([go, box]) => [go, [box.x, box.y]]))"
+
+    def stands() -> tuple[bool, bool]:
+        """Whether east is left of west, and north above south."""
+        at = page.page.evaluate(script)
+        return at["east"][0] < at["west"][0], at["north"][1] < at["south"][1]
+
+    assert stands() == (True, True) and "E is left" in page.text("#pad-hint")
+    page.page.click("#chart-up")
+    assert stands() == (False, False) and "W is left" in page.text("#pad-hint"), "south is up in the chart"
+    page.page.reload()
+    page.until("it is kept", lambda: page.text("#chart-up") == "S ↑")
+    assert stands() == (False, False)
+
+
 def test_enter_holds_a_button(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("control")

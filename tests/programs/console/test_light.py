@@ -81,3 +81,23 @@ def test_it_is_dimmed_in_four_steps(visit: Callable[..., Visit]) -> None:
         page.page.wait_for_timeout(200)
         brightness.append(float(np.asarray(page.picture())[..., 0].mean()))
     assert brightness == sorted(brightness, reverse=True) and brightness[-1] < brightness[0] / 2
+
+
+@pytest.mark.parametrize("means", ["the browser's own", "a picture"])
+def test_the_screen_stays_on_while_the_mount_moves(
+    console: Console, visit: Callable[..., Visit], means: str
+) -> None:
+    """On plain http browsers have no means of their own; a picture plays behind the page instead."""
+    page = visit()
+    own = "let locks = 0; navigator.wakeLock.request = async () => { window.locks = ++locks; return new EventTarget() }"
+    page.page.add_init_script(own if means == "the browser's own" else "delete Navigator.prototype.wakeLock")
+    page.page.reload()
+    page.until("the page is there again", lambda: page.text("#name").startswith("Celestron"))
+    assert page.page.evaluate("[window.locks ?? 0, document.querySelectorAll('video').length]") == [0, 0]
+    page.find("Aldebaran" if console.truth.position().dec > 40.0 else "Capella")
+    page.page.tap("#go")
+    if means == "a picture":
+        playing = "(video => video !== null && !video.paused && video.currentTime > 0)(document.querySelector('video'))"
+        page.until("it plays", lambda: page.page.evaluate(playing))
+    else:
+        page.until("it is asked for", lambda: page.page.evaluate("window.locks") == 1)

@@ -180,8 +180,8 @@ def test_a_huge_message_ends_the_page_and_nothing_else(tmp_path: Path) -> None:
     play(work())
 
 
-ODD = ("", "{", "[]", "null", '{"do":"fly","id":1}', '{"do":"jog","id":1}', "\x00", '"' * 99,
-       '{"do":"goto","id":1,"ra":1e999,"dec":0}', '{"do":"stop","mount":-9}')  # fmt: skip
+ODD = ("", "{", "[]", "null", '{"do":"fly","id":99}', '{"do":"jog","id":99}', "\x00", '"' * 99,
+       '{"do":"goto","id":99,"ra":1e999,"dec":0}', '{"do":"stop","mount":-9}')  # fmt: skip
 
 
 def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
@@ -191,6 +191,19 @@ def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
                 async with there.page() as page:
                     await page.ws.send_str(text)
                     assert (await page.ask("look_up", name="Vega"))["ok"], text
+
+    play(work())
+
+
+def test_what_is_not_valid_is_answered(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            for do, fields in (
+                ("fly", {}), ("site", {"latitude": 95.0, "longitude": 0.0}), ("look_up", {"name": "x" * 300}),
+                ("stop", {"mount": -9}), ("jog", {"direction": "up"}),
+            ):  # fmt: skip
+                answer = await page.ask(do, **fields)
+                assert not answer["ok"] and "does not understand" in answer["words"], do
 
     play(work())
 
@@ -353,16 +366,21 @@ def test_wrong_pins_are_told_to_wait_and_a_stop_never_waits(tmp_path: Path) -> N
 def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there, there.page() as page:
-            await page.ws.send_str('{"do":"talk","on":true}')
             host, port = there.gateway.ports[0].where.removeprefix("tcp://").split(":")
             reader, writer = await asyncio.open_connection(host, int(port))
-            writer.write(b":GR#:<b>x</b>#")
+            writer.write(b":GR#")
+            await reader.readuntil(b"#")
+            await page.ws.send_str('{"do":"talk","on":true}')  # of a program that was there before
+            await page.ask("search")
+            writer.write(b"<i>#rubbish#:GR#:<b>x</b>#")
             await reader.readuntil(b"#")
             await page.until(lambda: any("<b>" in row["data"] for row in page.rows))
             asked = next(row for row in page.rows if row["data"] == ":GR#" and row["arrow"] == ">")
             answered = next(row for row in page.rows if row["side"] == asked["side"] and row["arrow"] == "<")
             assert asked["pair"] == answered["pair"]
-            assert asked["words"] and answered["words"]
+            assert asked["words"] and answered["words"] and not {asked["kind"], answered["kind"]} & {"no"}
+            assert {row["surface"] for row in page.rows if row["side"] == asked["side"]} == {"lx200:autostar"}
+            assert not any("nexstar" in row["words"] for row in page.rows if row["side"] == asked["side"])
             assert page.mount["programs"][0]["surface"].startswith("lx200:")
             writer.close()
 
@@ -384,6 +402,10 @@ def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
                 assert response.status == 200 and "attachment" in response.headers["Content-Disposition"]
                 assert (await response.text()).startswith("# mount-gateway")
             assert not (await page.ask("record", on=False))["ok"]
+            path = f"{there.console.where}{answer['report'][1:]}?token={await there.token()}"
+            async with there.http.get(path) as response:
+                assert response.status == 200 and response.content_type == "text/html", await response.text()
+                assert "attachment" in response.headers["Content-Disposition"]
 
     play(work())
 

@@ -9,6 +9,7 @@ import * as chart from "./finding/chart.js";
 import * as glance from "./finding/glance.js";
 import * as place from "./finding/place.js";
 import * as search from "./finding/search.js";
+import * as awake from "./frame/awake.js";
 import * as banners from "./frame/banners.js";
 import * as header from "./frame/header.js";
 import * as mounts from "./frame/mounts.js";
@@ -19,7 +20,7 @@ import * as readings from "./readings/readings.js";
 import * as talk from "./talk/talk.js";
 
 stop.start(); // first, so that it works even if something below fails
-for (const part of [night, header, mounts, banners, glance, search, place, orders, jog, readings, talk, more, views]) part.start();
+for (const part of [night, awake, header, mounts, banners, glance, search, place, orders, jog, readings, talk, more, views]) part.start();
 socket.on("open", () => state.pin && socket.ask({ do: "pin", pin: state.pin }).then((answer) => (state.act ||= answer.ok)));
 socket.connect();
 chart.startOrSay();

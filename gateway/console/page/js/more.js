@@ -3,6 +3,7 @@
 import { button, byId, choice, el, say } from "./core/dom.js";
 import { angle } from "./core/format.js";
 import { mount, state, subscribe } from "./core/store.js";
+import * as awake from "./frame/awake.js";
 import { askForPin } from "./frame/banners.js";
 import { light, onLight, setMode, setStep, sunAltitude } from "./frame/night.js";
 
@@ -21,7 +22,7 @@ function lightGroup() {
   const modes = chips("Light");
   const steps = chips("Brightness by night");
   const mode = choice(modes, [["auto", "By the Sun"], ["day", "Day"], ["night", "Red"]], setMode);
-  const step = choice(steps, [["1", "Faint"], ["2", "Low"], ["3", "Middle"], ["4", "Full"]], (value) => setStep(Number(value)));
+  const step = choice(steps, [["-1", "Dimmest"], ["0", "Dim"], ["1", "Faint"], ["2", "Low"], ["3", "Middle"], ["4", "Full"]], (value) => setStep(Number(value)));
   const words = el("p", { class: "hint" });
   onLight(() => {
     mode.set(light().mode);
@@ -42,7 +43,9 @@ function pageGroup() {
     say(version, state.hello ? `mount-gateway ${state.hello.version}` : "");
     pin.hidden = state.act || !state.hello?.pin;
   });
-  return group("This page", words, version, pin);
+  const screen = el("p", { class: "hint" });
+  subscribe(() => say(screen, awake.words()));
+  return group("This page", words, version, screen, pin);
 }
 
 /** A list of sentences that is updated when it changes. */

@@ -234,6 +234,7 @@ def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
             await asyncio.sleep(2)
             client.tell(b":Q#")
             assert (await wish).startswith("failed Stopped.")  # twenty seconds are not waited for
+            assert "mount-gateway move: Move ended by a stop" in " ".join((await owner.see()).lately)
 
     run(program())
 

@@ -216,3 +216,10 @@ def test_a_goto_is_a_change_on_both_sides() -> None:
             ]
 
     run(play())
+
+
+def test_rubbish_says_nothing_of_what_a_connection_speaks() -> None:
+    """The log began after the connection: its first bytes are no command, and those after them are one of LX200."""
+    rows = Rows("nexstar", [])
+    told = [row for data in (b"\x07\x07rubbish", b":GR#") for row in rows.take(Entry(1.0, "127.0.0.1:5", ">", data))]
+    assert [row.kind for row in told] == ["program", "program"] and "right ascension" in told[1].words

@@ -3,18 +3,23 @@
 // has a number, and every beat names the presses that are held, so that a late answer belongs to its own press alone.
 
 import { byId, isTyping, say } from "../core/dom.js";
+import { keep, kept } from "../core/kept.js";
 import { notice } from "../frame/notices.js";
 import { ask, inBeats, on, tell } from "../core/socket.js";
 import { state, subscribe } from "../core/store.js";
 import { onView } from "../core/views.js";
+import { onTurn, upsideDown } from "./turned.js";
 
-const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "west", ArrowRight: "east" };
+/** The direction of a key is that of the arrow in the same place of the pad. */
+const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "east", ArrowRight: "west" };
 const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
 /** By direction, what holds it down (a pointer's number or "key"), on which mount, and the number of the press. @type {Map<string, {by: number|string, mount: number, press: number}>} */
 const held = new Map();
 let presses = 0;
 let rate = 5;
+let turned = false;
 
+const directionOf = (key) => (turned ? OPPOSITE[KEYS[key]] : KEYS[key]);
 const buttonOf = (direction) => byId("pad").querySelector(`[data-go="${direction}"]`);
 
 function mark(direction, on) {
@@ -57,20 +62,17 @@ function setRate(wanted) {
   byId("rate").value = String(rate);
   byId("rate").style.setProperty("--part", `${(rate - 1) / 8}`);
   say(byId("rate-shown"), `rate ${rate}`);
-  try {
-    localStorage.setItem("rate", String(rate));
-  } catch {
-    // Without storage the rate is 5 again the next time.
-  }
+  keep("rate", String(rate));
   for (const [direction, { mount, press }] of held) tell({ do: "jog", direction, rate, mount, press });
 }
 
-function remembered() {
-  try {
-    return Number(localStorage.getItem("rate")) || 5;
-  } catch {
-    return 5;
-  }
+/** Turn the pad as the chart is turned. What is held ends, because its arrow is elsewhere then. */
+function face() {
+  const now = upsideDown();
+  if (now !== turned) letAllGo();
+  turned = now;
+  byId("pad").dataset.up = turned ? "south" : "north";
+  say(byId("pad-hint"), `Hold to move, let go to stop. ${turned ? "W" : "E"} is left, as in the chart.`);
 }
 
 function listenToPointers(pad) {
@@ -92,12 +94,12 @@ function listenToPointers(pad) {
 
 function listenToKeys(pad) {
   pad.addEventListener("keydown", (event) => {
-    const direction = KEYS[event.key];
+    const direction = directionOf(event.key);
     if (!direction) return;
     event.preventDefault();
     if (!event.repeat) press(direction, "key");
   });
-  addEventListener("keyup", (event) => KEYS[event.key] && letGo(KEYS[event.key]));
+  addEventListener("keyup", (event) => KEYS[event.key] && letGo(directionOf(event.key)));
   pad.addEventListener("focusout", (event) => !pad.contains(event.relatedTarget) && letAllGo());
   addEventListener("keydown", (event) => {
     if (/^[1-9]$/.test(event.key) && !isTyping(event.target) && !event.ctrlKey && !event.altKey && !event.metaKey) setRate(Number(event.key));
@@ -117,7 +119,8 @@ export function start() {
   byId("rate").addEventListener("input", () => setRate(Number(byId("rate").value)));
   byId("slower").addEventListener("click", () => setRate(rate - 1));
   byId("faster").addEventListener("click", () => setRate(rate + 1));
-  setRate(remembered());
+  setRate(Number(kept("rate")) || 5);
+  onTurn(face);
   subscribe(() => {
     for (const one of pad.querySelectorAll("[data-go]")) one.disabled = !state.act;
   });

@@ -1,5 +1,6 @@
 // The sky chart in its pane: it is loaded after everything else and gets every change; a tap on it opens a card.
 
+import { onTurn, turn } from "../control/turned.js";
 import { byId, say } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
 import { light, onLight } from "../frame/night.js";
@@ -10,13 +11,12 @@ export async function start() {
   const { createSky } = await import("../sky/sky.js");
   const canvas = byId("sky");
   const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words) });
-  const ups = [["north", "N ↑"], ["south", "S ↑"], ["zenith", "Tube ↓"]];
-  let up = 0;
-  byId("chart-up").addEventListener("click", () => {
-    const [name, mark] = ups[(up = (up + 1) % ups.length)];
-    sky.setUp(name);
-    say(byId("chart-up"), mark);
-    byId("chart-up").setAttribute("aria-label", name === "zenith" ? "Down in the chart: where the telescope points" : `Up in the chart: ${name}`);
+  const marks = { north: "N ↑", south: "S ↑", zenith: "Tube ↓" };
+  byId("chart-up").addEventListener("click", turn);
+  onTurn((up) => {
+    sky.setUp(up);
+    say(byId("chart-up"), marks[up]);
+    byId("chart-up").setAttribute("aria-label", `${marks[up]}: ${up === "zenith" ? "down in the chart is where the telescope points" : `${up} is up in the chart`}`);
   });
   byId("chart-in").addEventListener("click", () => sky.enlarge(1.5));
   byId("chart-out").addEventListener("click", () => sky.enlarge(1 / 1.5));

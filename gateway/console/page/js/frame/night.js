@@ -1,31 +1,16 @@
-// The page's colours: day, or red for the night, in four steps of brightness. In automatic mode it is red while the Sun
+// The page's colours: day, or red for the night, in six steps of brightness. In automatic mode it is red while the Sun
 // at the mount is more than six degrees below the horizon; the browser stores the user's choice.
 
 import { byId } from "../core/dom.js";
+import { keep, kept } from "../core/kept.js";
 import { mount, subscribe } from "../core/store.js";
 import { notice } from "./notices.js";
 
 const DUSK = -6;
 const root = document.documentElement;
 const listeners = [];
-let mode = remembered("light-mode") ?? "auto";
-let explained = remembered("light-explained") !== null;
-
-function remembered(key) {
-  try {
-    return localStorage.getItem(key);
-  } catch {
-    return null;
-  }
-}
-
-function remember(key, value) {
-  try {
-    localStorage.setItem(key, value);
-  } catch {
-    // Without storage the page is in automatic mode the next time.
-  }
-}
+let mode = kept("light-mode") ?? "auto";
+let explained = kept("light-explained") !== null;
 
 export const light = () => ({ mode, night: root.dataset.light === "night", step: Number(root.dataset.step) });
 
@@ -43,7 +28,7 @@ function show(night) {
   if (root.dataset.light === name) return;
   root.dataset.light = name;
   root.toggleAttribute("data-night", night);
-  remember("light-shown", name);
+  keep("light-shown", name);
   apply();
 }
 
@@ -58,16 +43,16 @@ function apply() {
 /** @param {"auto"|"day"|"night"} wanted */
 export function setMode(wanted) {
   mode = wanted;
-  remember("light-mode", wanted);
+  keep("light-mode", wanted);
   if (wanted !== "auto") show(wanted === "night");
   follow();
   apply();
 }
 
-/** @param {number} step  1 darkest to 4 brightest */
+/** @param {number} step  -1 darkest to 4 brightest */
 export function setStep(step) {
   root.dataset.step = String(step);
-  remember("light-step", String(step));
+  keep("light-step", String(step));
   apply();
 }
 
@@ -82,8 +67,8 @@ function follow() {
 function explain() {
   if (explained) return;
   explained = true;
-  remember("light-explained", "1");
-  notice("Red while the Sun is down at the mount; the button beside this changes it.");
+  keep("light-explained", "1");
+  notice("Red while the Sun is down at the mount; the button with the Sun changes it.");
 }
 
 export function start() {

@@ -1,5 +1,7 @@
 // STOP: the button, Escape anywhere, Space anywhere except in text fields. It acts on press, not on release, and stops
-// every mount of this gateway. A stop that could not be sent is sent as soon as the gateway is connected again.
+// every mount of this gateway. A stop that nobody has answered is owed: it is sent again as soon as the gateway is
+// connected, also by a page that was loaded anew. The gateway answers when the mount has come to rest, so a question
+// that is answered at once goes behind the stop: without its answer within a second the user is told.
 
 import { byId, isTyping, say } from "../core/dom.js";
 import { answered, notice, outdated } from "./notices.js";
@@ -7,11 +9,14 @@ import { ask, on } from "../core/socket.js";
 import { state, subscribe } from "../core/store.js";
 
 const UNHEARD = "STOP DID NOT REACH THE GATEWAY. Use the mount's own keys or its power switch. It is sent again as soon as the gateway is there.";
-/** Seconds for which a stop that was not sent stays valid. */
-const WANTED = 30;
-let owed = 0;
+/** Milliseconds for which an owed stop stays valid, and after which a stop counts as not heard. */
+const WANTED = 30000, HEARD = 1000;
+/** Where the tab keeps when an owed stop was pressed, Unix milliseconds. */
+const OWED = "stop-owed";
 /** The number of unanswered stops: the gateway answers when the mount has come to rest. */
 let underWay = 0;
+/** When the owed stop was pressed, in a browser without storage; 0 if none is. */
+let owed = 0;
 
 /** The label of the button: what it stops, or that it is stopping. */
 function tell() {
@@ -19,14 +24,37 @@ function tell() {
   say(byId("stop-says"), underWay ? "stopping…" : state.mounts.length > 1 ? "all mounts" : "all motion");
 }
 
+function owe(since) {
+  try {
+    if (since === null) sessionStorage.removeItem(OWED);
+    else sessionStorage.setItem(OWED, String(since));
+  } catch {
+    owed = since ?? 0;
+  }
+}
+
+function isOwed() {
+  try {
+    owed = Number(sessionStorage.getItem(OWED));
+  } catch {
+    // Without storage it is owed until the page is loaded anew.
+  }
+  return Math.abs(Date.now() - owed) < WANTED;
+}
+
 export async function stop() {
   underWay += 1;
   tell();
   outdated();
-  const answer = await ask({ do: "stop", mount: -1 });
+  owe(Date.now());
+  const unheard = setTimeout(() => notice(UNHEARD, "refused"), HEARD);
+  const stopped = ask({ do: "stop", mount: -1 });
+  ask({ do: "search", text: "" }).then(() => clearTimeout(unheard));
+  const answer = await stopped;
+  clearTimeout(unheard);
   underWay -= 1;
   tell();
-  owed = answer.lost ? performance.now() : 0;
+  if (!answer.lost) owe(null);
   if (answer.lost) notice(UNHEARD, "refused");
   else answered(answer);
 }
@@ -47,6 +75,6 @@ export function start() {
   addEventListener("keydown", key, { capture: true });
   // Browsers activate a button when Space is released; the stop was sent on press already.
   addEventListener("keyup", (event) => event.key === " " && !isTyping(event.target) && event.preventDefault(), { capture: true });
-  on("open", () => owed && performance.now() - owed < WANTED * 1000 && stop());
+  on("open", () => isOwed() && stop());
   subscribe(tell);
 }

@@ -2,8 +2,8 @@
 // Rows that belong to no program are shown separately: the gateway's own questions, and events.
 
 /**
- * @typedef {{mount: number, time: number, side: string, arrow: string, data: string, words: string, kind: string, pair: number|null}} Row
- * @typedef {{key: string, mount: number, time: number, side: string, command: Row|null, mountRows: Row[], replies: Row[], refused: boolean, own: boolean}} Exchange
+ * @typedef {{mount: number, time: number, side: string, surface: string, arrow: string, data: string, words: string, kind: string, pair: number|null}} Row
+ * @typedef {{key: string, mount: number, time: number, side: string, surface: string, command: Row|null, mountRows: Row[], replies: Row[], refused: boolean, own: boolean}} Exchange
  */
 
 /** How many exchanges are stored. */
@@ -47,7 +47,7 @@ export class Exchanges {
     // An answer of the mount that belongs to no program is shown with the question before it.
     if (row.pair === null && row.side === "mount" && row.arrow !== ">" && last?.own && last.mount === row.mount) return last;
     const exchange = {
-      key: String(++this.#number), mount: row.mount, time: row.time, side: row.side, command: null, mountRows: [], replies: [],
+      key: String(++this.#number), mount: row.mount, time: row.time, side: row.side, surface: row.surface, command: null, mountRows: [], replies: [],
       refused: false, own: row.side === "mount",
     };
     this.all.push(exchange);

@@ -1,11 +1,14 @@
-// The button that begins a recording of the conversation, or ends it and downloads the file.
+// The button that begins a recording of the conversation, or ends it and downloads the file; and then one that
+// downloads its report, a page with where the telescope pointed, how the mount answered, and what was refused.
 
 import { button, el } from "../core/dom.js";
 import { span } from "../core/format.js";
 import { answered } from "../frame/notices.js";
 import { ask, token } from "../core/socket.js";
-import { gatewayNow, state, subscribe } from "../core/store.js";
+import { changed, gatewayNow, state, subscribe } from "../core/store.js";
 
+/** The address of the report of the newest recording that ended; empty before. */
+let report = "";
 const running = () => state.recordings[state.chosen] ?? null;
 
 /** Download a file, by clicking a link in code. */
@@ -18,18 +21,23 @@ function fetchFile(address) {
 
 async function press() {
   const answer = answered(await ask({ do: "record", on: !running() }));
-  if (answer.ok && answer.download) fetchFile(answer.download);
+  if (!answer.ok || !answer.download) return;
+  report = answer.report;
+  fetchFile(answer.download);
+  changed();
 }
 
-export function recordButton() {
+export function recordButtons() {
+  const reports = button("Report", () => fetchFile(report), { id: "report", hidden: true });
   const made = button("Record", press, { id: "record" });
   const draw = () => {
     const now = running();
     made.textContent = now ? `End recording, ${span(Math.max(0, Math.round(gatewayNow() - now.since)))}` : "Record";
     made.setAttribute("aria-pressed", String(Boolean(now)));
     made.disabled = !state.act;
+    reports.hidden = !report || Boolean(now);
   };
   subscribe(draw);
   setInterval(() => running() && draw(), 1000);
-  return made;
+  return [made, reports];
 }

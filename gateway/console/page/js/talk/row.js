@@ -17,7 +17,7 @@ function line(row) {
 export function element(exchange) {
   const program = [exchange.command, ...exchange.replies].filter(Boolean).map(line);
   return el("article", { class: `exchange${exchange.refused ? " refused" : ""}${exchange.own ? " own" : ""}` },
-    el("header", {}, el("time", {}, toSecond(exchange.time)), el("b", {}, exchange.own ? "the gateway" : exchange.side)),
+    el("header", {}, el("time", {}, toSecond(exchange.time)), el("b", {}, exchange.own ? "the gateway" : exchange.side), exchange.surface ? el("span", {}, exchange.surface) : null),
     el("div", { class: "program-side" }, ...program),
     el("div", { class: "mount-side" }, ...exchange.mountRows.map(line)));
 }

@@ -8,7 +8,7 @@ import { onView, view } from "../core/views.js";
 import { asText, Exchanges } from "./exchanges.js";
 import * as explain from "./explain.js";
 import { passes } from "./filter.js";
-import { recordButton } from "./record.js";
+import { recordButtons } from "./record.js";
 import { element } from "./row.js";
 
 const exchanges = new Exchanges();
@@ -130,7 +130,7 @@ function tools() {
   const pausing = button("Pause", () => pause(pausing), { "aria-pressed": "false" });
   byId("talk-tools").replaceChildren(what, text,
     el("div", { class: "chips", id: "talk-sides", role: "radiogroup", "aria-label": "Of which program", hidden: true }),
-    el("div", { class: "chips right" }, pausing, button("Copy", copy), recordButton()));
+    el("div", { class: "chips right" }, pausing, button("Copy", copy), ...recordButtons()));
 }
 
 export function start() {

@@ -1,5 +1,6 @@
 /**
- * Draws Sun, Moon and planets with their names; the Moon with its phase.
+ * Draws Sun, Moon and planets; the Moon with its phase. Their names never overlap: where two bodies are close together
+ * the later one has none.
  */
 import { lit, towards } from "../moon.js";
 
@@ -17,7 +18,8 @@ export function shown({ scene, view }) {
 }
 
 export function bodies(brush) {
-  const { context, view, scene, colours, labels } = brush;
+  const { context, view, scene, colours, labels, chosen } = brush;
+  const named = [];
   const sun = scene.bodies.find(({ name }) => name === "Sun");
   for (const { name, at } of shown(brush)) {
     const [x, y] = view.point(at), r = radius(name);
@@ -26,8 +28,11 @@ export function bodies(brush) {
     else disk(context, x, y, r, name === "Sun" ? colours.sun : colours.planet);
     if (name === "Sun") rays(context, x, y, r, colours.sun);
     labels.keepFree(x, y, r);
+    if (name !== chosen?.name) named.push([x, y, name, r]); // the mark of what is chosen has its name already
+  }
+  for (const [x, y, name, r] of named) {
     labels.beside(x, y, name, {
-      size: 12, weight: 600, gap: r + (name === "Sun" ? 9 : 5), must: true,
+      size: 12, weight: 600, gap: r + (name === "Sun" ? 9 : 5),
       colour: colours[name === "Sun" ? "sun" : name === "Moon" ? "moon" : "planet"],
     });
   }

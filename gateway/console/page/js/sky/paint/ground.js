@@ -5,6 +5,8 @@ import { angles, DEGREE } from "../sphere.js";
 
 /** Degrees between two circles of altitude: `CLOSER` on a chart whose radius has more than `LARGE` pixels. */
 const APART = 30, CLOSER = 10, LARGE = 900;
+/** A chart of a smaller radius has four letters around it instead of eight, pixels. */
+const ROOMY = 120;
 const LETTERS = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
 
 /** The distance from the rim to the outer edge of the ring with the letters, pixels. */
@@ -82,6 +84,7 @@ export function compass({ context, view, colours, labels }) {
   LETTERS.forEach((letter, index) => {
     const [right, down] = direction(view, index * 45), reach = view.scale + 14;
     const main = index % 2 === 0;
+    if (!main && view.radius < ROOMY) return; // the corners of a small chart are taken
     labels.over(view.x + right * reach, view.y + down * reach, letter, {
       size: main ? 15 : 10, weight: main ? 650 : 400, colour: main ? colours.letters : colours.name, must: true,
     });

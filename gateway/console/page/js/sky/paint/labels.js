@@ -35,6 +35,7 @@ export class Labels {
     const places = [
       [x + gap, y - half], [x - gap - width, y - half],
       [x - width / 2, y + gap], [x - width / 2, y - gap - style.size],
+      [x + gap, y + gap], [x + gap, y - gap - style.size], [x - gap - width, y + gap], [x - gap - width, y - gap - style.size],
     ];
     const fits = places.find((place) => this.#inSky(place, width, style.size) && this.#free(place, width, style.size));
     const inwards = places[x < this.view.x ? 0 : 1];

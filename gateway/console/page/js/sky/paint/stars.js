@@ -76,10 +76,10 @@ export function glow({ context, view, colours, catalogue, points }) {
   context.globalAlpha = 1;
 }
 
-export function starNames({ view, colours, catalogue, points, labels }) {
+export function starNames({ view, colours, catalogue, points, labels, chosen }) {
   const limit = NAMED + Math.max(0, Math.log2(view.scale / 200)) * 1.1;
   const bright = catalogue.named.filter((star) => catalogue.magnitudes[star] <= limit
-    && points[star * 3 + 2] > 0.02 && view.sees(points[star * 3], points[star * 3 + 1]));
+    && points[star * 3 + 2] > 0.02 && catalogue.names[star] !== chosen?.name && view.sees(points[star * 3], points[star * 3 + 1]));
   for (const star of bright) {
     labels.keepFree(points[star * 3], points[star * 3 + 1], size(view, catalogue.magnitudes[star]));
   }

@@ -1,0 +1,95 @@
+"""A page's files: one script and one style sheet, kept by the browser for a year, and never after an update."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import re
+from pathlib import Path
+
+import pytest
+from aiohttp import web
+from aiohttp.test_utils import make_mocked_request
+
+from gateway.app.bundle import scripts
+from gateway.app.pages import Pages
+
+PAGE = """<link rel="stylesheet" href="a.css">
+<link rel="stylesheet" href="b.css">
+<a href="#/x">{{word}}</a>
+<script type="module" src="js/main.js"></script>"""
+FILES = {
+    "index.html": PAGE,
+    "a.css": "a {}",
+    "b.css": "b {}",
+    "js/main.js": 'import { one } from "./x/one.js";\none();\n',
+    "js/x/one.js": "export const one = () => 1;\n",
+}
+
+
+def pages(folder: Path, **changed: str) -> Pages:
+    for name, text in (FILES | changed).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return Pages({name: folder / name for name in FILES})
+
+
+def get(served: Pages, path: str, encoding: str = "") -> web.Response:
+    request = make_mocked_request("GET", f"/{path}", {"Accept-Encoding": encoding}, match_info={"path": path})
+    answer = asyncio.run(served.file(request))
+    assert isinstance(answer, web.Response)
+    return answer
+
+
+def text(answer: web.Response) -> str:
+    assert isinstance(answer.body, bytes)
+    packed = answer.headers.get("Content-Encoding") == "gzip"
+    return (gzip.decompress(answer.body) if packed else answer.body).decode()
+
+
+def links(served: Pages) -> list[str]:
+    return re.findall(r'(?:href|src)="([^"#]+)"', text(served.index(word="<x>")))
+
+
+def test_one_script_and_one_style_sheet_are_kept_for_a_year(tmp_path: Path) -> None:
+    served = pages(tmp_path)
+    sheet, script = links(served)
+    for encoding in ("", "gzip, deflate"):
+        answer = get(served, sheet, encoding)
+        assert text(answer) == "a {}\nb {}" and "max-age=31536000, immutable" in answer.headers["Cache-Control"]
+        assert (answer.headers.get("Content-Encoding") == "gzip") == bool(encoding)
+        assert "one();" in text(get(served, script, encoding))
+    assert "&lt;x&gt;" in text(served.index(word="<x>")) and 'href="#/x"' in text(served.index(word=""))
+
+
+def test_after_an_update_the_old_path_is_not_served(tmp_path: Path) -> None:
+    before, after = links(pages(tmp_path)), pages(tmp_path, **{"js/x/one.js": "export const one = () => 2;\n"})
+    assert not set(before) & set(links(after))
+    for path in (*before, "nothing.js", "index.htm"):
+        with pytest.raises(web.HTTPNotFound):
+            get(after, path)
+    assert get(after, "js/x/one.js").headers["Cache-Control"] == "no-cache"
+
+
+def test_modules_are_run_once_and_in_their_order() -> None:
+    made = scripts(
+        {
+            "js/main.js": 'import * as b from "./b.js";\nimport { a as first, two } from "./x/a.js";\nb.start(first);\n'
+            'const later = import("./late.js");\n',
+            "js/b.js": 'import { a } from "./x/a.js";\nexport function start() {}\n',
+            "js/x/a.js": "export const a = 1, two = 2;\nexport const where = import.meta.url;\n",
+            "js/late.js": "export class Late {}\n",
+        },
+        "js/main.js",
+        "js",
+    )
+    assert "const { a: first, two } = get(0);" in made and "const b = get(1);" in made
+    assert "return { a, two, where };" in made and made.count("const a = 1") == 1
+    assert 'new URL("x/a.js", import.meta.url)' in made and "Promise.resolve().then(() => get(2))" in made
+
+
+@pytest.mark.parametrize("body", ["export default 1;", "export let a = 1;", 'import a from "./main.js";',
+                                  'import { a } from "./main.js";'])  # fmt: skip
+def test_another_style_is_an_error(body: str) -> None:
+    with pytest.raises(ValueError, match="main"):
+        scripts({"main.js": f"{body}\n"}, "main.js", "")
