@@ -84,9 +84,7 @@ def test_it_is_dimmed_in_four_steps(visit: Callable[..., Visit]) -> None:
 
 
 @pytest.mark.parametrize("means", ["the browser's own", "a picture"])
-def test_the_screen_stays_on_while_the_mount_moves(
-    console: Console, visit: Callable[..., Visit], means: str
-) -> None:
+def test_the_screen_stays_on_while_the_mount_moves(console: Console, visit: Callable[..., Visit], means: str) -> None:
     """On plain http browsers have no means of their own; a picture plays behind the page instead."""
     page = visit()
     own = "let locks = 0; navigator.wakeLock.request = async () => { window.locks = ++locks; return new EventTarget() }"
