@@ -1,6 +1,6 @@
 """The console's web server: the page, its WebSocket, downloads of recordings and of their reports, metrics.
 
-Every request passes the access checks first (``app/pages.py``). aiohttp is imported at the first byte for it.
+Every request passes the access checks first (``app/pages``). aiohttp is imported at the first byte for it.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import pytest
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from gateway.app.bundle import scripts
+from gateway.app.pages.bundle import scripts
 from gateway.app.pages import Pages
 
 PAGE = """<link rel="stylesheet" href="a.css">

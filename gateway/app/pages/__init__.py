@@ -23,7 +23,7 @@ from typing import Any
 
 from aiohttp import web
 
-from gateway.app.bundle import scripts
+from gateway.app.pages.bundle import scripts
 from gateway.system.own_names import host_of
 
 #: Content types of the files that are served, by their suffix.
