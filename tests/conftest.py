@@ -23,6 +23,7 @@ from gateway.astro.ephemeris.almanac import Almanac
 from gateway.astro.offline import go_offline
 from tests.support import sampling
 from tests.support.forked import Forked
+from tests.support.order import mixed
 from tests.support.process import ALIVE, Running
 
 _COUNT = itertools.count()
@@ -55,11 +56,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect what the sample of a grid leaves out, unless everything is wanted or single tests are named."""
-    if sampling.WHOLE:
-        return
-    if out := sampling.left_out(items):
+    if not sampling.WHOLE and (out := sampling.left_out(items)):
         config.hook.pytest_deselected(items=[item for item in items if item in out])
         items[:] = [item for item in items if item not in out]
+    items[:] = mixed(items)
 
 
 @pytest.hookimpl(trylast=True)
