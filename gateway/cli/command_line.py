@@ -135,6 +135,7 @@ COMMANDS = {
     "demo": "serve.demo",
     "detect": "inspect.detect",
     "doctor": "inspect.doctor",
+    "prove": "inspect.prove",
     "run": "serve.run",
     "status": "mount.status",
     "watch": "mount.status",

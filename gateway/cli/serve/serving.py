@@ -10,6 +10,7 @@ import asyncio
 import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,11 +41,16 @@ from gateway.system.systemd import notify
 from gateway.transport.web_port import WebPort
 
 if TYPE_CHECKING:
+    from typing import TypeAlias
+
     from gateway.app.discovery.offer import Offer
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
+
+    #: Somebody inside this process who uses the mount of a gateway for a while.
+    Guest: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
 
 #: Seconds between two looks at the addresses of this computer.
 LOOK_EVERY = 3.0
@@ -74,8 +80,12 @@ def start_watchdog(config: Config) -> Watchdog | None:
     return Watchdog() if config.watchdog and real and available() else None
 
 
-async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | None = None) -> int:
+async def serve_mounts(
+    config: Config, banner: str = "", watchdog: Watchdog | None = None, guest: Guest | None = None
+) -> int:
     """Serve every mount until a signal comes; return the exit code. ``banner`` is printed once the ports are open.
+
+    A ``guest`` uses the first mount once it is ready; all ends when it has ended.
 
     Raises UserError if a port cannot be opened, or if no mount is found.
     """
@@ -175,9 +185,16 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         def publish() -> None:
             announcement.publish(reached() if config.discovery else [])
 
+        visit = None if guest is None or done.is_set() else asyncio.ensure_future(guest(gateways[0]))
+        if visit is not None:
+            visit.add_done_callback(lambda _: done.set())
         publish()  # only now, when the presented model is known
         status_tasks.append(asyncio.ensure_future(_say_new_addresses(phone, reached, screen.say, publish)))
         await done.wait()
+        if visit is not None:
+            visit.cancel()  # nothing happens if it has ended
+            with suppress(asyncio.CancelledError):
+                await visit
     finally:
         notify("STOPPING=1")
         for task in status_tasks:

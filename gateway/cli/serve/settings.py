@@ -167,8 +167,9 @@ class Once(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
-def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
-    """Return the merged configuration, and the source of its values. Raises UserError."""
+def settings(arguments: argparse.Namespace, served: bool = True) -> tuple[Config, Source]:
+    """Return the merged configuration, and the source of its values; it needs surfaces if programs are to be
+    ``served``. Raises UserError."""
     tables: dict[str, object] = {}
     source = Source("command line")
     path = _file(arguments)
@@ -176,7 +177,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
         tables, source = read_tables(path)
     _put_flags(arguments, tables, source)
     try:
-        config = make_config(tables, source)
+        config = make_config(tables, source, served)
     except UserError as error:
         if path is None and not arguments.surface and DEFAULT_FILE.is_file():
             raise UserError(f"{error} ({DEFAULT_FILE} of this folder is not read where --mount is given)") from None

@@ -113,6 +113,8 @@ class Driver:
     read_at: tuple[float, float] | None = None
     #: Resolution of the reported position, degrees: at rest two readings differ by no more than this.
     resolution = 20.0 / 3600.0
+    #: The steps of the two angles that it reports, degrees.
+    ticks: tuple[float, float] = (resolution, resolution)
     #: How many times faster than a real mount a simulated one slews.
     speed_factor = 1.0
     #: The years that its clock, or the gateway's substitute for it, can be set to.

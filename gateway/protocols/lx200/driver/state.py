@@ -142,6 +142,10 @@ class Lx200Driver(Driver):
         return (90.0 if self.low else 20.0) / 3600.0
 
     @property
+    def ticks(self) -> tuple[float, float]:  # type: ignore[override]
+        return (90.0 / 3600.0, 60.0 / 3600.0) if self.low else (15.0 / 3600.0, 1.0 / 3600.0)
+
+    @property
     def gps(self) -> bool:  # type: ignore[override]
         return self.model == "lx200gps"
 

@@ -171,6 +171,10 @@ class NexStar(Driver):
         """After a reconnect, resume suspended tracking only if the mount is still aligned."""
         self.in_doubt = self.suspended is not None
 
+    @property
+    def ticks(self) -> tuple[float, float]:  # type: ignore[override]
+        return (360.0 / 2 ** (24 if self.supports("e") else 16),) * 2
+
     def speed(self, rate: op.Rate) -> float:
         variable = self.variable(rate)
         return self.key_speed(self.key_for(rate)) if variable is None else variable

@@ -1,0 +1,68 @@
+"""What was found of a mount: one finding for each thing that the gateway believes, with its verdict.
+
+A finding holds what was measured beside what the gateway assumed, in words for the owner, and the keys of gateway.toml
+that adapt the gateway to a difference. They are kept in a file from one session to the next.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+#: The verdicts.
+SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not measurable"
+
+
+class Finding(Struct, frozen=True):
+    """One thing that was compared. ``means``: what a difference means for its owner; ``keys``: what adapts to it."""
+
+    what: str
+    verdict: str
+    measured: str = ""
+    assumed: str = ""
+    means: str = ""
+    keys: dict[str, object] = {}
+
+    @property
+    def line(self) -> str:
+        """The finding in one line, without what it means."""
+        beside = f": {self.measured}" if self.measured else ""
+        return f"{self.verdict}  {self.what}{beside}{f' (assumed: {self.assumed})' if self.assumed else ''}"
+
+
+class Findings(Struct):
+    """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle."""
+
+    mount: str = ""
+    model: str = ""
+    version: str = ""
+    stages: dict[str, list[Finding]] = {}
+
+    def of(self, verdict: str) -> list[Finding]:
+        return [finding for stage in self.stages.values() for finding in stage if finding.verdict == verdict]
+
+    @property
+    def keys(self) -> dict[str, object]:
+        """The keys of [mount] that adapt the gateway to what differs."""
+        return {key: value for finding in self.of(DIFFERS) for key, value in finding.keys.items()}
+
+
+def compare(what: str, measured: float, assumed: float, error: float, unit: str, means: str = "") -> Finding:
+    """Compare two numbers; ``error`` is by how much the measured one may be wrong."""
+    verdict = SAME if abs(measured - assumed) <= error else DIFFERS
+    return Finding(what, verdict, f"{measured:.3g}{unit}", f"{assumed:.3g}{unit}", means if verdict == DIFFERS else "")
+
+
+def load(path: Path) -> Findings:
+    """Return the findings of earlier sessions; none if there is no file, or one that cannot be read."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Findings)
+    except (OSError, msgspec.DecodeError):
+        return Findings()
+
+
+def save(path: Path, findings: Findings) -> None:
+    """Write the findings. Raises OSError."""
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(findings), indent=1))

@@ -1,0 +1,121 @@
+"""The gotos: to a place where the small motions have room, if there is none here; then 5° and back, and one cancelled.
+
+Every goal is one that the gateway's rules allow, which are asked before; by day they keep 40° from the Sun here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, inf, radians
+
+from gateway.astro.spherical import separation
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding
+from gateway.diagnostics.prove.stage import Report
+from gateway.diagnostics.prove.telescope import Ended, Telescope
+from gateway.mount.motion.run_on import Place
+
+#: Seconds that a goto may take, and after which one is cancelled.
+LONGEST, CANCELLED = 300.0, 2.0
+#: Degrees: how far the goto goes, how near to its goal it must end, what is at rest.
+FAR, NEAR, RESTS = 5.0, 0.1, 0.1
+#: Degrees from the horizon, the zenith and the pole at which the small motions have room.
+ROOM, POLE = 20.0, 75.0
+#: Hour angles that are tried for a better place, and the part of the latitude that its declination is.
+HOUR_ANGLES, PART = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
+
+
+def cramped(telescope: Telescope) -> str:
+    """Return why the small motions have no room where the mount points; empty if they have."""
+    here = telescope.latest
+    if here is None:
+        return ""
+    altitude = telescope.controller.astrometry.overhead(here.sky)[0]
+    limits = telescope.controller.policy.limits
+    if abs(here.sky.dec) > POLE:
+        return "it points near the pole"
+    if altitude is not None and not limits.lowest + ROOM <= altitude <= min(90.0, limits.highest) - ROOM:
+        return f"its altitude is {altitude:.0f}°"
+    return ""
+
+
+async def to_place(telescope: Telescope, report: Report) -> None:
+    """Go to a place with room. Raises Ended."""
+    why = cramped(telescope)
+    site = telescope.controller.sources.site()
+    if site is None:
+        raise Ended("the site is not known, so that no place can be chosen")
+    sidereal = telescope.controller.astrometry.sidereal_time()
+    goals = (op.Equatorial((sidereal - away) % 360.0, PART * site.latitude) for away in HOUR_ANGLES)
+    goal, refused = await _allowed(telescope, goals)
+    if goal is None:
+        raise Ended(f"{why}, and no better place is allowed: {refused}")
+    report.progress(0, 1, "on its way to a better place")
+    if refused := await telescope.goto(goal, LONGEST):
+        raise Ended(f"{why}, and the goto was refused: {refused}")
+    await telescope.rest()
+    if why := cramped(telescope):
+        raise Ended(f"{why} still")
+    report.found(Finding("goto to a better place", SAME))
+
+
+async def _allowed(telescope: Telescope, goals: Iterator[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
+    """Return the first goal that the rules allow, or None and why the last was refused."""
+    refusal: Fault | None = None
+    for goal in goals:
+        refusal = await telescope.controller.preview(goal)
+        if refusal is None:
+            return goal, ""
+    return None, str(refusal)
+
+
+async def run(telescope: Telescope, report: Report) -> None:
+    """Go 5° and back, and go again and cancel it. Raises Ended."""
+    start = await telescope.rest()
+    aside = FAR / max(0.2, cos(radians(start.sky.dec)))
+    ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
+    goals = (op.Equatorial((start.sky.ra + ra) % 360.0, start.sky.dec + dec) for ra, dec in ways)
+    goal, refused = await _allowed(telescope, (one for one in goals if abs(one.dec) < 89.0))
+    if goal is None:
+        report.found(Finding("goto of 5°", NOT_TRIED, refused))
+        return
+    for number, (what, to) in enumerate((("goto of 5°", goal), ("goto back", start.sky))):
+        report.progress(number, 4, what)
+        began = telescope.now()
+        if refused := await telescope.goto(to, LONGEST):
+            report.found(Finding(what, NOT_TRIED, refused))
+            return
+        said = await telescope.look()
+        took, here = telescope.now() - began, await telescope.rest()
+        report.found(_arrived(telescope, what, to, took, said, here))
+    report.progress(2, 4, "goto, cancelled on the way")
+    if refused := await telescope.goto(goal, CANCELLED):
+        report.found(Finding("cancelled goto", NOT_TRIED, refused))
+        return
+    here = await telescope.rest()
+    left = separation(here.sky.ra, here.sky.dec, goal.ra, goal.dec)
+    stopped = left > NEAR
+    report.found(
+        Finding(
+            "cancelled goto",
+            SAME if stopped else DIFFERS,
+            f"it rests {left:.1f}° before its goal" if stopped else "it went on to its goal",
+            means="" if stopped else "A stop may not end a goto: keep a hand at the mount's switch.",
+        )
+    )
+    report.progress(3, 4, "back")
+    if separation(here.sky.ra, here.sky.dec, start.sky.ra, start.sky.dec) > RESTS:
+        await telescope.goto(start.sky, inf)
+        await telescope.rest()
+
+
+def _arrived(telescope: Telescope, what: str, goal: op.Equatorial, took: float, said: Place, here: Place) -> Finding:
+    off = separation(here.sky.ra, here.sky.dec, goal.ra, goal.dec)
+    measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
+    if off > NEAR + max(telescope.ticks):
+        return Finding(what, DIFFERS, measured, "at its goal", "Gotos of your mount end elsewhere than they should.")
+    if telescope.drift(said, here) > RESTS:
+        means = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
+        return Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", means)
+    return Finding(what, SAME, measured)

@@ -1,0 +1,167 @@
+"""Leads through the stages: asks before each, stops at once, and leaves the mount as it was.
+
+A stage that ends before its time leaves what it has found; what it has not is ``not tried``. After a stop nothing is
+moved: only tracking is put back to what it was. Findings are kept after every stage, so that another session goes on
+where this one ended.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import Protocol
+
+from gateway.app.gateway import Gateway
+from gateway.core import operations as op
+from gateway.core import requests
+from gateway.diagnostics.prove import gotos, reads, sky, small_motions
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings
+from gateway.diagnostics.prove.stage import Stage
+from gateway.diagnostics.prove.telescope import WHO, Ended, Telescope
+
+#: Seconds within which a stage that was told to end has ended.
+ENDS = 20.0
+STAGES = (
+    Stage("reads", "asks it everything that it can be asked. Nothing moves.", False, reads.run),
+    Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run),
+    Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.cramped),
+    Stage("motions", "moves a little in all directions, at all rates.", True, small_motions.run),
+    Stage("goto", "goes 5° and back, and stops a goto on its way.", True, gotos.run),
+)  # fmt: skip
+
+
+class Person(Protocol):
+    """Whoever looks on. ``stop`` is set when the space bar is pressed, at any time."""
+
+    stop: asyncio.Event
+
+    def say(self, text: str) -> None: ...
+    def progress(self, part: float, what: str) -> None: ...
+    async def key(self, question: str, keys: str) -> str: ...
+
+
+class Guide:
+    """One session. ``keep`` is called with the findings after every stage."""
+
+    def __init__(self, gateway: Gateway, person: Person, findings: Findings, keep: Callable[[Findings], None]) -> None:
+        self._telescope, self._person, self._findings, self._keep = Telescope(gateway), person, findings, keep
+        self._here: list[Finding] = []
+        self._tracked = op.Tracking.OFF
+
+    async def run(self) -> Findings:
+        """Lead through all stages that have no findings yet, as far as the person wants."""
+        person, telescope = self._person, self._telescope
+        identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
+        if identity is not None:
+            mount = " ".join(f"{identity.product} {identity.model} {identity.version}".split())
+            if mount != self._findings.mount:
+                self._findings = Findings(mount, identity.model, identity.version)
+        person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
+        telescope.begin()
+        try:
+            await telescope.look()
+            self._tracked = telescope.status.tracking
+        except Ended as ended:
+            person.say(f"{str(ended).capitalize()}.")
+            return self._findings
+        for number, stage in enumerate(STAGES, 1):
+            if stage.name in self._findings.stages:
+                person.say(f"{number}/{len(STAGES)} {stage.name}: done before.")
+                continue
+            if not stage.why(telescope):
+                continue
+            person.say(f"{number}/{len(STAGES)} {stage.name}: {stage.will}")
+            if stage.moves and (why := self._why_not()):
+                person.say(f"Not now: {why}.")
+                continue
+            key = await self._answer("y: yes  s: skip it  q: leave", "ysq")
+            if key == "q":
+                break
+            if key == "y" and not await self._stage(stage):
+                break
+        return self._findings
+
+    def _why_not(self) -> str:
+        """Return why nothing may be moved now; empty if it may."""
+        controller = self._telescope.controller
+        if controller.hold.on:
+            return "it is held (mount-gateway stop --release ends that)"
+        if controller.driver.asleep or controller.driver.parked:
+            return "it is parked or asleep; take it up first (mount-gateway unpark)"
+        return ""
+
+    async def _stage(self, stage: Stage) -> bool:
+        """Carry out a stage; return whether to go on to the next."""
+        self._here, telescope, person = [], self._telescope, self._person
+        person.stop.clear()
+        telescope.begin()
+        work = asyncio.ensure_future(stage.run(telescope, self))
+        space = asyncio.ensure_future(person.stop.wait())
+        stopped = whole = False
+        try:
+            await asyncio.wait((work, space), return_when=asyncio.FIRST_COMPLETED)
+            if stopped := not work.done():
+                work.cancel()
+                await self._stop()
+            await work
+            whole = True
+        except (Ended, asyncio.CancelledError) as ended:
+            if isinstance(ended, asyncio.CancelledError) and not stopped:
+                raise  # this session itself is ended
+            words = "stopped by you" if stopped else str(ended)
+            person.say(f"This stage ends: {words}.")
+            self.found(Finding(f"the rest of {stage.name}", NOT_TRIED, words))
+        finally:
+            for task in (space, work):
+                task.cancel()
+            with contextlib.suppress(Ended, asyncio.CancelledError):
+                await work
+            await self._restore()
+        if whole:
+            self._findings.stages[stage.name] = self._here
+            self._keep(self._findings)
+        return not stopped or await self._answer("y: go on  q: leave", "yq") == "y"
+
+    async def _answer(self, question: str, keys: str) -> str:
+        """Return the key that the person presses; the space bar stops the mount here, too."""
+        self._person.stop.clear()
+        while True:
+            key = asyncio.ensure_future(self._person.key(question, keys))
+            space = asyncio.ensure_future(self._person.stop.wait())
+            try:
+                await asyncio.wait((key, space), return_when=asyncio.FIRST_COMPLETED)
+                if key.done():
+                    return key.result()
+                self._person.stop.clear()
+                await self._stop()
+            finally:
+                key.cancel()
+                space.cancel()
+
+    async def _stop(self) -> None:
+        trouble = await self._telescope.stop()
+        self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
+
+    async def _restore(self) -> None:
+        """Turn tracking on or off as it was, unless somebody else has taken over."""
+        telescope = self._telescope
+        telescope.begin()
+        with contextlib.suppress(Ended):
+            await telescope.look()
+            on = self._tracked is not op.Tracking.OFF
+            if (telescope.status.tracking is not op.Tracking.OFF) != on:
+                answer = await telescope.ask(requests.Track(on=on, who=WHO))
+                if not answer.done:
+                    self._person.say(f"Its tracking was {'on' if on else 'off'}: {answer.words}")
+
+    # --- reports of a stage -------------------------------------------------------------------------------------------
+
+    def found(self, finding: Finding) -> None:
+        self._here.append(finding)
+        self._person.say(finding.line)
+        if finding.verdict == DIFFERS and finding.means:
+            self._person.say(f"  {finding.means}")
+
+    def progress(self, done: int, of: int, what: str) -> None:
+        self._person.progress(done / max(1, of), what)

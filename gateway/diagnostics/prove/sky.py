@@ -1,0 +1,84 @@
+"""The sky: whether altitude and azimuth, right ascension and declination, site and clocks agree with each other.
+
+A difference is told as a contradiction between two sources: which of them is wrong is not known here. Nothing of this
+stage but its verdict gets into a bundle, because it shows where the mount stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gateway.astro.spherical import separation, wrap180
+from gateway.core.errors import Fault
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding
+from gateway.diagnostics.prove.programs import Program
+from gateway.diagnostics.prove.stage import Report
+from gateway.diagnostics.prove.telescope import Telescope
+from gateway.mount.safety.admission.contradictions import contradictions
+from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site
+
+#: Degrees by which altitude and azimuth may differ from those calculated; in both the motion during the reads is less.
+AGREES = 0.5
+#: Seconds by which the clocks may differ; degrees by which a longitude may differ from that of the mount's zone.
+CLOCK, ZONE = 120.0, 45.0
+#: By protocol, the commands that tell altitude and azimuth.
+OVERHEAD = {"nexstar": ("z", "Z"), "lx200": ("GZ", "GA")}
+
+
+async def run(telescope: Telescope, report: Report) -> None:
+    """Raises Ended."""
+    sources = telescope.controller.sources
+    sites, times = sources.sites(), sources.times()
+    report.progress(0, 2, "site and clocks")
+    told = list(contradictions(sites, times))
+    for one in told:
+        report.found(Finding(f"{one.sources[0]} and {one.sources[1]}", DIFFERS, one.words, "", "One of them is wrong."))
+    if not any(one.apart.endswith(" km") for one in told):
+        report.found(_site(telescope, sites))
+    by_mount = next((time for time in times if time.source == MOUNT), None)
+    computer = next((time for time in times if time.source == COMPUTER), None)
+    if by_mount is None or computer is None:
+        report.found(Finding("clock", NOT_MEASURABLE, "the mount tells no time"))
+    elif abs(by_mount.unix - computer.unix) <= CLOCK:
+        report.found(Finding("clock", SAME, f"{abs(by_mount.unix - computer.unix):.0f} s from this computer's"))
+    report.progress(1, 2, "altitude and azimuth")
+    report.found(await _overhead(telescope))
+
+
+def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
+    """Return the finding on a site that no other source contradicts: its longitude against the zone of its clock."""
+    clock = telescope.controller.site_clock.mount_clock
+    if not sites:
+        return Finding("site", NOT_MEASURABLE, "nobody tells it")
+    away = 0.0 if clock is None else abs(wrap180(sites[0].place.longitude - 15.0 * clock[0].offset))
+    if sites[0].source == MOUNT and away > ZONE:
+        means = "The longitude, its sign, or the zone is wrong: one of them."
+        return Finding("site and zone", DIFFERS, f"{away:.0f}° from the longitude of its zone", "", means)
+    if len(sites) > 1:
+        return Finding("site", SAME, f"{sites[0].source} and {sites[1].source} agree")
+    return Finding("site", NOT_MEASURABLE, f"only {sites[0].source} tells it")
+
+
+async def _overhead(telescope: Telescope) -> Finding:
+    """Compare altitude and azimuth, as the mount tells them, with those of its right ascension and declination."""
+    what, driver = "altitude and azimuth against RA and Dec", telescope.driver
+    if telescope.status.equatorial and driver.protocol.name == "nexstar":
+        return Finding(what, NOT_MEASURABLE, "an equatorial mount tells its axes instead")
+    names = OVERHEAD.get(driver.protocol.name, ())
+    program = Program(telescope.gateway, driver.protocol.name)
+    try:
+        told = await program.values(*(name for name in names if driver.supports(name)))
+    finally:
+        program.close()
+    here = await telescope.look()
+    try:
+        expected = telescope.controller.astrometry.horizon(here.sky)
+    except Fault:
+        return Finding(what, NOT_MEASURABLE, "the site is not known")
+    if not {"az", "alt"} <= told.keys():
+        return Finding(what, NOT_MEASURABLE, "it does not tell them")
+    off = separation(told["az"], told["alt"], expected.az, expected.alt)
+    if off <= AGREES:
+        return Finding(what, SAME, f"{off:.1f}° apart")
+    means = "Its alignment, its site or its clock do not belong together: align it again before a night."
+    return Finding(what, DIFFERS, f"{off:.1f}° apart", "", means)

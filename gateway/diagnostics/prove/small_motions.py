@@ -1,0 +1,155 @@
+"""The small motions: every direction at every rate, by which real rates, directions and run-on are measured.
+
+The two directions of an axis are judged together: half of the difference of their velocities over the ground is the
+rate, whatever the sky, tracking and a suspended drive add to both. A motion of a few seconds hardly gets beyond the
+run-up of the motors, so that it shows a rate only roughly. Angles are degrees, rates degrees a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from gateway.core import operations as op
+from gateway.core.operations import Direction
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding
+from gateway.diagnostics.prove.stage import Report
+from gateway.diagnostics.prove.telescope import FARTHEST, LONGEST, Motion, Telescope
+from gateway.mount.safety.allow import RUN_ON, RUN_UP
+
+#: The keys of the hand control, by whose numbers programs name the rates; of several with one speed the last is tried.
+KEYS: Sequence[int] = range(9, 0, -1)
+#: The parts of a rate by which it may be off: measured between readings, and by the whole way of a short motion.
+EVEN, SHORT = 0.08, 0.35
+#: Seconds between readings that show a rate at least; and for which tracking is watched.
+SPAN, WATCHED = 1.5, 10.0
+#: A way of fewer steps of the mount's reading shows nothing.
+STEPS = 10.0
+#: Degrees by which the run-on may be more than assumed.
+MORE = 0.3
+#: Degrees an hour by which tracking may be off.
+DRIFT = 3.0 / 3600.0
+PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
+
+
+class Velocity(NamedTuple):
+    """How fast one axis turned, by how much that may be wrong, how far it went, and how far the tube ran on."""
+
+    rate: float
+    error: float
+    way: float
+    run_on: float
+    short: bool
+
+
+def velocity(telescope: Telescope, motion: Motion, axis: int) -> Velocity | None:
+    """Return how an axis (1 or 2) moved; None without a position before and after."""
+    if motion.before is None or motion.after is None:
+        return None
+    number, tick = axis - 1, telescope.ticks[axis - 1]
+    way = telescope.turned(motion.before, motion.after)[number]
+    even = [place for place in motion.places if place.at > motion.began + RUN_UP]
+    span = even[-1].at - even[0].at if even else 0.0
+    if short := span < SPAN:
+        lasted = motion.ended - motion.began
+        rate = way / lasted
+        error = SHORT * abs(rate) + 2.0 * tick / lasted
+    else:
+        rate = telescope.turned(even[0], even[-1])[number] / span
+        error = EVEN * abs(rate) + 2.0 * tick / span
+    last = motion.places[-1] if motion.places else motion.before
+    rest = telescope.turned(last, motion.after)[number]
+    run_on = abs(rest) - abs(rate) * (motion.ended - last.at)
+    return Velocity(rate, error, abs(way), run_on, short)
+
+
+async def run(telescope: Telescope, report: Report) -> None:
+    """Raises Ended."""
+    telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
+    speeds = {telescope.driver.speed(op.Rate(key=key)): key for key in KEYS}
+    tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in PAIRS]
+    turned_round: dict[int, list[bool]] = {1: [], 2: []}
+    run_ons: list[tuple[float, float]] = []
+    for number, (speed, key, pair) in enumerate(tried):
+        found: list[Velocity | None] = []
+        axis = pair[0].axis
+        what = f"rate {key} {pair[0].word}/{pair[1].word}"
+        report.progress(number, len(tried), what)
+        refused = ""
+        for direction in pair:
+            motion = await telescope.press(direction, key, min(LONGEST, FARTHEST / speed))
+            refused = refused or motion.refused
+            found.append(velocity(telescope, motion, axis))
+        onwards, back = found
+        if onwards is None or back is None:
+            report.found(Finding(what, NOT_TRIED, refused))
+            continue
+        rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
+        report.found(judged(what, key, rate, error, speed, onwards, back, STEPS * telescope.ticks[axis - 1]))
+        if max(onwards.way, back.way) > STEPS * telescope.ticks[axis - 1]:
+            turned_round[axis].append(rate < 0.0)
+            run_ons += [(abs(rate), one.run_on) for one in (onwards, back)]
+    for axis, pair in enumerate(PAIRS, 1):
+        report.found(directions(pair, turned_round[axis]))
+    report.found(ran_on(run_ons, telescope.controller.line.typical_rtt))
+    report.found(await tracking(telescope))
+
+
+def judged(
+    what: str, key: int, rate: float, error: float, speed: float, one: Velocity, other: Velocity, least: float
+) -> Finding:
+    """Return the finding on one rate."""
+    measured, assumed, rate = _words(rate), _words(speed), abs(rate)
+    if max(one.way, other.way) <= least:
+        if speed * LONGEST > 2.0 * least and speed * LONGEST > error * LONGEST * 2.0:
+            return Finding(what, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
+        return Finding(what, NOT_MEASURABLE, "too few steps of its reading", assumed)
+    if abs(rate - speed) <= max(error, EVEN * speed):
+        return Finding(what, SAME, measured, assumed)
+    if one.short and rate < speed and FARTHEST / speed < 2.0 * RUN_UP and rate > (1.0 - SHORT) ** 2 * speed:
+        return Finding(what, NOT_MEASURABLE, f"{measured}, still speeding up", assumed)
+    means = "Arrows of programs move your mount at another speed than they show."
+    return Finding(what, DIFFERS, measured, assumed, means, {f"rates {key}": round(rate, 6)})
+
+
+def _words(rate: float) -> str:
+    return f"{abs(rate):.2f}°/s" if abs(rate) >= 0.1 else f'{abs(rate) * 3600.0:.1f}"/s'
+
+
+def directions(pair: tuple[Direction, Direction], turned_round: list[bool]) -> Finding:
+    """Return the finding on the direction of an axis."""
+    what = f"direction of {pair[0].word} and {pair[1].word}"
+    if not turned_round:
+        return Finding(what, NOT_TRIED)
+    if not any(turned_round):
+        return Finding(what, SAME)
+    means = "Arrows go the other way. A setting of the hand control may reverse them: look for 'direction' there."
+    return Finding(what, DIFFERS, "reversed" if all(turned_round) else "reversed at some rates", "", means)
+
+
+def ran_on(run_ons: list[tuple[float, float]], exchange: float) -> Finding:
+    """Return the finding on how far the tube runs on after a stop; pairs of a rate and degrees."""
+    what = "run-on after a stop"
+    if not run_ons:
+        return Finding(what, NOT_TRIED)
+    rate, most = max(run_ons, key=lambda pair: pair[1] - pair[0] * RUN_ON)
+    allowed = rate * (RUN_ON + 2.0 * exchange)
+    measured, assumed = f"{max(0.0, most):.1f}° from {_words(rate)}", f"{rate * RUN_ON:.1f}°"
+    if most <= 1.5 * allowed + MORE:
+        return Finding(what, SAME, measured, assumed)
+    means = "Limits are to be kept from so much farther away; run-on in gateway.toml does that."
+    return Finding(what, DIFFERS, measured, assumed, means, {"run-on": round(most / rate + 0.05, 1)})
+
+
+async def tracking(telescope: Telescope) -> Finding:
+    """Watch whether the mount tracks as it says. Raises Ended."""
+    tracks = telescope.status.tracking is not op.Tracking.OFF
+    before = await telescope.rest()
+    await telescope.until(lambda: False, WATCHED)
+    after = await telescope.look()
+    off = telescope.moved(before, after, tracks) - 2.0 * max(telescope.ticks)
+    what, rate = f"tracking is {'on' if tracks else 'off'} afterwards", max(0.0, off) / (after.at - before.at)
+    if rate <= DRIFT:
+        return Finding(what, SAME)
+    words = "It says that it tracks, and does not." if tracks else "It says that it rests, and follows the sky."
+    return Finding(what, DIFFERS, f"it drifts {_words(rate)}", "", words)

@@ -1,0 +1,242 @@
+"""The mount as ``prove`` sees and moves it: requests to the gateway, and the positions that the mount reports.
+
+Every order is a request like those of the command line, under the same rules. While it waits, it looks whether somebody
+else has stopped or moved the mount, or the cable is out: then the stage ends (``Ended``), and nothing is moved any
+more. Angles are degrees, times seconds of the event loop's clock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from gateway.app.control.orders import STOPPED, stopped
+from gateway.app.gateway import Gateway
+from gateway.astro.spherical import SIDEREAL_RATE, hour_angle_to_horizon, separation, wrap180
+from gateway.core import operations as op
+from gateway.core import requests
+from gateway.core.errors import Fault
+from gateway.core.motion_kinds import begins_motion
+from gateway.mount.motion.run_on import Place
+from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.presence import HostActivity
+
+#: Who asks, in the log and on the page.
+WHO = "mount-gateway prove"
+#: Seconds between two looks at what the mount does; for it to come to rest; between positions that show it at rest.
+LOOK, TO_REST, APART = 0.1, 15.0, 0.8
+#: A motion ends when its reading has changed so often, or after so many seconds, or degrees at the rate asked for.
+CHANGES, LONGEST, FARTHEST = 20, 10.0, 5.0
+#: From this rate on (degrees a second) a reading must change within so many seconds.
+FAST, UNCHANGED = 0.5, 2.0
+#: Degrees by which the other axis may turn during a motion.
+ACROSS = 0.5
+
+Pair = tuple[float, float]
+
+
+class Ended(Exception):
+    """A stage ends before its time; the text says why."""
+
+
+class Motion(NamedTuple):
+    """A motion by hand: when the mount had acknowledged its beginning and its end, and the positions.
+
+    ``places`` are those meanwhile, ``before`` and ``after`` those at rest. ``refused`` says why there was none.
+    """
+
+    began: float = 0.0
+    ended: float = 0.0
+    before: Place | None = None
+    places: tuple[Place, ...] = ()
+    after: Place | None = None
+    refused: str = ""
+
+
+class Telescope:
+    """The mount of one gateway, from when it has been identified."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self.gateway, self.controller = gateway, gateway.controller
+        self.now, self.driver = self.controller.now, self.controller.driver
+        self._stops, self._places, self._mine = self.controller.stops, list[Place](), False
+        self._epoch: Pair | None = None
+        self.controller.reader.position.connect(lambda _: self._places.extend(filter(None, [self.latest])))
+
+    @property
+    def latest(self) -> Place | None:
+        """The last position that the mount has reported."""
+        return self.controller.reader.latest()
+
+    @property
+    def status(self) -> op.Status:
+        """The last status. Raises Ended if the mount has not told any."""
+        status: op.Status | None = self.controller.cache.value(op.GetStatus)
+        if status is None:
+            raise Ended("the mount has not told its status")
+        return status
+
+    # --- who else acts ------------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Begin a stage: earlier stops are over."""
+        self._stops = self.controller.stops
+
+    def check(self) -> None:
+        """Raise Ended if the stage cannot go on."""
+        controller = self.controller
+        if controller.stops != self._stops:
+            words = controller.wanted.value.short or next(
+                reversed([one.text for one in controller.wire_log.recent]), ""
+            )
+            by = controller.wanted.stopped_by
+            raise Ended(f"the mount was stopped{f' by {by}' if by else f' ({words})' * bool(words)}")
+        if controller.line.state not in ("up", "busy"):
+            still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self._mine)
+            raise Ended(f"the mount does not answer ({controller.line.reason}){still}")
+        for other in self._movers():
+            if other is not None and other.who != WHO:
+                raise Ended(f"another program moves the mount ({other.who})")
+        if controller.watch.moved_by_others and not self._mine and controller.context.run_on.value is None:
+            raise Ended("the mount is moved at its keys, or by itself")
+
+    def _movers(self) -> Iterator[HostActivity | None]:
+        wanted = self.controller.wanted.value
+        if isinstance(wanted.motion, Slew):
+            yield wanted.motion.by
+        elif isinstance(wanted.motion, ByHand):
+            yield from (moving.by for _, moving in wanted.motion)
+        yield from (order.by for order in wanted.pending if begins_motion(order.operation))
+
+    async def until(self, done: Callable[[], bool], seconds: float) -> bool:
+        """Wait for something; return whether it came true. Raises Ended."""
+        end = self.now() + seconds
+        while not done():
+            if self.now() >= end:
+                return False
+            await asyncio.sleep(LOOK)
+            self.check()
+        return True
+
+    # --- requests -----------------------------------------------------------------------------------------------------
+
+    async def ask(self, request: requests.Request) -> requests.Answer:
+        return await self.gateway.request_handler.take(request)
+
+    async def look(self) -> Place:
+        """Ask the mount for its position and status. Raises Ended."""
+        await self.ask(requests.See())
+        self.check()
+        if self.latest is None:
+            raise Ended("the mount has not told its position")
+        return self.latest
+
+    async def stop(self) -> str:
+        """Stop everything, ahead of all orders; return an empty text, or why the mount may still move."""
+        answer = await self.gateway.entrance.carry_out("o", lambda: stopped(self.controller))
+        return "" if answer == STOPPED else answer.removeprefix("failed ")
+
+    async def rest(self) -> Place:
+        """Wait until the mount rests, and return where. Raises Ended."""
+        controller = self.controller
+
+        def rests() -> bool:
+            ends = controller.wanted.ending or controller.context.run_on.value is not None
+            return not (ends or controller.moving or controller.wanted.goto_waits)
+
+        if not await self.until(rests, TO_REST):
+            raise Ended("the mount does not come to rest")
+        here = await self.look()
+        for _ in range(int(TO_REST / APART)):
+            await asyncio.sleep(APART)
+            before, here = here, await self.look()
+            if self.drift(before, here) <= max(self.ticks) + 5.0 / 3600.0:
+                self._mine = False
+                return here
+        raise Ended("the mount does not come to rest")
+
+    async def press(self, direction: op.Direction, key: int, longest: float) -> Motion:
+        """Move by hand, and wait until it rests. Raises Ended."""
+        before = await self.rest()
+        speed, number = self.driver.speed(op.Rate(key=key)), requests.new_number()
+        self._places.clear()
+        self._mine = True
+        answer = await self.ask(requests.Press(direction=direction, key=key, number=number, who=WHO))
+        if not answer.done:
+            self.check()
+            return Motion(refused=answer.words)
+        began, changed, count = self.now(), self.now(), 0
+        try:
+            while self.now() < began + longest and count < CHANGES:
+                await asyncio.sleep(max(0.01, min(LOOK, began + longest - self.now())))
+                self.check()
+                seen = sum(one.sky != after.sky for one, after in pairwise(self._places))
+                if seen != count:
+                    count, changed = seen, self.now()
+                if speed > FAST and self.now() > changed + UNCHANGED:
+                    break
+        finally:
+            await self.ask(requests.LetGo(number=number, who=WHO))
+        ended = self.now()
+        places = tuple(place for place in self._places if place.asked > began and place.at < ended)
+        after = await self.rest()
+        across = abs(self.turned(before, after)[2 - direction.axis])
+        if across > ACROSS + abs(SIDEREAL_RATE) * (after.at - before.at):
+            raise Ended(
+                f"the other axis was turned as well, by {across:.1f}°: somebody used its keys, or axes are swapped"
+            )
+        return Motion(began, ended, before, places, after)
+
+    async def goto(self, goal: op.Equatorial, seconds: float) -> str:
+        """Go to a position, and cancel that after so many seconds. Return why it was refused. Raises Ended."""
+        number = requests.new_number()
+        where = requests.Spot(goal.ra % 360.0, goal.dec)
+        self._mine = True
+        answer = await self.ask(requests.Goto(where=where, number=number, who=WHO))
+        if not answer.done:
+            self.check()
+            return answer.words
+        controller, over = self.controller, False
+        try:
+            over = await self.until(lambda: not (controller.slewing or controller.wanted.goto_waits), seconds)
+        finally:
+            if not over:
+                await self.ask(requests.End(number))
+        return ""
+
+    # --- what a position means ----------------------------------------------------------------------------------------
+
+    @property
+    def ticks(self) -> Pair:
+        """The steps of the two angles that the mount reports."""
+        return self.driver.ticks
+
+    def axes(self, place: Place) -> Pair:
+        """Return hour angle and declination, or on an alt-az mount azimuth and altitude. Raises Ended."""
+        if self._epoch is None:
+            try:
+                self._epoch = self.now(), self.controller.astrometry.sidereal_time()
+            except Fault:
+                if not self.status.equatorial:
+                    raise Ended("the site is not known: without it an alt-az mount cannot be measured") from None
+                self._epoch = self.now(), 0.0
+        hour_angle = self._epoch[1] + SIDEREAL_RATE * (place.at - self._epoch[0]) - place.sky.ra
+        if self.status.equatorial:
+            return hour_angle, place.sky.dec
+        return hour_angle_to_horizon(hour_angle, place.sky.dec, self.controller.astrometry.place().latitude)
+
+    def turned(self, before: Place, after: Place) -> Pair:
+        """Return by how much both axes have turned over the ground."""
+        (first, second), (then, there) = self.axes(before), self.axes(after)
+        return wrap180(then - first), there - second
+
+    def drift(self, before: Place, after: Place) -> float:
+        """Return the motion between two positions beyond what a drive explains that is on or off."""
+        return min(self.moved(before, after, tracks=True), self.moved(before, after, tracks=False))
+
+    def moved(self, before: Place, after: Place, tracks: bool) -> float:
+        """Return the motion between two positions over the sky, or over the ground if it does not track."""
+        passed = 0.0 if tracks else SIDEREAL_RATE * (after.at - before.at)
+        return separation(before.sky.ra + passed, before.sky.dec, after.sky.ra, after.sky.dec)

@@ -1,0 +1,141 @@
+"""A simulated mount that ``prove`` checks: a whole gateway with both surfaces, recorded on virtual time, and a person.
+
+The person answers every question with the next of ``answers`` (then ``y``), and does what ``when`` says as soon as a
+line or a progress holds its words.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.app.gateway import Gateway
+from gateway.app.recording.recorded_gateway import HostClock, record_whole
+from gateway.app.recording.turns import TurnLoop, Wait
+from gateway.app.simulated import DEFAULT_SITE, make_simulator
+from gateway.core.wire_log import WireLog
+from gateway.diagnostics.prove.findings import Finding, Findings
+from gateway.diagnostics.prove.guide import Guide
+from gateway.mount.link.line import MountLink
+from gateway.protocols.mechanics.truth import Truth, sample
+from gateway.protocols.registry import mounts
+from gateway.transport.wires import SimulatedTransport
+from tests.support.owner import Owner
+
+#: 2026-01-15 22:00 UTC
+EVENING = 1768514400.0
+
+
+class CalmLoop(TurnLoop):
+    """A recorded event loop on virtual time that is hardly ever late."""
+
+    def __init__(self) -> None:
+        self.passed = 0.0
+        super().__init__(lambda: self.passed)
+
+    def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
+        def jump(seconds: float | None) -> list[Any]:
+            assert seconds is not None, "nothing will ever happen again"
+            self.passed += seconds + 1e-5
+            return []
+
+        return super().begin_turn(timeout, jump)
+
+
+class Onlooker:
+    """A person who looks on; ``said`` is all that was shown, ``asked`` the questions."""
+
+    def __init__(self, answers: str = "", when: dict[str, Callable[[], object]] | None = None) -> None:
+        self.stop, self.said, self.asked = asyncio.Event(), list[str](), list[str]()
+        self._answers, self._when = list(answers), dict(when or {})
+
+    def _meet(self, text: str) -> None:
+        for words in [words for words in self._when if words in text]:
+            self._when.pop(words)()
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+        self._meet(text)
+
+    def progress(self, part: float, what: str) -> None:
+        assert 0.0 <= part <= 1.0
+        self._meet(what)
+
+    async def key(self, question: str, keys: str) -> str:
+        self.asked.append(question)
+        key = self._answers.pop(0) if self._answers else "y"
+        assert key in keys
+        return key
+
+
+class Proven:
+    """``findings`` of a check of a simulated mount; ``truths`` are samples of what it really did."""
+
+    def __init__(
+        self,
+        mount: str = "nexstar:6-8se",
+        record: Path | None = None,
+        latency: float = 0.03,
+        site: tuple[float, float] = DEFAULT_SITE,
+        start: float = EVENING,
+        config: dict[str, Any] | None = None,
+        every: float = 0.5,
+        **simulated: Any,
+    ) -> None:
+        self.loop = asyncio.get_running_loop()
+        assert isinstance(self.loop, CalmLoop)
+        loop = self.loop
+        clock = self.clock = HostClock(loop, lambda: start + loop.passed, lambda: loop.passed)
+        surfaces = [SurfaceConfig(at=f"{protocol}@web") for protocol in mounts()]
+        settings = MountConfig(at=f"{mount.partition(':')[0]}@sim", **({"sun": 40.0} | (config or {})))
+        self.gateway = Gateway(settings, surfaces, WireLog(clock), clock=clock)
+        self.sim = make_simulator(parse_endpoint(f"{mount}@sim"), clock=clock, site=site, **simulated)
+        self.wire = SimulatedTransport("sim", self.sim.connection, latency)
+        self.recorder = None if record is None else record_whole(record, self.gateway)
+        self.truths: list[Truth] = []
+        self._every = every
+        self._sent: list[bytes] = []
+        self.findings = Findings()
+
+    async def __aenter__(self) -> Proven:
+        entrance = self.gateway.entrance
+        self.gateway.prepare(lambda reply_rules, to: MountLink(entrance.wire(self.wire), reply_rules, to))
+        self.controller = self.gateway.controller
+        self.gateway.wire_log.sinks.append(
+            lambda entry: self._sent.append(entry.data) if (entry.side, entry.arrow) == ("mount", ">") else None
+        )
+        await entrance.begin(self.gateway.begin)
+        await self.gateway.fitted.wait()
+        await self.controller.settled.wait()
+        self.owner = Owner(self, self.gateway.mount.protocol)
+        self._sampling = asyncio.ensure_future(sample(self.sim, self.truths.append, self._every))
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._sampling.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._sampling
+        await self.gateway.close()
+        if self.recorder is not None:
+            self.recorder.close()
+
+    def sent(self) -> list[bytes]:
+        """Return every request sent to the mount so far."""
+        return self._sent
+
+    async def check(self, person: Onlooker) -> Findings:
+        self.findings = await Guide(self.gateway, person, self.findings, lambda findings: None).run()
+        return self.findings
+
+    def all(self) -> dict[str, Finding]:
+        return {one.what: one for stage in self.findings.stages.values() for one in stage}
+
+
+def run_calm(program: Coroutine[Any, Any, Any]) -> Any:
+    """Run a coroutine on a calm, recorded loop."""
+    with asyncio.Runner(loop_factory=CalmLoop) as runner:
+        return runner.run(program)

@@ -1,0 +1,71 @@
+"""``prove`` in a terminal: narrow lines, single keys, and a gateway that is set up for it."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from gateway.app.config import Config, MountConfig
+from gateway.cli import main
+from gateway.cli.inspect.prove import COLUMNS, Terminal, checked, summary
+from gateway.core.errors import UserError
+from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings
+
+
+def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
+    async def talk() -> None:
+        terminal = Terminal()
+        terminal.say("  " + "a sentence of many words " * 9)
+        for part in (0.0, 0.5, 1.0):
+            terminal.progress(part, "a long word " * 9)
+        terminal.say("the end")
+
+    asyncio.run(talk())
+    out = capsys.readouterr().out
+    assert "[#######.......]" in out and "[##############]" in out
+    lines = [line for whole in out.split("\n") for line in whole.split("\r")]
+    assert max(map(len, lines)) <= COLUMNS
+    assert lines[0].startswith("  a sentence") and lines[1].startswith("    ")
+
+
+def test_a_key_is_an_answer_and_the_space_bar_a_stop() -> None:
+    async def talk() -> None:
+        terminal = Terminal()
+        terminal._pressed("q")  # before the question: it does not count
+        asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))
+        await asyncio.sleep(0)
+        for key in "x Y":
+            assert not asking.done()
+            terminal._pressed(key)
+        assert await asking == "y"
+        assert terminal.stop.is_set()
+
+    asyncio.run(talk())
+
+
+def test_the_gateway_of_the_check_keeps_far_from_the_sun_and_records(tmp_path: Path) -> None:
+    config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0)]), tmp_path)
+    [mount] = config.mount
+    assert (mount.sun, mount.lowest, mount.record) == (40.0, 15.0, str(tmp_path / "1.rec"))
+    assert {surface.at for surface in config.surface} == {"lx200@web", "nexstar@web"}
+    assert not config.status
+    (tmp_path / "1.rec").touch()
+    assert checked(config, tmp_path).mount[0].record == str(tmp_path / "2.rec")
+    with pytest.raises(UserError, match="one mount"):
+        checked(Config([mount, mount]), tmp_path)
+
+
+def test_the_summary_names_what_differs() -> None:
+    findings = Findings(
+        stages={"reads": [Finding("identity", SAME), Finding("rate 9", DIFFERS, "3°/s", "5°/s", "Slow.")]}
+    )
+    first, second = summary(findings)
+    assert "1 same, 1 differs" in first
+    assert second == "differs  rate 9: 3°/s (assumed: 5°/s)"
+
+
+def test_without_a_terminal_it_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["prove", "--mount", "nexstar@sim"]) == 2
+    assert "start it in a terminal" in capsys.readouterr().err
