@@ -22,7 +22,7 @@ from gateway.diagnostics.prove.findings import Finding, Findings
 from gateway.diagnostics.prove.guide import Guide
 from gateway.mount.link.line import MountLink
 from gateway.protocols.mechanics.truth import Truth, sample
-from gateway.protocols.registry import mounts
+from gateway.protocols.registry import mounts, streams
 from gateway.transport.wires import SimulatedTransport
 from tests.support.owner import Owner
 
@@ -90,7 +90,7 @@ class Proven:
         assert isinstance(self.loop, CalmLoop)
         loop = self.loop
         clock = self.clock = HostClock(loop, lambda: start + loop.passed, lambda: loop.passed)
-        surfaces = [SurfaceConfig(at=f"{protocol}@web") for protocol in mounts()]
+        surfaces = [SurfaceConfig(at=f"{protocol}@web") for protocol in mounts() if protocol in streams()]
         settings = MountConfig(at=f"{mount.partition(':')[0]}@sim", **({"sun": 40.0} | (config or {})))
         self.gateway = Gateway(settings, surfaces, WireLog(clock), clock=clock)
         self.sim = make_simulator(parse_endpoint(f"{mount}@sim"), clock=clock, site=site, **simulated)

@@ -90,14 +90,14 @@ def checked(config: Config, folder: Path) -> Config:
     from msgspec.structs import replace
 
     from gateway.app.config import SurfaceConfig
-    from gateway.protocols.registry import mounts
+    from gateway.protocols.registry import mounts, streams
     from gateway.transport.listening import SERVED
 
     if len(config.mount) != 1:
         raise UserError("prove checks one mount: name it with --mount PROTOCOL@WHERE")
     number = 1 + len(list(folder.glob("*.rec")))
     mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun), record=str(folder / f"{number}.rec"))
-    inside = [SurfaceConfig(at=f"{protocol}@{SERVED}") for protocol in mounts()]
+    inside = [SurfaceConfig(at=f"{protocol}@{SERVED}") for protocol in mounts() if protocol in streams()]
     return replace(config, mount=[mount], surface=[*config.surface, *inside], status=False, log=False, wait=False)
 
 

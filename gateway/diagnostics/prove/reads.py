@@ -15,6 +15,7 @@ from gateway.diagnostics.prove.programs import Program, readable
 from gateway.diagnostics.prove.stage import Report
 from gateway.diagnostics.prove.telescope import Telescope
 from gateway.protocols.base.driver import Driver
+from gateway.protocols.registry import streams
 
 #: Questions that are not asked: names that people have given to sites, and lists that a question leafs through.
 LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-"))
@@ -56,6 +57,9 @@ async def run(telescope: Telescope, report: Report) -> None:
     gateway, controller = telescope.gateway, telescope.controller
     identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     report.found(_identity(identity, telescope.driver))
+    if telescope.driver.protocol.name not in streams():
+        report.found(Finding("answers to its protocol's questions", NOT_MEASURABLE, "they are no lines of bytes"))
+        return
     line = Line(telescope.driver.protocol.name)
     names = list(readable(gateway, LEFT_ALONE))
     program = Program(gateway, line._side.protocol)

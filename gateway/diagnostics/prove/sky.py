@@ -65,6 +65,8 @@ async def _overhead(telescope: Telescope) -> Finding:
     if telescope.status.equatorial and driver.protocol.name == "nexstar":
         return Finding(what, NOT_MEASURABLE, "an equatorial mount tells its axes instead")
     names = OVERHEAD.get(driver.protocol.name, ())
+    if not names:
+        return Finding(what, NOT_MEASURABLE, "nothing to compare it with")
     program = Program(telescope.gateway, driver.protocol.name)
     try:
         told = await program.values(*(name for name in names if driver.supports(name)))

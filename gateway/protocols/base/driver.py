@@ -99,8 +99,7 @@ class GotoUnderWay(Struct):
 class Driver:
     """Carries out operations by the rows of ``driver.toml``, and owns what is known of the mount.
 
-    ``handlers`` are the functions that rows call, ``(driver, operation) -> Steps``. They are passed in, so that the
-    state of a driver does not import the functions that use it.
+    ``handlers``: the functions that rows call, ``(driver, operation) -> Steps``, which import the state of a driver.
     """
 
     #: Whether site and time can be set on an aligned mount without consequences, or whether that costs the alignment.
@@ -111,9 +110,8 @@ class Driver:
     #: both halves of the last position were read.
     sent_at = next_at = 0.0
     read_at: tuple[float, float] | None = None
-    #: Resolution of the reported position, degrees: at rest two readings differ by no more than this.
+    #: Resolution of the reported position, degrees: at rest two readings differ by no more. The steps of its angles.
     resolution = 20.0 / 3600.0
-    #: The steps of the two angles that it reports, degrees.
     ticks: tuple[float, float] = (resolution, resolution)
     #: How many times faster than a real mount a simulated one slews.
     speed_factor = 1.0
