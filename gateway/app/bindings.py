@@ -67,6 +67,7 @@ def make_driver(
         guide_rate=config.guide_rate,
         park=config.park if isinstance(config.park, tuple) else None,
         aux_home=config.aux_home,
+        reversed_axes=config.reversed_axes,
         lowest=config.limits.lowest,
         rules=rules,
     )

@@ -1,10 +1,9 @@
 """Every key of a mount and of a surface, declared once: its type, range, default, and the words that describe it.
 
 A new key is one field here, and whoever reads it (docs/adding-a-key.md). ``key`` takes the words for ``--help`` and the
-documentation, the name of the value there, an example for keys without a default, and the limits that msgspec checks.
-For a key that may be absent the limits belong to the inner type, as for ``site``. Messages use the ``title`` of a
-limit. Every key of ``[mount]`` is also a flag of ``run``, except those with ``flag=False``, and so is every key that
-only a surface has; a list is separated by commas in a flag.
+documentation, the name of the value there, an example for keys without a default, and the limits that msgspec checks,
+which belong to the inner type of a key that may be absent. Every key of ``[mount]`` is also a flag of ``run``, except
+those with ``flag=False``, and so is every key that only a surface has; a list is separated by commas in a flag.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         str,
         key(
             "the mount: PROTOCOL[:MODEL[/VERSION]]@PORT, where PORT is a serial port, socket://HOST:PORT or another "
-            "pyserial URL, or sim for a simulated mount",
+            "pyserial URL, http://HOST:PORT of an Alpaca server, or sim for a simulated mount",
             "ENDPOINT",
             "nexstar@/dev/ttyUSB0",
             flag=False,
@@ -66,8 +65,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     equinox: Annotated[
         Literal["jnow", "j2000", "auto"] | None,
         key(
-            "equinox of the mount's coordinates (default: jnow, of a SynScan j2000); auto: by the version of its hand "
-            "control",
+            "equinox of the mount's coordinates (default: jnow, of a SynScan j2000, of an Alpaca mount what its server "
+            "declares); auto: by the version of its hand control",
             example="auto",
         ),
     ] = None
@@ -138,6 +137,10 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         ),
     ] = "refuse"
     aux_home: Annotated[bool, key("use the mount's home switches for homing, where it has them")] = False
+    reversed_axes: Annotated[
+        Literal["none", "first", "second", "both"] | None,
+        key("axes of an Alpaca mount that arrows turn the wrong way (default: the first arrow tells)", example="first"),
+    ] = None
     hibernate: Annotated[
         bool,
         key(

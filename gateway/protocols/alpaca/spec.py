@@ -18,6 +18,7 @@ from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
     from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
+    from gateway.protocols.base.driver import FollowUps
     from gateway.protocols.base.frames import Framer
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.transport.http_wire import Dialect
@@ -61,12 +62,16 @@ def _reply_rules() -> ReplyRules:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.alpaca.driver import identify, motion, place, pointing
+    from gateway.protocols.alpaca.driver import contradictions, identify, motion, place, pointing
     from gateway.protocols.alpaca.driver.state import AlpacaDriver
 
     handlers = load(NAME).functions("driver", identify, motion, place, pointing)
     driver = AlpacaDriver(now, settings, handlers)
-    return MadeDriver(driver, {motion.KeepTracking: motion.keep_tracking}, _reply_rules())
+    follow_ups: FollowUps = {
+        motion.KeepTracking: motion.keep_tracking,
+        contradictions.CompareEquinox: contradictions.compare_equinox,
+    }
+    return MadeDriver(driver, follow_ups, _reply_rules())
 
 
 def _over_http(url: str) -> Dialect:

@@ -10,6 +10,7 @@ from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Unsupported
+from gateway.protocols.alpaca.driver.contradictions import compare_equinox
 from gateway.protocols.alpaca.driver.state import MODELS, SIDEREAL, TOLD_BY, AlpacaDriver, device_state, told
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 
@@ -49,9 +50,11 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
         if (yield from told(mount, "canmoveaxis", False, axis=axis - 1)):
             mount.ranges[axis] = _ranges((yield from told(mount, "axisrates", [], axis=axis - 1)))
     system = yield from told(mount, "equatorialsystem", 0)
-    mount.equinox = EQUINOXES.get(system, "jnow")
-    if system not in (0, *EQUINOXES):
-        yield Remark(f"the server's coordinates are of an equinox that is not known here (EquatorialSystem {system})")
+    mount.equinox, mount.declared = EQUINOXES.get(system, "jnow"), system in EQUINOXES
+    fits = None if mount.compared else (yield from compare_equinox(mount))
+    if not mount.declared:
+        mount.equinox = fits or "jnow"
+        yield Remark(f"the server does not tell an equinox of its coordinates that is known here: {mount.equinox}")
     mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount)).keys()
     east = yield from told(mount, "guideraterightascension", 0.5 * SIDEREAL)
     north = yield from told(mount, "guideratedeclination", 0.5 * SIDEREAL)

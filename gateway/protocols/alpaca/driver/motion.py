@@ -1,7 +1,8 @@
 """Motion by hand, stopping, guiding, and tracking.
 
 A motor's positive sense is west on the first axis (east in the south) and lifts the tube on the second, which on a
-German mount is reversed on the west side of the pier; ``MoveAxis`` is taken to count the same way. A stop sends rate 0
+German mount is reversed on the west side of the pier; ``MoveAxis`` is taken to count the same way until a motion shows
+that it does not. A stop sends rate 0
 to both axes besides ``AbortSlew``, which in older servers ends gotos only. Some stop tracking as well: it is looked at
 after every motion.
 """
@@ -12,6 +13,7 @@ from contextlib import suppress
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
+from gateway.protocols.alpaca.driver.contradictions import expect
 from gateway.protocols.alpaca.driver.identify import read_status
 from gateway.protocols.alpaca.driver.pointing import ORDER, order, pier_side, stop_current_motion
 from gateway.protocols.alpaca.driver.state import SIDEREAL, AlpacaDriver, told
@@ -32,27 +34,37 @@ FACTORS = (1.0, 14.685 / 15.041067, 15.0 / 15.041067, 15.0369 / 15.041067)
 SAME_RATE = 0.0005
 
 
-def motor_sense(mount: AlpacaDriver, axis: int, sense: int) -> Steps:
-    """Convert a sense on the sky to that of a motor, or back: +1 is west, or north (up in alt-az)."""
-    if mount.equatorial and mount.southern and (axis == 1 or not mount.german):
-        sense = -sense
+def tube_side(mount: AlpacaDriver, axis: int) -> Steps:
+    """Return the side of the pier on which the tube is, where the sense of this axis depends on it; else empty."""
     if mount.german and axis == 2:
         with suppress(Unsupported):
-            return -sense if (yield from pier_side(mount, op.PierSide())) == "W" else sense
-    return sense
+            return (yield from pier_side(mount, op.PierSide()))
+    return ""
+
+
+def turned(mount: AlpacaDriver, axis: int, sense: int, side: str) -> int:
+    """Convert a sense on the sky to that of a motor, or back: +1 is west, or north (up in alt-az)."""
+    south = mount.equatorial and mount.southern and (axis == 1 or not mount.german)
+    return -sense if south != (side == "W") else sense
 
 
 def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
     """Move in a sky direction. A tap at guide rate is a guide pulse, if the mount has them."""
     if operation.ms is not None and mount.times_pulses:
         return (yield from pulse(mount, op.Pulse(operation.direction, operation.ms, sky=True)))
-    sense = yield from motor_sense(mount, operation.axis, operation.sense)
-    yield from move_axis(mount, op.MoveAxis(operation.axis, sense, operation.rate))
+    side = yield from tube_side(mount, operation.axis)
+    sense = turned(mount, operation.axis, operation.sense, side)
+    return (yield from _turn(mount, operation.axis, sense, side, operation.rate))
 
 
 def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
-    """Move an axis by motor sense, at the nearest speed that it has."""
-    axis, rate = operation.axis, operation.rate
+    """Move an axis by motor sense."""
+    side = yield from tube_side(mount, operation.axis)
+    yield from _turn(mount, operation.axis, operation.sense, side, operation.rate)
+
+
+def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate) -> Steps:
+    """Begin to move an axis at the nearest speed that it has."""
     if not mount.ranges.get(axis):
         raise Unsupported(f"The server of this mount reports that axis {axis} cannot be moved by hand.")
     if mount.goto is not None:
@@ -60,7 +72,8 @@ def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
     speed, asked = mount.fit(axis, rate), rate.degrees if rate.name is None else None
     if asked is not None and abs(speed - asked) > REMARK_FROM * asked:
         yield Remark(f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed")
-    mount.moving[axis], mount.parked = operation.sense * speed, False
+    mount.moving[axis], mount.parked = sense * mount.sign(axis, side) * speed, False
+    expect(mount, axis, turned(mount, axis, sense, side), side)
     try:
         yield Send("moveaxis", {"axis": axis - 1, "rate": mount.moving[axis]}, patience=ORDER, prompt=True)
     except (Silence, NoAnswer):
@@ -128,14 +141,14 @@ def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
     """
     direction = operation.direction
     if direction.axis == 2 and not operation.sky and mount.german:
-        sense = yield from motor_sense(mount, 2, direction.sense)
+        sense = turned(mount, 2, direction.sense, (yield from tube_side(mount, 2)))
         direction = op.Direction.NORTH if sense > 0 else op.Direction.SOUTH
     return (yield from _pulse(mount, direction, operation.ms))
 
 
 def pulse_axis(mount: AlpacaDriver, operation: op.PulseAxis) -> Steps:
     """Guide by a motor's sense. At another rate than the mount's, the pulse is shorter or longer."""
-    sense = yield from motor_sense(mount, operation.axis, operation.sense)
+    sense = turned(mount, operation.axis, operation.sense, (yield from tube_side(mount, operation.axis)))
     directions = {(1, 1): "w", (1, -1): "e", (2, 1): "n", (2, -1): "s"}
     own = mount.rates[operation.axis - 1]
     ms = operation.ms * (own if operation.rate is None else operation.rate) / own

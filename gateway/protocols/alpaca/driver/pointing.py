@@ -7,35 +7,50 @@ old servers answer when the motion has ended, so whether the mount slews decides
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from gateway.astro.spherical import fold_declination, hour_angle_to_horizon, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Refused, Silence, Unsupported
+from gateway.protocols.alpaca.driver.contradictions import CompareEquinox, observe
 from gateway.protocols.alpaca.driver.state import AlpacaDriver, GotoState, device_state, told
 from gateway.protocols.alpaca.tables import Parked
-from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 
 #: Seconds that the answer to an order may take before the mount is looked at instead: a stop waits behind it.
 ORDER = 1.5
 #: Seconds after a goto has begun in which the server may still say that the mount does not slew.
 START_GRACE = 2.0
+#: Seconds after a goto at which its equinox is compared, once.
+COMPARE_AFTER = 3.0
 #: What a program is told of a parked mount.
 PARKED = "The mount is parked: unpark it first, or turn tracking on."
 
 
 def position(mount: AlpacaDriver, _: op.Position) -> Steps:
     """Return the Equatorial position, as the server tells it."""
+    place, state = None, {}
     if mount.lists_state:
-        state = yield from device_state(mount)
-        mount.read_at = None
-        try:
-            return op.Equatorial(*fold_declination(float(state["RightAscension"]) * 15.0, float(state["Declination"])))
-        except (KeyError, TypeError, ValueError):
-            mount.lists_state = False
-    ra = (yield Send("rightascension"))["ra"]
-    since = mount.now()
-    dec = (yield Send("declination"))["dec"]
-    mount.read_at = since, mount.now()
-    return op.Equatorial(*fold_declination(ra, dec))
+        state, mount.read_at = (yield from device_state(mount)), None
+        place = _numbers(state, "RightAscension", "Declination")
+        mount.lists_state = place is not None
+    if place is None:
+        ra, since = (yield Send("rightascension"))["ra"], mount.now()
+        place = ra / 15.0, (yield Send("declination"))["dec"]
+        mount.read_at = since, mount.now()
+    here = op.Equatorial(*fold_declination(place[0] * 15.0, place[1]))
+    if mount.expected and (words := observe(mount, here, _numbers(state, "Azimuth", "Altitude"))):
+        yield Remark(words)
+    return here
+
+
+def _numbers(state: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:
+    """Return these values; None if one is missing or no number."""
+    try:
+        return tuple(float(state[name]) for name in names)
+    except (KeyError, TypeError, ValueError):
+        return None
 
 
 def horizontal_position(mount: AlpacaDriver, _: op.HorizontalPosition) -> Steps:
@@ -66,7 +81,9 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     if state.then == "park":
         mount.parked = bool((yield from told(mount, "atpark", True)))
         mount.tracks = mount.tracks and not mount.parked
-    elif state.then == "home":
+    elif not mount.compared:
+        yield Schedule(COMPARE_AFTER, CompareEquinox())
+    if state.then == "home":
         mount.home_state = int(bool((yield from told(mount, "athome", True))))
     return False
 

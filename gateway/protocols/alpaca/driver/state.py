@@ -39,6 +39,8 @@ NAMED = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.in
 KEYS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
 #: The greatest speed that is used, degrees a second: no limit could be kept beyond it.
 FASTEST = 8.0
+#: Words of ``reversed-axes`` -> axes.
+REVERSED = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
 #: ASCOM's numbers of alignment modes -> models.
 MODELS = ("altaz", "polar", "german")
 
@@ -75,6 +77,15 @@ class AlpacaDriver(Driver):
         self.moving: dict[int, float] = {}
         #: When the last guide pulse ends.
         self.pulses_until = -math.inf
+        #: The axes whose MoveAxis counts the other way, as the user says; None: as motions show.
+        self.reversed = REVERSED.get(settings.reversed_axes or "")
+        #: (axis, side of the pier) -> -1 where a motion has shown that; where one has shown the sense at all; and axis
+        #: -> the sense on the sky, the side, and the first position of the motion that is compared now.
+        self.senses: dict[tuple[int, str], int] = {}
+        self.proven: set[tuple[int, str]] = set()
+        self.expected: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
+        #: Whether the server declares an equinox, and whether that was compared with what it sends.
+        self.declared = self.compared = False
         self.line_was_lost()
 
     def line_was_lost(self) -> None:
@@ -107,6 +118,10 @@ class AlpacaDriver(Driver):
     @property
     def position_reads(self) -> int:  # type: ignore[override]
         return 1 if self.lists_state else 2
+
+    def sign(self, axis: int, side: str) -> int:
+        """Return -1 if MoveAxis counts against the sense of the motor, else 1."""
+        return self.senses.get((axis, side), 1) if self.reversed is None else -1 if axis in self.reversed else 1
 
     def supports(self, name: str) -> bool:
         """Whether the mount can carry out a request, as far as the server has told."""

@@ -58,7 +58,7 @@ def _set(value: float | None) -> float:
 
 def _side(sim: Telescope, flipped: bool) -> int:
     """Return the side of the pier: 0 east, where the tube looks west, 1 west, -1 without a pier."""
-    return int(flipped) if sim.model == "german" else -1
+    return int(flipped == (sim.sky.latitude >= 0.0)) if sim.model == "german" else -1
 
 
 def _destination(sim: Telescope, hours: float, dec: float) -> int:

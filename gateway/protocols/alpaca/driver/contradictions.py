@@ -1,0 +1,86 @@
+"""What a server tells of itself, compared with what it does: servers declare one thing and send another.
+
+The equinox of its coordinates is compared with its own altitude and azimuth, and the sense of an arrow with the way on
+which the position moves. What is declared stays in use until the user settles it; an arrow is turned round at once.
+"""
+
+from __future__ import annotations
+
+from gateway.astro.ephemeris.sky import Sky
+from gateway.astro.spherical import hour_angle_to_horizon, separation, wrap180
+from gateway.core import operations as op
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, told
+from gateway.protocols.base.driver import Remark, Steps
+
+#: Degrees: altitudes at which refraction and the azimuth leave no doubt; how near one equinox must fit, how much worse
+#: the other one.
+HIGH, FITS, WORSE = (30.0, 80.0), 0.05, 0.08
+#: Degrees by which an arrow must have moved the tube, and the least speed, degrees a second; near a pole it tells
+#: nothing.
+MOVED, SLOWEST, NEAR_POLE = 0.1, 0.05, 80.0
+WAYS = {(1, 1): "west", (1, -1): "east", (2, 1): "north", (2, -1): "south"}
+
+
+class CompareEquinox(op.Operation, frozen=True):
+    """Internal: compare the declared equinox, once the tube is high enough."""
+
+    survives_abort = True
+
+
+def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Steps:
+    """Return the equinox that fits the server's altitude and azimuth; None if both do, or it tells too little."""
+    values = []
+    for member in ("siderealtime", "rightascension", "declination", "altitude", "azimuth", "sitelatitude", "utcdate"):
+        values.append((yield from told(mount, member)))
+    if None in values or not HIGH[0] < values[3] < HIGH[1]:
+        return None
+    sidereal, ra, dec, altitude, azimuth, latitude, unix = values
+    away = {}
+    for equinox, place in (("jnow", (ra, dec)), ("j2000", Sky().to_of_date(ra, dec, unix))):
+        calculated = hour_angle_to_horizon(wrap180(sidereal - place[0]), place[1], latitude)
+        away[equinox] = separation(*calculated, azimuth, altitude)
+    fits = min(away, key=lambda equinox: away[equinox])
+    if away[fits] > FITS or max(away.values()) < away[fits] + WORSE:
+        return None
+    mount.compared = True
+    if mount.declared and fits != mount.equinox:
+        yield Remark(
+            f"the server declares {mount.equinox} coordinates, but its altitude and azimuth fit {fits} ones, "
+            f"{max(away.values()) * 60.0:.0f} arcminutes from these: if gotos miss by that, write equinox = "
+            f'"{fits}" (--equinox {fits})'
+        )
+    return fits
+
+
+def expect(mount: AlpacaDriver, axis: int, sense: int, side: str) -> None:
+    """Note the sense on the sky in which an arrow is to move the tube from now on."""
+    fast = abs(mount.moving.get(axis, 0.0)) >= SLOWEST
+    mount.expected[axis] = (sense, side, None)
+    if mount.reversed is not None or not fast or (axis, side) in mount.proven:
+        mount.expected.pop(axis)
+
+
+def observe(mount: AlpacaDriver, place: op.Equatorial, horizon: tuple[float, ...] | None) -> str:
+    """Compare a new position with what is expected of it; return what contradicts, in words."""
+    here = (-place.ra, place.dec)
+    if not mount.equatorial:
+        if horizon is None:
+            return ""
+        here = (horizon[0], horizon[1])
+    words = ""
+    for axis, (sense, side, since) in list(mount.expected.items()):
+        if abs(here[1]) > NEAR_POLE or axis not in mount.moving:
+            del mount.expected[axis]
+        elif since is None:
+            mount.expected[axis] = (sense, side, here)
+        elif abs(way := wrap180(here[axis - 1] - since[axis - 1]) * sense) > MOVED:
+            del mount.expected[axis]
+            mount.proven.add((axis, side))
+            if way < 0.0:
+                mount.senses[axis, side] = -mount.senses.get((axis, side), 1)
+                words = (
+                    f"an arrow to the {WAYS[axis, sense]} has moved the tube to the {WAYS[axis, -sense]}: "
+                    "MoveAxis counts the other way there, so arrows are turned round from now on; reversed-axes "
+                    "(--reversed-axes) says so before the first arrow"
+                )
+    return words

@@ -1,0 +1,254 @@
+"""What real Alpaca servers do differently, on a simulated telescope: what it lacks, refuses, declares wrongly, forgets.
+
+The simulated telescope was not written from the tables that the driver uses. Judged by where its tube is.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+import pytest
+
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, Fault, NoAnswer, Refused, Unsupported
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.alpaca.tables import Parked
+from tests.support.in_process_gateway import Bridge
+
+ARCMINUTE = 1.0 / 60.0
+
+
+def server(model: str = "german", config: dict[str, Any] | None = None, **simulated: Any) -> Bridge:
+    return Bridge(
+        model, driven="alpaca", config={"sun": 0.0, **(config or {})}, latency=0.02, ramps=False, simulated=simulated
+    )
+
+
+def notes(bridge: Bridge) -> str:
+    return "\n".join(entry.note for entry in bridge.entries if entry.note)
+
+
+def goal(bridge: Bridge, east: float = 30.0, dec: float = 40.0) -> op.Goto:
+    return op.Goto((bridge.sim.mechanics.sky.sidereal(bridge.clock()) + east) % 360.0, dec)
+
+
+async def arrive(bridge: Bridge) -> None:
+    await asyncio.sleep(1.0)
+    for _ in range(120):
+        if not await bridge.controller.perform(op.Slewing()):
+            return
+        await asyncio.sleep(1.0)
+    raise AssertionError("the goto never ends")
+
+
+@pytest.mark.parametrize("model", ["german", "altaz", "polar"])
+@pytest.mark.parametrize("platform", [6, 7])
+@pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
+def test_every_kind_of_mount_does_what_is_ordered(model: str, platform: int, south: bool) -> None:
+    async def program() -> None:
+        site = (-33.5, -70.25) if south else (45.0, 10.0)
+        made = Bridge(
+            model, driven="alpaca", config={"sun": 0.0}, latency=0.02, simulated={"platform": platform}, site=site
+        )
+        async with made as one:
+            ask, sim = one.controller.perform, one.sim
+            assert one.driver.model == model
+            there = goal(one, 30.0, -30.0 if south else 40.0)
+            await ask(there)
+            await arrive(one)
+            assert separation(*sim.truth(), there.ra, there.dec) < 0.1 * ARCMINUTE
+            for direction in op.Direction:
+                before, horizon = sim.truth(), sim.horizon()
+                await ask(op.Move(direction, op.Rate(degrees=0.5)))
+                await asyncio.sleep(2.0)
+                await ask(op.StopAxis(direction.axis))
+                await asyncio.sleep(1.5)
+                moved = [wrap180(now - then) for now, then in zip(sim.truth(), before, strict=True)]
+                if model == "altaz":
+                    moved = [wrap180(now - then) for now, then in zip(sim.horizon(), horizon, strict=True)]
+                    moved[0] = -moved[0]
+                way = {1: -moved[0], 2: moved[1]}[direction.axis] * direction.sense
+                assert way > 0.4, direction
+                assert sim.tracking
+            assert "MoveAxis counts" not in notes(one)
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("lacks", "operation", "words"),
+    [
+        ("moveaxis", op.Move(op.Direction.NORTH, op.Rate(key=5)), "it has no arrows"),
+        ("pulseguide", op.Pulse(op.Direction.NORTH, 500), "it cannot be guided"),
+        ("park", op.Park(), "it cannot be parked"),
+        ("findhome", op.Home(), "it has no home position"),
+        ("tracking_put", op.SetTracking(on=False), "its tracking cannot be turned on or off"),
+        ("synctocoordinates", op.Sync(10.0, 40.0), "it cannot be synced"),
+        ("guideratedeclination_put", op.SetGuideRate(2, 0.3), "its guide rates cannot be set"),
+    ],
+)
+def test_what_a_mount_lacks_is_refused_in_words(lacks: str, operation: op.Operation[Any], words: str) -> None:
+    async def program() -> None:
+        async with server(lacks=frozenset({lacks})) as one:
+            if isinstance(operation, op.Sync):
+                here = await one.controller.perform(op.Position())
+                with pytest.raises(Fault, match=words):
+                    await one.controller.perform(op.Sync(here.ra, here.dec - 1.0))
+                return
+            with pytest.raises(Fault, match=words):
+                await one.controller.perform(operation)
+            assert not any(line.startswith(b"put " + lacks.removesuffix("_put").encode()) for line in one.sent())
+
+    run(program())
+
+
+def test_a_refusal_has_its_reason_and_the_words_of_the_server() -> None:
+    async def program() -> None:
+        async with server(parked=True) as one:
+            with pytest.raises(Parked, match=r"unpark it first.*says: .slewtocoordinatesasync is not possible"):
+                await one.controller.perform(goal(one))
+            await one.controller.perform(op.Unpark())
+            one.sim.lowest = 50.0
+            with pytest.raises(Refused, match=r"says: .The target is below the limit of 50"):
+                await one.controller.perform(goal(one, 60.0, 0.0))
+            one.sim.track(False)
+            with pytest.raises(Refused, match=r"does not track.*says: .SlewToCoordinates is not allowed when"):
+                await one.controller.perform(op.Goto(goal(one).ra, 40.0, track=False))
+        async with server(lowest=5.0, config={"lowest": -20.0}) as one:
+            with pytest.raises(BelowHorizon, match=r"below the horizon.*says: .The target is below"):
+                await one.controller.perform(goal(one, 100.0, 0.0))
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["german", "altaz"])
+def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
+    async def north(one: Bridge) -> float:
+        before, height = one.sim.truth()[1], one.sim.horizon()[1]
+        await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
+        await asyncio.sleep(3.0)
+        await one.controller.perform(op.StopAxis(2))
+        await asyncio.sleep(2.0)
+        return one.sim.truth()[1] - before if model == "german" else one.sim.horizon()[1] - height
+
+    async def program() -> None:
+        async with server(model, senses=(-1, -1)) as one:
+            await one.controller.perform(goal(one))
+            await arrive(one)
+            assert await north(one) < -0.5
+            assert "an arrow to the north has moved the tube to the south" in notes(one)
+            assert await north(one) > 0.5
+        async with server(model, {"reversed_axes": "second"}, senses=(-1, -1)) as one:
+            await one.controller.perform(goal(one))
+            await arrive(one)
+            assert await north(one) > 0.5 and "MoveAxis counts" not in notes(one)
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("sends", "declares", "key", "told"),
+    [
+        ("jnow", 1, None, ""),
+        ("j2000", 2, None, ""),
+        ("jnow", 2, None, "declares j2000 coordinates, but its altitude and azimuth fit jnow ones"),
+        ("jnow", 2, "jnow", "fit jnow ones"),
+        ("j2000", 1, "j2000", "declares jnow coordinates, but its altitude and azimuth fit j2000 ones"),
+        ("j2000", 0, None, "does not tell an equinox of its coordinates that is known here: j2000"),
+        ("jnow", 3, None, "does not tell an equinox of its coordinates that is known here: jnow"),
+    ],
+)
+def test_the_equinox_is_compared_with_what_the_server_shows(
+    sends: str, declares: int, key: str | None, told: str
+) -> None:
+    async def program() -> None:
+        config = {} if key is None else {"equinox": key}
+        made = server("altaz", config, sends_j2000=sends == "j2000", tells={"equatorialsystem": declares})
+        async with made as one:
+            await one.controller.perform(goal(one))
+            await arrive(one)
+            await asyncio.sleep(5.0)
+            there = goal(one, 20.0, 30.0)
+            await one.controller.perform(there)
+            await arrive(one)
+            missed = separation(*one.sim.truth(), there.ra, there.dec) / ARCMINUTE
+            contradicted = bool(told) and key is None and declares in (1, 2)
+            assert (missed > 10.0) if contradicted else (missed < 0.5)
+            assert told in notes(one) if told else "equinox" not in notes(one)
+
+    run(program())
+
+
+def test_a_server_that_answers_a_slew_when_it_has_ended_can_be_stopped() -> None:
+    async def program() -> None:
+        async with server(blocks=True) as one:
+            await one.controller.perform(goal(one, 80.0, 20.0))
+            assert one.sim.slewing and await one.controller.perform(op.Slewing())
+            await one.controller.stop()
+            await asyncio.sleep(1.0)
+            assert not one.sim.slewing and one.sim.tracking
+
+    run(program())
+
+
+def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_it_does_not_slew() -> None:
+    async def program() -> None:
+        async with server(quiet_axes=True) as one:
+            await one.controller.perform(goal(one))
+            await arrive(one)
+            await one.controller.perform(op.Move(op.Direction.WEST, op.Rate(degrees=1.0)))
+            await asyncio.sleep(1.0)
+            assert (await one.controller.perform(op.GetActivity())).by_hand and not one.sim.moves
+            await one.controller.stop()
+            await asyncio.sleep(1.5)
+            stood = one.sim.truth()
+            await asyncio.sleep(3.0)
+            assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
+
+    run(program())
+
+
+def test_a_clock_that_the_server_accepts_and_does_not_set_is_refused() -> None:
+    async def program() -> None:
+        async with server(keeps_clock=True) as one:
+            with pytest.raises(Refused, match="keeps its own"):
+                await one.controller.perform(op.SetClock(one.clock() + 3600.0, 0.0, heard=True))
+
+    run(program())
+
+
+def test_a_mount_that_its_server_has_lost_is_a_lost_mount_and_is_connected_again() -> None:
+    async def program() -> None:
+        async with server() as one:
+            one.sim.connected_since = math.inf
+            await asyncio.sleep(10.0)
+            assert one.sim.connected and "the mount does not answer" not in notes(one)
+            await one.controller.perform(goal(one))
+            assert one.sim.slewing
+            one.sim.connected_since = math.inf
+            one.sim.lacks |= {"connected_put"}
+            await asyncio.sleep(10.0)
+            assert one.controller.line.state == "down"
+            with pytest.raises(NoAnswer):
+                await one.controller.perform(goal(one))
+            one.sim.lacks -= {"connected_put"}
+            await asyncio.sleep(10.0)
+            assert one.controller.line.state == "up" and not one.sim.slewing
+            assert not any(
+                line.startswith((b"put disconnect", b"put connected Connected=false")) for line in one.sent()
+            )
+
+    run(program())
+
+
+def test_a_mount_without_motion_by_hand_says_so_to_a_program() -> None:
+    async def program() -> None:
+        async with server(lacks=frozenset({"moveaxis"})) as one:
+            with pytest.raises(Unsupported):
+                await one.controller.perform(op.MoveAxis(1, 1, op.Rate(degrees=0.5)))
+            assert "MoveAxis" not in (await one.controller.perform(op.GetAbilities())).can
+
+    run(program())
