@@ -184,10 +184,12 @@ class AcceptorFactory:
         )
 
 
-def framer_and_replies(protocol: str) -> tuple[MakeFramer, Replies]:
-    """Return what makes a protocol's framer, and the parser of its replies."""
+def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFramer, Replies]:
+    """Return what makes a protocol's framer, and the parser of the replies of a mount, which may be a known model."""
     spec = PROTOCOLS[protocol]
-    return spec.framing, PlainReplies(spec.commands) if spec.reply_rules is None else spec.reply_rules()
+    if spec.reply_rules is None:
+        return spec.framing, PlainReplies(spec.commands)
+    return spec.framing, spec.reply_rules(model) if model in spec.commands.dialects else spec.reply_rules()
 
 
 def policy(config: MountConfig, rules: int) -> Policy:
@@ -255,8 +257,12 @@ def watched(
 
 
 def presents_mount(mount: Endpoint, surface: Endpoint) -> bool:
-    """Whether a surface presents the mount itself: it has the mount's protocol, and the user named no model."""
-    return mount.protocol == surface.protocol and surface.model is None and surface.version is None
+    """Whether a surface presents the mount itself: it has the mount's protocol, and the user named no model.
+
+    A mount with a dialect of its own is not presented itself, but as a model of the protocol.
+    """
+    other = mount.model in PROTOCOLS[mount.protocol].commands.dialects
+    return mount.protocol == surface.protocol and surface.model is None and surface.version is None and not other
 
 
 def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:

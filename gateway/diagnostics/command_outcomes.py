@@ -88,7 +88,7 @@ def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[st
 
 def counts(client: str, mount: str, kind: Kind = ANY) -> Counter[str]:
     """Count the commands by outcome, including those beyond the manual."""
-    protocol, driven = load(client), load(mount)
+    protocol, driven = load(client), load(mount).of(kind.model)
     rows = protocol.surface
     return Counter(outcome(rows.get(name), driven, kind) for name in protocol.commands)
 
@@ -99,7 +99,9 @@ def missing(client: str, mount: str) -> list[str]:
     rows = protocol.surface
     kinds = [ANY, *(Kind(model, version, at) for model, _, version in versions(driven) for at in (True, False))]
     return [
-        name for name in protocol.commands if any(outcome(rows.get(name), driven, kind) == MISSING for kind in kinds)
+        name
+        for name in protocol.commands
+        if any(outcome(rows.get(name), driven.of(kind.model), kind) == MISSING for kind in kinds)
     ]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Container
 
 from gateway.core.about import PACKAGE
 from gateway.core.errors import UserError
@@ -147,24 +148,29 @@ def _pair(client: str, mount: str) -> str:
         lines.append(f"\nMissing ({len(absent)}): " + ", ".join(f"`{name}`" for name in absent))
     lines.append("\n### By model of the mount\n")
     lines.append(f"`mount-gateway tables --model {PROTOCOLS[mount].example}` prints one in full, with its counts:\n")
-    lines += _models(driven)
+    lines += _models(driven, driven.models)
     if protocol.models:
-        lines += ["\n### By presented model\n", PROTOCOLS[client].presented_remark, *_models(protocol)]
+        lines += [
+            "\n### By presented model\n",
+            PROTOCOLS[client].presented_remark,
+            *_models(protocol, protocol.presented),
+        ]
     return "\n".join(lines) + "\n"
 
 
-def _models(protocol: CommandSet) -> list[str]:
-    """List every model and its versions. There are no counts here, as each new row would change all of them."""
+def _models(protocol: CommandSet, among: Container[str]) -> list[str]:
+    """List the models ``among`` these, with versions. There are no counts, as each new row would change all of them."""
     versions_of = PROTOCOLS[protocol.name].versions_of
     return [
         f"- {model}{': ' if (made := versions_of(facts)) else ''}{', '.join(made)}"
         for model, facts in protocol.models.items()
+        if model in among
     ]
 
 
 def _rows(client: str, mount: str, kind: Kind = ANY) -> list[str]:
     """Return the lines of a table of all commands, on any mount or on one model and version."""
-    protocol, driven = load(client), load(mount)
+    protocol, driven = load(client), load(mount).of(kind.model)
     rows = protocol.surface
     lines = ["| command | meaning | outcome | on the mount | remarks |", "|---|---|---|---|---|"]
     for name, command in protocol.commands.items():

@@ -33,6 +33,15 @@ _NO_SWITCHES: Refusals = {"SetHome": "Unsupported", "Home": "Unsupported"}
 #: Where :GW is not known, the letters that switch tracking off would cost the alignment.
 _ALWAYS_TRACKS: Refusals = {"SetTracking": "Unsupported", "Hibernate": "Unsupported"}
 
+_OTHERS: Refusals = _NO_QUESTIONS | {
+    "GetGps": "Unsupported",
+    "ClockFromGps": "Unsupported",
+    "Backlash": "Unsupported",
+    "PeriodicError": "Unsupported",
+    "Focus": "Unsupported",
+    "SetHome": "Unsupported",
+}
+
 MEADE: dict[str, Refusals] = {
     "autostar": _NO_SIDES | _NO_QUESTIONS | _ONLY_GPS | _NO_SWITCHES | {"PeriodicError": "Unsupported"},
     "lx200": _NO_SIDES
@@ -47,6 +56,9 @@ MEADE: dict[str, Refusals] = {
     | _ALWAYS_TRACKS
     | {"Unpark": "Unsupported", "Wake": "Unsupported"},
     "lx200gps": _NO_SIDES | _NO_QUESTIONS,
+    # these tell the side of the pier, and switch tracking on and off; home is declared, which nobody may do unasked
+    "onstep": _OTHERS,
+    "teenastro": _OTHERS | {"SetGuideRate": "Unsupported", "SetSite": "Refused"},
 }
 
 # --- NexStar ----------------------------------------------------------------------------------------------------------

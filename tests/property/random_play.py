@@ -34,7 +34,7 @@ MOUNTS: list[tuple[str, str, str | None]] = [
     *(("nexstar", model, "starsense-1.20") for model in STARSENSE),
     *(("lx200", model, None) for model in load("lx200").models),
 ]
-PRESENTED = {protocol: list(load(protocol).models) for protocol in ("lx200", "nexstar")}
+PRESENTED = {protocol: load(protocol).presented for protocol in ("lx200", "nexstar")}
 #: 2026-06-21 10:00 UTC: day at 45 N 10 E; 2026-01-15 22:00 UTC: night.
 DAY, NIGHT = 1782036000.0, 1768514400.0
 #: How long a reply may take; how long the noise of a program spoils what it says next; how long a play may take.

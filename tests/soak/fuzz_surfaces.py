@@ -66,7 +66,7 @@ def cases() -> list[Case]:
     NexStar models come in their oldest and newest versions, and with a StarSense if one can replace the hand control.
     """
     mounts = (("nexstar", "6-8se"), ("lx200", "autostar"), ("nexstar", "cge"), ("lx200", "lx200gps"))
-    faces = [("lx200", model, None) for model in load("lx200").models]
+    faces = [("lx200", model, None) for model in load("lx200").presented]
     for model, row in load("nexstar").models.items():
         newest = row["versions"][-1], made_with(row)[-1]
         faces += [("nexstar", model, version) for version in dict.fromkeys((row["versions"][0], *newest))]

@@ -11,6 +11,7 @@ from gateway.app.state.file import MarkerContent
 from gateway.app.state.motion_marker import InThread
 from gateway.app.state.store import StateStore
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.protocols.wireformat.command_set import load
 from tests.support.sent_forms import malformed
 
 __all__ = ["EVENING", "Bridge", "Visitor", "here"]
@@ -45,6 +46,7 @@ class Bridge(Stage):
         """``state`` is the folder of the state files; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
+        self._spoken = mount if mount in load(driven).dialects else driven
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
 
@@ -60,7 +62,7 @@ class Bridge(Stage):
         if self.store is not None:
             await self.store.close()
         if failed is None and not self._hands_on:  # these commands are the program's own
-            assert not (wrong := malformed(self._driven, self.sent())), f"not a form of the manual: {wrong}"
+            assert not (wrong := malformed(self._spoken, self.sent())), f"not a form of the manual: {wrong}"
 
     async def kill(self) -> None:
         """End like a killed process: send and write nothing more, and only release the lock."""

@@ -10,9 +10,10 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from gateway.astro.axes import Build
 from gateway.astro.spherical import fold_declination, separation, wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, Refused
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
@@ -131,7 +132,7 @@ async def pier_side(b: Bridge) -> bool:
     for east in (-30.0, 30.0):
         await b.controller.perform(op.Goto(*_high(b, east)))
         await _settle(b)
-        beyond = b.sim.german and wrap180(_axes(b)[1] - 90.0) > 0.0
+        beyond = b.sim.mechanics.build is Build.GERMAN and wrap180(_axes(b)[1] - 90.0) > 0.0
         sides.append(await b.controller.perform(op.PierSide()) == ("W" if beyond else "E"))
     return all(sides)
 
@@ -321,8 +322,10 @@ async def set_clock(b: Bridge) -> bool:
 
 def _kept(b: Bridge) -> Fault:
     """The outcome of a site or clock that was not sent: the gateway serves it from then on, and logs why."""
-    said = [entry.note for entry in b.entries if entry.note and "kept in the gateway" in entry.note]
-    return Kept() if said else Fault("nothing")
+    said = [entry.note for entry in b.entries if entry.note]
+    if any("kept in the gateway" in note for note in said):
+        return Kept()
+    return Refused("not in force") if any("it is not in force" in note for note in said) else Fault("nothing")
 
 
 class KeepsTracking(Fault):
@@ -340,6 +343,9 @@ async def clock_from_gps(b: Bridge) -> bool:
 
 async def set_guide_rate(b: Bridge) -> bool:
     await b.controller.perform(op.SetGuideRate(1, 0.25))
+    if hasattr(b.sim, "pulse_rate"):  # that of the next pulse
+        await b.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
+        return bool(b.sim.times(b.sim.pulse_rate) == 0.25)
     return (
         bool(b.sim.settings["guide rate", 16] == 64)
         if hasattr(b.sim, "settings")

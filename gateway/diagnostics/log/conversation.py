@@ -52,9 +52,9 @@ def _briefly(meaning: str) -> str:
 class Side:
     """One connection (a client's or the mount's), and the commands that still wait for their replies."""
 
-    def __init__(self, protocol: str) -> None:
+    def __init__(self, protocol: str, model: str | None = None) -> None:
         self._now = 0.0
-        framing, self._reply_rules = framer_and_replies(protocol)
+        framing, self._reply_rules = framer_and_replies(protocol, model)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
@@ -85,7 +85,7 @@ class Side:
         if isinstance(frame, Unterminated):
             self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
             return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
-        found = load(self.protocol).find(frame)
+        found = self._reply_rules.protocol.find(frame)
         if found is None:
             self.unknown += 1
             return Heard(frame, f"no command of the {self.protocol} protocol", fails=True)
@@ -160,7 +160,7 @@ class Side:
             return Refused(f"garbled: {error}"), len(data)
 
     def _reply(self, ask: Send, outcome: dict[str, object] | Fault, length: int) -> tuple[Heard, int]:
-        command = load(self.protocol).commands[ask.command]
+        command = self._reply_rules.protocol.commands[ask.command]
         if isinstance(outcome, Fault):
             return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length
         values = {key: value for key, value in outcome.items() if key != "length"}

@@ -58,7 +58,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
         raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     at = whole(at)
     frame = unescape(typed)
-    protocol, driven = load(face.protocol), load(at.protocol)
+    protocol, driven = load(face.protocol), load(at.protocol).of(at.model)
     found = protocol.find(frame)
     if found is None:
         raise UserError(
@@ -101,7 +101,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
-    return Explained("\n".join([*lines, *in_lines(play, face.protocol, at.protocol)]), valid)
+    return Explained("\n".join([*lines, *in_lines(play, face.protocol, at)]), valid)
 
 
 @cache
@@ -154,7 +154,7 @@ def play_one(
 
     Return the play, the outcome that it shows (that of the tables if it shows none), and that of the tables.
     """
-    protocol, driven = load(face.protocol), load(mount.protocol)
+    protocol, driven = load(face.protocol), load(mount.protocol).of(mount.model)
     found = protocol.find(frame)
     assert found is not None
     command, row = found[0], protocol.surface.get(found[0].name)
@@ -178,7 +178,7 @@ def play_one(
 
 def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield in words, and as settings of a stage, how a mount may be otherwise than in examples."""
-    driven, spec = load(mount.protocol), PROTOCOLS[mount.protocol]
+    driven, spec = load(mount.protocol).of(mount.model), PROTOCOLS[mount.protocol]
     yield "before the alignment", {"aligned": False}
     if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):
         yield "on a wedge", {"wedge": True}
@@ -220,9 +220,9 @@ def _hint(client: str, mount: str, frame: bytes) -> str:
     return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 
 
-def in_lines(play: Play, face: str, mount: str) -> list[str]:
+def in_lines(play: Play, face: str, mount: Endpoint) -> list[str]:
     """Format a play: its meaning, what is sent to the mount up to the reply, and what changes the mount after it."""
-    program, driven = Side(face), Side(mount)
+    program, driven = Side(face), Side(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0
     for event in play.events:

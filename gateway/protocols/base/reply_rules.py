@@ -47,18 +47,23 @@ def answer_kind(commands: CommandSet, command: str, once: bool, raw: bool) -> st
 
 
 class Replies(Protocol):
-    """Parses replies: ``take`` returns the values or the fault of the reply that begins the buffer, and its length."""
+    """Parses replies: ``take`` returns the values or the fault of the reply that begins the buffer, and its length.
+
+    ``protocol`` has the commands of the mount, as far as it is known which dialect it speaks.
+    """
+
+    protocol: CommandSet
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None: ...
 
 
 class PlainReplies:
     def __init__(self, commands: CommandSet) -> None:
-        self._commands = commands.commands
+        self.protocol = commands
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the first reply in the buffer and its length; None if incomplete. ValueError: a field out of range."""
-        for reply, template in self._commands[ask.command].replies:
+        for reply, template in self.protocol.commands[ask.command].replies:
             if (found := template.matcher.match(buffer)) is not None:
                 if reply.fault is not None:
                     return getattr(errors, reply.fault)(), found.end()

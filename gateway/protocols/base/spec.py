@@ -148,10 +148,11 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     example: str = ""
 
     # --- its parts; None if it has no such part ---
-    #: Makes the framer; what a program may begin a connection with; the rules of replies, if mounts speak the protocol.
+    #: Makes the framer; what a program may begin a connection with; the rules of replies, if mounts speak the protocol:
+    #: of a model whose words differ, if it is named.
     framing: Callable[[], Framer]
     opening: re.Pattern[bytes]
-    reply_rules: Callable[[], ReplyRules] | None = None
+    reply_rules: Callable[..., ReplyRules] | None = None
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None
     #: If its programs speak HTTP: makes the converter from HTTP to lines.
     web: Callable[[], Web] | None = None

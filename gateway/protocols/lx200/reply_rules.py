@@ -114,24 +114,27 @@ class Notation:
 
 
 class Lx200ReplyRules:
-    """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers."""
+    """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers.
 
-    protocol: CommandSet = load("lx200")
+    ``protocol`` is the dialect of the model that the user has ``named``, or of the one whose name the mount replies.
+    """
+
     closing = b"#"
 
-    def __init__(self) -> None:
-        self._notation = Notation()
+    def __init__(self, named: str | None = None) -> None:
+        self._notation, self._named = Notation(), named is not None
+        self.protocol: CommandSet = load("lx200").of(named)
 
     def expected(self, ask: Send) -> Expected:
         """Return what is known of the reply. ACK has no terminator: some devices read the next command as its rest."""
-        return _expected(ask.command, ask.once, ask.raw)
+        return _expected(self.protocol, ask.command, ask.once, ask.raw)
 
     def as_written(self, command: str, reply: bytes) -> bytes:
         return self._notation.write(command, reply)
 
     def ambiguous_with(self, one: Send, other: Send) -> bool:
         """Whether the forms of the two replies are so similar that one could be mistaken for the other."""
-        first, second = _shapes(_sources(one.command)), _shapes(_sources(other.command))
+        first, second = (_shapes(_sources(self.protocol, ask.command)) for ask in (one, other))
         either = first | second
         return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
 
@@ -165,10 +168,12 @@ class Lx200ReplyRules:
                 buffer, length = buffer[:length], length + 1  # some telescopes append one to every reply
             values = template.decode(found[0])
             if reply.fault is not None:
-                return _fault(reply.fault, values), length
+                return _fault(reply.fault, values, reply.says), length
             self._notation.learn(ask.command, found[0])
+            if ask.command == "GVP" and not self._named:
+                self.protocol = load("lx200").of(load("lx200").by_product(values["product"]))
             return {**values, "length": length}, length
-        hashes = max(source.count("#") for source in _sources(ask.command))
+        hashes = max(source.count("#") for source in _sources(self.protocol, ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
             whole = hashes or len(buffer) >= max(template.width or 1 for _, template in replies)
             return (Garbled(), len(buffer)) if whole else None
@@ -184,14 +189,14 @@ class Lx200ReplyRules:
 
 
 @cache
-def _sources(command: str) -> tuple[str, ...]:
+def _sources(protocol: CommandSet, command: str) -> tuple[str, ...]:
     """The reply forms of a command, as the tables write them."""
-    return tuple([str(template.source) for _, template in Lx200ReplyRules.protocol.commands[command].replies])
+    return tuple([str(template.source) for _, template in protocol.commands[command].replies])
 
 
 @cache
-def _expected(command: str, once: bool, raw: bool) -> Expected:
-    protocol, sources = Lx200ReplyRules.protocol, _sources(command)
+def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expected:
+    sources = _sources(protocol, command)
     return Expected(
         answer_kind(protocol, command, once, raw),
         TIMEOUT,
@@ -202,8 +207,8 @@ def _expected(command: str, once: bool, raw: bool) -> Expected:
     )
 
 
-def _fault(name: str, values: Values) -> Fault:
-    """Return the fault of a reply form, with the mount's own text if it sent one."""
+def _fault(name: str, values: Values, says: str | None) -> Fault:
+    """Return the fault of a reply form, with the mount's own text if it sent one, or what its form ``says``."""
     fault: type[Fault] = getattr(errors, name)
     words = str(values.get("text", "")).strip()
-    return fault(" ".join(words.split()) or None)
+    return fault(" ".join(words.split()) or says)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.protocols.base.spec import (
     DriverSettings,
@@ -19,6 +20,7 @@ from gateway.protocols.base.spec import (
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
+    from gateway.protocols.base.driver import FollowUps
     from gateway.protocols.base.frames import Framer
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
@@ -42,10 +44,10 @@ def _framing() -> Framer:
     return framing.Framer()
 
 
-def _reply_rules() -> ReplyRules:
+def _reply_rules(model: str | None = None) -> ReplyRules:
     from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 
-    return Lx200ReplyRules()
+    return Lx200ReplyRules(model)
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
@@ -56,6 +58,8 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
     protocol = load(NAME)
     name = settings.model or DEFAULT_MODEL
+    if name not in protocol.presented:
+        raise UserError(f"a surface cannot present {name}: write {' or '.join(protocol.presented)}, or no model")
     handlers = protocol.functions("surface", accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
     surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
@@ -68,21 +72,26 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.lx200.driver import drive, ends, home, identify, motion, place, pointing
+    from gateway.protocols.lx200.driver import dialect, drive, ends, home, identify, motion, place, pointing
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
     handlers = load(NAME).functions("driver", drive, home, identify, motion, place, pointing)
-    return MadeDriver(
-        Lx200Driver(now, settings, handlers),
-        {home.SeekOn: home.check_home_search, ends.EndAgain: ends.repeat_end, ends.PutBack: ends.restore_rates},
-        _reply_rules(),
-    )
+    driver = Lx200Driver(now, settings, handlers)
+    follow_ups: FollowUps = {
+        home.SeekOn: home.check_home_search,
+        ends.EndAgain: ends.repeat_end,
+        ends.PutBack: ends.restore_rates,
+        dialect.KeepOn: dialect.keep_on,
+    }
+    return MadeDriver(driver, follow_ups, _reply_rules(settings.model))
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:
+    from gateway.protocols.lx200.simulator.controller_commands import SimulatedController
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
-    return SimulatedLx200(model or DEFAULT_MODEL, **settings)
+    made = SimulatedController if load(NAME).of(model).dialect else SimulatedLx200
+    return made(model or DEFAULT_MODEL, **settings)
 
 
 def _recognises(sent: bytes) -> float:

@@ -2,10 +2,11 @@
 
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
 does), ``own.toml`` (what a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands) and
-``models.toml`` (differences between models). The verbs of a surface row are ask, tell, say and call; those of a driver
-row are send and call. Every name in a row is looked up when the file is loaded, those of functions when the protocol's
-parts are made: a mistake raises MappingError with file, row and reason. That a command ends a motion is written once,
-in its row (``urgent``); the command set recognises it before its turn, and in incomplete bytes.
+``models.toml`` (differences between models). That of a dialect, for another maker's mounts, changes the first and
+fourth for the driver (``of``). The verbs of a surface row are ask, tell, say and call; those of a driver row are send
+and call. Every name in a row is looked up when the file is loaded, those of functions when the protocol's parts are
+made: a mistake raises MappingError with file, row and reason. That a command ends a motion is written once, in its row
+(``urgent``); the command set recognises it before its turn, and in incomplete bytes.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from gateway.protocols.wireformat.rows import (
     KEEPS,
     OUTCOMES,
     CommandRow,
+    Dialect,
     Implementation,
     Model,
     OwnRow,
@@ -40,11 +42,18 @@ AT_ONCE = ("stop", "restart", "axis")
 
 
 class CommandSet:
-    """The tables of one protocol. The commands and models are loaded at once, the other tables when first used."""
+    """The tables of one protocol, or of one ``dialect`` of it. The commands and models are loaded at once, the other
+    tables when first used.
+    """
 
-    def __init__(self, name: str, folder: Path) -> None:
-        self.name, self.folder = name, folder
+    def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
+        self.name, self.folder, self.dialect = name, folder, dialect
         rows = self._read("commands.toml", CommandRow)
+        self.other = self._dialect(dialect) if dialect else None
+        if self.other is not None:
+            if absent := sorted(set(self.other.has) - rows.keys()):
+                raise MappingError(self._where(f"{dialect}.toml"), "has", f"there is no {', '.join(absent)}")
+            rows = {key: replace(rows[key], models=None, since=None) for key in self.other.has} | self.other.commands
         self.commands = {key: Command(self._where("commands.toml"), key, row) for key, row in rows.items()}
         self._by_prefix: dict[bytes, list[tuple[Command, FrameTemplate]]] = {}
         for command in self.commands.values():
@@ -58,7 +67,7 @@ class CommandSet:
                 self._by_prefix.setdefault(template.prefix, []).append((command, template))
         self._longest = max(map(len, self._by_prefix), default=0)
         self._extra: dict[str, dict[str, Model]] = {}
-        for model, facts in self.models.items():
+        for model, facts in () if dialect else self.models.items():
             listed = frozenset(facts.get("commands", self.commands))
             if unknown := listed - self.commands.keys():
                 raise MappingError(self._where("models.toml"), model, f"commands: there is no {', '.join(unknown)}")
@@ -67,6 +76,36 @@ class CommandSet:
 
     def _where(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
+
+    def _dialect(self, dialect: str) -> Dialect:
+        try:
+            return msgspec.convert(read_table(f"{self.name}/{dialect}.toml", self.folder), Dialect)
+        except msgspec.ValidationError as error:
+            raise MappingError(self._where(f"{dialect}.toml"), dialect, str(error)) from None
+
+    @cached_property
+    def dialects(self) -> dict[str, CommandSet]:
+        """Model -> the tables in its dialect, for the models of a dialect that has a file."""
+        spoken = {model: row.get("dialect", "") for model, row in self.models.items()}
+        made = {name: CommandSet(self.name, self.folder, name) for name in {*spoken.values()} if self._has_file(name)}
+        return {model: made[name] for model, name in spoken.items() if name in made}
+
+    def _has_file(self, dialect: str) -> bool:
+        return bool(dialect) and (self.folder / f"{dialect}.toml").exists()
+
+    @property
+    def presented(self) -> list[str]:
+        """The models that a surface can present: those that speak as the surface does."""
+        return [model for model in self.models if model not in self.dialects]
+
+    def by_product(self, product: str) -> str | None:
+        """Return the model with a dialect that calls itself so; None if it is none of them."""
+        fits = (model for model in self.dialects if product.startswith(self.models[model]["product"]))
+        return next(fits, None)
+
+    def of(self, model: str | None) -> CommandSet:
+        """Return the tables in the dialect of this model."""
+        return self.dialects.get(model or "", self)
 
     def _read(self, file: str, form: type[_T]) -> dict[str, _T]:
         """Convert one TOML file row by row, so that an error can name its row; an optional file may be missing."""
@@ -152,6 +191,12 @@ class CommandSet:
     def driver(self) -> dict[str, list[Implementation]]:
         """Operation name -> its implementations, the preferred one first."""
         where, rows = self._where("driver.toml"), self._read("driver.toml", list[Implementation])
+        if self.other is not None:
+            own, has = self.other.driver, frozenset(self.commands)
+            for key, ways in rows.items():
+                kept = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]
+                rows[key] = [way for way in kept if way.commands and has.issuperset(way.send + way.needs)]
+            where, rows = self._where(f"{self.dialect}.toml"), rows | own
         for key, implementations in rows.items():
             if operations.named(key) is None:
                 raise MappingError(where, key, "there is no operation of this name")
@@ -180,7 +225,8 @@ class CommandSet:
         if file == "surface":
             called = [(key, row.call) for key, row in self.surface.items()]
         else:
-            called = [(key, row.call) for key, rows in self.driver.items() for row in rows]
+            sets = (self, *self.dialects.values())
+            called = [(key, row.call) for one in sets for key, rows in one.driver.items() for row in rows]
         for key, name in called:
             if name is not None and name not in found:
                 raise MappingError(self._where(f"{file}.toml"), key, f"call: there is no function {name!r}")

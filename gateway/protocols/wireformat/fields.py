@@ -123,6 +123,7 @@ _TEXT = Codec(
 _TEXT_OTHERS = {
     "sHH.H": Codec(lambda value: sx.offset(value).encode("ascii"), sx.parse_offset, _FREE),
     "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_offset, _FREE),
+    "sHH:MM": Codec(lambda value: sx.offset_in_minutes(value).encode("ascii"), sx.parse_offset, _FREE),
     "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _FREE),
     "sMM.M": _number("sMM.M", 1, 2, True, -99, 99),
     "NNN": _number("NNN", 0, 3, False, 0, 999),

@@ -52,11 +52,15 @@ def show_version(version: Version) -> str:
 
 
 class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One form of reply, for the client's format, the model or the dialect ``when``, or for the error ``fault``."""
+    """One form of reply, for the client's format, the model or the dialect ``when``, or for the error ``fault``.
+
+    ``says`` is what the error means, if the mount sends no text.
+    """
 
     wire: Source
     when: str | None = None
     fault: str | None = None
+    says: str | None = None
 
 
 class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -188,3 +192,18 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def commands(self) -> list[str]:
         return self.send + self.needs + self.uses
+
+
+class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A file of the protocol's folder that is named like the ``dialect`` of a model: what its mounts do otherwise.
+
+    has       the commands of ``commands.toml`` that they have, whatever is written there of models
+    commands  those with another form or meaning, and those of their own
+    driver    operation -> its implementations, instead of those of ``driver.toml``
+    facts     what the driver's functions need to know
+    """
+
+    has: list[str]
+    commands: dict[str, CommandRow] = {}
+    driver: dict[str, list[Implementation]] = {}
+    facts: dict[str, Any] = {}

@@ -184,6 +184,12 @@ def offset_in_full(value: float) -> str:
     return sign + "{:02d}.{:d}".format(*_split(tenths, 10))
 
 
+def offset_in_minutes(value: float) -> str:
+    """Write hours as ``sHH:MM``."""
+    sign, minutes = _ticks(value, 60)
+    return sign + "{:02d}:{:02d}".format(*_split(minutes, 60))
+
+
 def offset(value: float) -> str:
     """Write hours as ``sHH`` if whole, else as ``sHH.H``."""
     return offset_in_full(value).removesuffix(".0")

@@ -15,7 +15,7 @@ from gateway.core.errors import Fault, Refused, Unsupported
 from gateway.protocols.base.driver import Steps, Wait
 from gateway.protocols.lx200.driver.ends import FOCUSER, count_motion, end
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
-from gateway.protocols.lx200.driver.speeds import SIDEREAL_HERTZ
+from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SIDEREAL_HERTZ
 from gateway.protocols.lx200.driver.speeds import SIDEREAL_SHOWN as _SIDEREAL
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
@@ -34,7 +34,8 @@ _FAST_FOCUS = 3
 
 
 def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
-    """:AL off, :AA or :AP on, only on models that report :GW - on others these commands destroy the alignment.
+    """:AL off, :AA or :AP on, only on models that report :GW - on others these commands destroy the alignment. Another
+    maker's mount has commands that do nothing else.
 
     Nothing is sent if the telescope reports now that it is in the wanted state already: the user may have changed it on
     the hand control. In land mode that report is not trusted, because it may be T during a slew. Raises Refused if an
@@ -47,7 +48,8 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
         return
     if not mount.tells_status:
         raise Unsupported(_KEEPS_TRACKING)
-    yield from ask(mount, "AL" if not operation.on else {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter])
+    meade = {"on": {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter], "off": "AL"}
+    yield from ask(mount, mount.dialect.get("switch", meade)["on" if operation.on else "off"])
     mount.tracking, mount.land = wanted, not operation.on
     for _ in range(_LOOKS if operation.heard else 0):
         yield from read_status(mount)
@@ -92,9 +94,12 @@ def _drive(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
 
 
 def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
-    """:TM :ST - a classic accepts :ST only in manual mode."""
-    yield from ask(mount, "TM")
+    """:TM :ST - a classic accepts :ST only in manual mode. Another maker's mount begins to track by it."""
+    if not mount.dialect:
+        yield from ask(mount, "TM")
     yield from ask(mount, "ST", hertz=hertz)
+    if mount.dialect and mount.tracking is op.Tracking.OFF:
+        yield from ask(mount, mount.dialect["switch"]["off"])
 
 
 def look_at_drive_rate(mount: Lx200Driver) -> Steps:
@@ -130,7 +135,10 @@ def _shows(hertz: float, rate: op.TrackRate) -> bool:
 def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
     """:GT - return the displayed rate as a multiple of sidereal. Some telescopes show 60.0 for sidereal and solar."""
     shown: float = (yield from ask(mount, "GT"))["hertz"]
-    solar = mount.rate is not None and mount.rate.name == "solar"
+    asked = mount.rate or op.TrackRate(name="sidereal")
+    if not shown:  # another maker's that does not track
+        return asked.factor or NAMED_DRIVES[asked.name or "sidereal"]
+    solar = asked.name == "solar"
     return 1.0 if _LOOKS_SIDEREAL <= shown <= _SIDEREAL[1] and not solar else shown / SIDEREAL_HERTZ
 
 
@@ -139,7 +147,7 @@ def _named(mount: Lx200Driver, name: str) -> Steps:
     for _ in range(2):
         yield from ask(mount, _DRIVES[name])
         shown = (yield from ask(mount, "GT"))["hertz"]
-        if (shown < _LUNAR_BELOW) == (name == "lunar"):
+        if not shown or (shown < _LUNAR_BELOW) == (name == "lunar"):
             return
     raise Refused(f"The mount shows {shown} hertz instead of the {name} rate.")
 

@@ -11,6 +11,7 @@ import contextlib
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.protocols.base.driver import Schedule, Steps, Wait
+from gateway.protocols.lx200.driver.dialect import tell
 from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion
 from gateway.protocols.lx200.driver.identify import read_status
@@ -55,14 +56,29 @@ def check_home_search(mount: Lx200Driver, _: SeekOn) -> Steps:
     yield Schedule(SEEK_EVERY, SeekOn())
 
 
+def go_home(mount: Lx200Driver, _: op.Home) -> Steps:
+    """:hC - a goto to the home position of another maker's mount, which needs no search."""
+    yield from stop_current_motion(mount)
+    yield from begin(mount, "hC", then="home")
+
+
 def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
     """:h? -> 0 failed, 1 found, 2 searching."""
+    if mount.dialect:
+        return 2 if mount.goto is not None and mount.goto.then == "home" else int((yield from tell(mount)).home)
     return int((yield from ask(mount, "h?"))["state"])
 
 
 def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
-    """:I wakes a parked LX200GPS; then read the status and turn tracking on if possible. Raises Unsupported."""
-    if mount.parked and mount.supports("I"):
+    """:I wakes a parked LX200GPS, :hR another maker's mount; then read the status and turn tracking on if possible.
+
+    Raises Unsupported.
+    """
+    if mount.supports("hR"):
+        yield from read_status(mount)
+        if mount.parked:
+            yield from ask(mount, "hR")
+    elif mount.parked and mount.supports("I"):
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
         mount.powerless = False

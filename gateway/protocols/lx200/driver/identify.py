@@ -12,7 +12,9 @@ from gateway.astro.spherical import fold_declination
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.lx200.driver.dialect import learn_speeds, tell
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask, ask_unless
+from gateway.protocols.wireformat.command_set import load
 
 #: The timeout of a question that may stay unanswered: TIMES the usual reply time, and at least so many seconds.
 TIMES, AT_LEAST = 2.0, 0.6
@@ -51,8 +53,10 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if product:
         firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
-        mount.tells_status = (yield from _probe(mount, "GW")) is not None
-    mount.extra_commands = frozenset({"GW"} if mount.tells_status else ())
+        mount.tells_status = (yield from _probe(mount, mount.status_command)) is not None
+    mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
+    if mount.dialect:
+        yield from learn_speeds(mount)
     try:
         yield from read_status(mount)
     except Fault as fault:  # a refusal is an answer too: the telescope is connected
@@ -95,7 +99,7 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
     if product.startswith("LX200 "):
         return "lx200"
     if product:
-        return "autostar"
+        return load("lx200").by_product(product) or "autostar"
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 
@@ -107,6 +111,8 @@ def _is_low(answer: Mapping[str, object]) -> bool:
 def high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply."""
     for attempt in range(3):
+        if attempt and not mount.supports("U"):
+            break
         if attempt:
             yield from ask(mount, "U")
         answer = yield from ask_unless(mount, "GR", {}, _is_low)  # only its length counts then
@@ -127,8 +133,18 @@ def read_status(mount: Lx200Driver) -> Steps:
     In motion a Meade reports what its motors do: no tracking while a key is pressed, tracking for a moment of a goto.
     What it reported at rest is therefore kept during a motion.
     """
-    if mount.product and not mount.tells_status and "GW" not in mount.mute:  # it was too busy when it was identified
-        mount.tells_status = (yield from _probe(mount, "GW")) is not None
+    command = mount.status_command
+    if mount.product and not mount.tells_status and command not in mount.mute:  # it was too busy when it was identified
+        mount.tells_status = (yield from _probe(mount, command)) is not None
+    if mount.dialect and mount.tells_status:
+        told = yield from tell(mount)
+        _learn_letter(mount, told.build or mount.home_letter)
+        mount.aligned, mount.land = True, False
+        if mount.goto is None:
+            mount.parked = told.parked
+        if mount.goto is None and not mount.moving:
+            mount.tracking = native_mode(mount) if told.tracks else Tracking.OFF
+        return None
     answer = (yield from ask(mount, "GW")) if mount.tells_status else None
     if answer is not None:
         tracks = answer["tracking"] == "T"

@@ -13,6 +13,7 @@ import math
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.protocols.base.driver import SLEWING, Remark, Steps
+from gateway.protocols.lx200.driver.dialect import watch_arrow
 from gateway.protocols.lx200.driver.drive import drive_at, look_at_drive_rate, restore_drive_rate
 from gateway.protocols.lx200.driver.ends import (
     MOUNT,
@@ -23,14 +24,15 @@ from gateway.protocols.lx200.driver.ends import (
     use_guide_rate,
 )
 from gateway.protocols.lx200.driver.pointing import beyond_pole
-from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, ratio_error
+from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SPEEDS, Speed, instead_of_tracking, nearest, ratio_error
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 from gateway.protocols.lx200.reply_rules import PACE
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
+#: Guide rates that differ by less, in fractions of sidereal, are the same.
+SAME_RATE = 0.01
 #: A speed that deviates from the requested one by more than this ratio is reported in the log.
 _REPORT_FROM = math.log(1.1)
-_NAMED_DRIVES = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
 
 
 def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
@@ -81,7 +83,7 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
 def _drive(mount: Lx200Driver) -> float:
     """Return the current tracking speed, degrees per second."""
     rate = mount.rate
-    factor = 1.0 if rate is None else rate.factor if rate.factor is not None else _NAMED_DRIVES[rate.name or "sidereal"]
+    factor = 1.0 if rate is None else rate.factor if rate.factor is not None else NAMED_DRIVES[rate.name or "sidereal"]
     return factor * SPEEDS["RG"]
 
 
@@ -98,7 +100,7 @@ def _report(asked: float, done: float) -> Steps:
     if ratio_error(asked, done) > _REPORT_FROM:
         yield Remark(
             f"a motion at {abs(asked) * 3600:.5g} arcseconds per second is done at "
-            f"{done * math.copysign(3600, asked):.5g}: this Meade has no nearer speed"
+            f"{done * math.copysign(3600, asked):.5g}: this mount has no nearer speed"
         )
 
 
@@ -115,14 +117,16 @@ def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Spee
     count_motion(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.moving[axis], mount.parked = letter, False
+    yield from watch_arrow(mount, axis)
 
 
 def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
     """Set one of the four rates."""
-    command = rate_command(rate)
-    if command == "RS":
+    command = rate_command(mount, rate)
+    mount.arrow_rate = mount.pulse_rate = command
+    if command == "RS" and not mount.dialect:
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
-    elif command == "RG":
+    elif command == "RG" and not mount.dialect:
         yield from use_guide_rate(mount, mount.guide_rate)
     yield from ask(mount, command)
 
@@ -131,9 +135,10 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
     """Set the rate of a chosen speed, and the values that define it."""
     if speed.guide is not None:
         yield from use_guide_rate(mount, speed.guide)
-    if speed.command == "RS" and speed.free is None:
+    if speed.command == "RS" and speed.free is None and not mount.dialect:
         yield from _fastest(mount, axis, speed.fastest)
     assert speed.command is not None
+    mount.arrow_rate = mount.pulse_rate = speed.command
     yield from ask(mount, speed.command)
     if speed.free is not None:
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=speed.free)
@@ -194,12 +199,24 @@ def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
     return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
+def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
+    """Return the rate of the mount's own pulses, a fraction of sidereal: of several the slowest that is fast enough."""
+    if not (pulses := mount.dialect.get("pulses")):
+        return 1.0
+    speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}
+    command = next((name for name, speed in speeds.items() if speed > fraction - SAME_RATE), pulses["rates"][-1])
+    if pulses["send"] and mount.pulse_rate != command and not mount.moving:
+        yield from ask(mount, command)
+        mount.pulse_rate = command
+    return speeds[command]
+
+
 def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
     """Send a guide pulse. A model with a fixed guide rate gets a proportionally shorter pulse. Raises Refused."""
     if mount.goto is not None:
         raise Refused(SLEWING)
     fraction = mount.guide_rate if rate is None else rate
-    shorter = 1.0 if mount.supports("Rg") else fraction
+    shorter = 1.0 if mount.supports("Rg") else fraction / (yield from _pulse_rate(mount, fraction))
     yield from use_guide_rate(mount, fraction)
     ms = round(ms * shorter)
     if ms <= 0:

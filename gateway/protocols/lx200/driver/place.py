@@ -14,6 +14,8 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 from gateway.protocols.lx200.nmea import fix
 
 ARCMINUTE = 1.0 / 60.0
+#: Seconds by which a clock that was set may differ.
+CLOCK_DIFFERS = 10.0
 #: How many NMEA sentences to read until one has site and time, and seconds for each: they are sent in blocks.
 SENTENCES, NEXT_SENTENCE = 8, 2.5
 
@@ -37,12 +39,14 @@ def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
     place = yield from get_site(mount, GetSite())
     far = max(abs(place.latitude - operation.latitude), abs(wrap180(place.longitude - operation.longitude)))
     if far > 1.01 * ARCMINUTE:
-        raise Refused("The mount refused the site.")
+        raise Refused(mount.dialect.get("site", {}).get("refused", "The mount refused the site."))
 
 
 def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
     """:GG :GC :GL -> Moment; the date is read again if midnight may have passed in between."""
     offset = -(yield from ask(mount, "GG"))["offset"]
+    if mount.supports("GXT2"):
+        return Moment(float((yield from ask(mount, "GXT2"))["time"]), offset)
     day = (yield from ask(mount, "GC"))["date"]
     seconds = (yield from ask(mount, "GL"))["time"]
     if seconds < 5:
@@ -74,7 +78,7 @@ def _set_zone(mount: Lx200Driver, wanted: float) -> Steps:
     for offset in (wanted, float(int(wanted))):
         with suppress(Invalid):
             yield from ask(mount, "SG", offset=-offset)
-            return offset
+            return -(yield from ask(mount, "GG"))["offset"] if mount.dialect else offset
     yield from ask(mount, "SG", offset=0.0)
     return 0.0
 
@@ -85,8 +89,22 @@ def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
     """
     began = mount.now()
     offset = yield from _set_zone(mount, operation.offset * 2 // 1 / 2)
+    if mount.supports("SXT2"):
+        yield from ask(mount, "SXT2", unix=round(operation.unix + mount.now() - began))
+        yield from _see_clock(mount, operation.unix - began)
+        return
     universal = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC)  # :SG may have taken long
     local = universal + timedelta(hours=offset)
     day = universal.date() if mount.facts["utc_date"] else local.date()
     yield from ask(mount, "SL", time=local.hour * 3600 + local.minute * 60 + local.second)
     yield from ask(mount, "SC", date=day)
+    if mount.dialect:
+        yield from _see_clock(mount, operation.unix - began)
+
+
+def _see_clock(mount: Lx200Driver, ahead: float) -> Steps:
+    """Read the clock that was set: ``ahead`` of the driver's own by so many seconds. Raises Refused if it differs."""
+    told = yield from get_clock(mount, GetClock())
+    if abs(told.unix - mount.now() - ahead) > CLOCK_DIFFERS:
+        shown = datetime.fromtimestamp(told.unix, UTC)
+        raise Refused(f"The mount did not take the time: it reports {shown:%Y-%m-%d %H:%M:%S} UTC.")

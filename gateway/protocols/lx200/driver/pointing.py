@@ -13,7 +13,8 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separ
 from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Garbled, Refused, Silence, Unsupported
-from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.base.driver import Remark, Send, Steps, Wait
+from gateway.protocols.lx200.driver.dialect import tell, tells_gotos, told_side
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200Driver, ask
@@ -24,6 +25,8 @@ QUIET = 2
 #: A goto is over, whatever :D# shows, if positions have stayed within so many degrees for so many seconds: a telescope
 #: that is pushed by hand may always show bars. An untracked sky turns by less in this time.
 STANDS_WITHIN, STANDS = 0.1, 15.0
+#: How often, and how many seconds apart, another maker's mount is asked whether it stands still before a newer goto.
+SETTLES, SETTLE_WAIT = 20, 0.5
 #: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 #: After so many missing replies in a row, azimuth and altitude are not asked for any more.
@@ -105,6 +108,11 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
         return True
     mount.goto = None
     mount.parked = state.then == "park"
+    if mount.parked and mount.dialect and mount.tells_status:
+        told = yield from tell(mount)
+        mount.parked = told.parked
+        if not told.parked:
+            yield Remark("the mount has not parked: it stands still, and reports that it is not parked")
     return False
 
 
@@ -152,7 +160,9 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
 
 
 def _bars(mount: Lx200Driver) -> Steps:
-    """:D -> whether its bars show that a goto is under way."""
+    """:D -> whether its bars show that a goto is under way; or its state, if that tells it."""
+    if tells_gotos(mount):
+        return (yield from tell(mount)).goes
     return bool((yield from ask(mount, "D"))["bars"].strip())
 
 
@@ -163,6 +173,10 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
         mount.goto, mount.seeking = None, False
         mount.moving.clear()
         mount.pulsing.clear()
+        for _ in range(SETTLES if mount.dialect else 0):  # until it has slowed down it refuses another goto
+            if not (yield from _bars(mount)):
+                break
+            yield Wait(SETTLE_WAIT)
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
@@ -177,7 +191,7 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     """:Sr :Sd :CM - an empty text is a refusal."""
     yield from aim(mount, operation.ra, operation.dec)
     answer = yield from ask(mount, "CM")
-    if not answer["text"].strip():
+    if not answer.get("text", "-").strip():
         raise Refused("The mount refused the sync.")
 
 
@@ -193,6 +207,8 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
     """Return whether the second axis is turned beyond the pole, by :GS and the last goto, or :GR. False for a fork."""
     if not mount.german:
         return False
+    if (side := (yield from told_side(mount))) is not None:
+        return (side == "W") is not mount.southern
     if mount.beyond_pole is None:
         if mount.side_by is None:
             note_chosen_side(mount, (yield from ask(mount, "GR"))["ra"])

@@ -19,6 +19,8 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 SIDEREAL_HERTZ, SIDEREAL_SHOWN = 60.16427, (60.1, 60.2)
 #: The four rates in degrees per second, from the manual: 1x and 16x sidereal, 2 and 8 degrees per second.
 SPEEDS = {"RG": SIDEREAL_ARCSECONDS / 3600, "RC": 16 * SIDEREAL_ARCSECONDS / 3600, "RM": 2.0, "RS": 8.0}
+#: Named drive rates as multiples of sidereal.
+NAMED_DRIVES = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
 #: Ratios that differ by less are equal: then the simpler choice is taken.
 ALIKE = 1e-4
 #: The slowest rate and the step of :RA and :RE, degrees per second; the step of :Rg, arcseconds per second.
@@ -45,7 +47,10 @@ class Speed(Struct, frozen=True):
 
 
 class Abilities(Struct, frozen=True):
-    """Whether a model has :Rg, :RA and :RE, :Sw; its default fastest rate and the range; its drive rates, hertz."""
+    """Whether a model has :Rg, :RA and :RE, :Sw; its default fastest rate and the range; its drive rates, hertz.
+
+    ``keys`` are the speeds of another maker's rate commands, degrees per second; they are added to tracking.
+    """
 
     guides: bool
     free: bool
@@ -53,6 +58,7 @@ class Abilities(Struct, frozen=True):
     fastest: int
     range: tuple[int, int]
     hertz: tuple[float, float]
+    keys: tuple[tuple[str, float], ...] = ()
 
 
 def ratio_error(asked: float, done: float) -> float:
@@ -77,7 +83,7 @@ def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
             *_drives(able, west, drive),
             *(
                 replace(speed, degrees=math.copysign(speed.degrees, west))
-                for speed in _arrows(able, abs(west))
+                for speed in (() if able.keys else _arrows(able, abs(west)))
                 if speed.command != "RG"
             ),
         ],
@@ -93,6 +99,9 @@ def _best(speeds: list[Speed], asked: float) -> Speed:
 
 def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:
     """Yield the speeds of a direction key, the simpler ones first."""
+    if able.keys:
+        yield from (Speed(command, speed) for command, speed in able.keys)
+        return
     if able.guides:
         arcseconds = min(
             math.floor(SIDEREAL_ARCSECONDS / _GUIDE_STEP) * _GUIDE_STEP, max(_GUIDE_STEP, degrees * 3600.0)
@@ -116,6 +125,10 @@ def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:
 def _drives(able: Abilities, west: float, drive: float) -> Iterator[Speed]:
     """Yield drive rates, with and without a direction key that adds to them."""
     yield Speed(None, drive)
+    if able.keys:
+        for sign in (1, -1):
+            yield from (Speed(command, drive + sign * speed, west=sign > 0) for command, speed in able.keys)
+        return
     if able.guides:
         more = west - drive
         arrow = next(_arrows(able, abs(more)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
@@ -13,8 +14,11 @@ from gateway.core.operations import Equatorial, Identity, Operation, Own, Pulse,
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import Model
+
+if TYPE_CHECKING:
+    from gateway.protocols.lx200.driver.dialect import Told
 
 BUSY_RETRIES, BUSY_WAIT = 5, 0.4
 #: Questions whose answers are of one moment only: they are accepted without verification.
@@ -43,9 +47,8 @@ class GotoState(GotoUnderWay):
 
 
 class Lx200Driver(Driver):
-    """A Meade telescope. ``now`` is a monotonic clock, seconds."""
+    """A Meade telescope, or another maker's in a dialect of its own. ``now`` is a monotonic clock, seconds."""
 
-    protocol = load("lx200")
     takes_site_aligned = True
     patience = OWN_PATIENCE
     #: The year has two digits on the wire; from 51 on they mean the 20th century.
@@ -93,7 +96,7 @@ class Lx200Driver(Driver):
         self.begun: dict[int, int] = {}
         self.ended: dict[str, dict[int, int]] = {}
         #: The configured guide rate, a fraction of sidereal; on models with a fixed rate, pulses are shortened by it.
-        self.guide_rate = settings.guide_rate or 1.0
+        self.guide_rate, self.guide_rate_chosen = settings.guide_rate or 1.0, settings.guide_rate is not None
         #: The last value sent with :Sw, degrees per second; None before the first.
         self.fastest: int | None = None
         #: Axes with a rate of their own (:RA :RE); and the guide rate sent last (:Rg).
@@ -101,7 +104,12 @@ class Lx200Driver(Driver):
         self.guide_rate_sent = 1.0
         #: Whether a motion in right ascension has changed the drive rate.
         self.drive_changed = False
-        self.rules = settings.rules
+        # of another maker's: the state that it has told, and when; its own speeds, degrees per second
+        self.told: tuple[float, Told] | None = None
+        self.own_speeds: dict[str, float] = {}
+        #: The rate commands of the last arrow, and of the pulses if the mount has told that or was sent it.
+        self.arrow_rate: str | None = None
+        self.pulse_rate: str | None = None
         #: The drive rate shown before that, hertz, and when it was read: it may have been set at the hand control.
         self.drive_shown: float | None = None
         self.drive_read = -math.inf
@@ -130,6 +138,20 @@ class Lx200Driver(Driver):
     def supports(self, name: str) -> bool:
         """Whether it has a command, according to the manual or because it has answered it."""
         return name in self.extra_commands or super().supports(name)
+
+    @property
+    def protocol(self) -> CommandSet:  # type: ignore[override]
+        """The tables of the dialect that it speaks."""
+        return load("lx200").of(self.model)
+
+    @property
+    def dialect(self) -> Mapping[str, Any]:
+        """The facts of its dialect; none for a Meade."""
+        return {} if self.protocol.other is None else self.protocol.other.facts
+
+    @property
+    def status_command(self) -> str:
+        return str(self.dialect.get("status", {}).get("command", "GW"))
 
     @property
     def facts(self) -> Model:
@@ -163,7 +185,12 @@ class Lx200Driver(Driver):
         return None
 
     def presented(self) -> Model:
-        """Return the row of its model and the commands that it does not answer, such as those for its name."""
+        """Return the row of its model and the commands that it does not answer, such as those for its name.
+
+        Programs for a Meade see an Autostar instead of another maker's mount.
+        """
+        if self.protocol.dialect:
+            return {**self.protocol.models["autostar"], "name": "autostar"}
         lacking = {
             name for name, command in self.protocol.commands.items() if command.replies and not self.supports(name)
         }
@@ -192,7 +219,7 @@ class Lx200Driver(Driver):
         """
         if self.seeking and not self.protocol.commands[operation.command].while_seeking:
             raise Busy("The mount seeks its home.")
-        if not self.supports(operation.command):
+        if self.protocol.dialect or not self.supports(operation.command):
             raise Unsupported
         values = {**dict(operation.fields), "low": self.low}
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
@@ -213,15 +240,22 @@ class Lx200Driver(Driver):
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
-        """True for the letter G, False for A; P is a fork on a wedge or a German mount."""
-        return {"G": True, "A": False}.get(self.home_letter)
+        """True for the letter G, False for A; of a Meade P is a fork on a wedge or a German mount."""
+        return {"G": True, "A": False}.get(self.home_letter, False if self.dialect else None)
 
     def speed(self, rate: Rate) -> float:
         """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""
         if rate.name is None and rate.degrees is not None:
             speed = nearest(self.abilities, rate.degrees).degrees
-            return max(min(rate.degrees, SPEEDS["RS"]), speed) if rate.key is None else speed
-        return SPEEDS[rate_command(rate)]
+            return max(min(rate.degrees, max(self.speeds.values())), speed) if rate.key is None else speed
+        return self.speeds[rate_command(self, rate)]
+
+    @property
+    def speeds(self) -> Mapping[str, float]:
+        """The speeds of its rate commands, degrees per second, as far as they are known."""
+        table = self.dialect.get("speeds", {})
+        known = {name: times * SPEEDS["RG"] for name, times in table.items() if isinstance(times, float)}
+        return {**known, **self.own_speeds} or SPEEDS
 
     def can_do(self, equatorial: bool) -> Can:
         return replace(super().can_do(equatorial), guides=(self.guide_rate, self.guide_rate))
@@ -238,11 +272,15 @@ class Lx200Driver(Driver):
             self.facts["max_rate"],
             (low, high),
             (slow, fast),
+            tuple(sorted(self.speeds.items(), key=lambda speed: speed[1])) if self.dialect else (),
         )
 
 
-def rate_command(rate: Rate) -> str:
+def rate_command(mount: Lx200Driver, rate: Rate) -> str:
     """Return the rate command for the name of a rate or a hand-control key."""
+    if keys := mount.dialect.get("keys"):
+        command: str = keys[rate.name or str(rate.key or 1)]
+        return command if command in mount.speeds else max(mount.speeds, key=mount.speeds.__getitem__)
     return _NAMES[rate.name] if rate.name is not None else _KEYS[rate.key or 1]
 
 
@@ -265,6 +303,8 @@ def ask_unless(
     if not mount.supports(command):
         raise Unsupported(f"This model does not have the command {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]
+    if not row.question:
+        mount.told = None
     if mount.seeking and not row.while_seeking:
         raise Busy("The mount seeks its home.")
     if mount.powerless and row.while_asleep is False:

@@ -20,9 +20,9 @@ _POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 
 def form(sim: Telescope, name: str, **values: object) -> bytes:
-    """Return the reply of a command in the current format, with the degree byte of real hardware."""
+    """Return the reply of a command in the current format, with the degree sign that this telescope sends."""
     template = sim.protocol.commands[name].form("high" if sim.high else "low", sim.model)
-    return b"" if template is None else template.encode(values).replace(b"*", b"\xdf")
+    return b"" if template is None else template.encode(values).replace(b"*", sim.degree)
 
 
 def equatorial(sim: Telescope, name: str, _: Values) -> bytes:

@@ -37,12 +37,15 @@ def slew(sim: Telescope, name: str, _: Values) -> bytes:
     return _slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
 
 
+def from_horizon(sim: Telescope) -> Pair:
+    """Return right ascension and declination of the target of :Sz and :Sa."""
+    hour_angle, dec = horizon_to_hour_angle(sim.kept.get("az", 0.0), sim.kept.get("alt", 0.0), sim.site[0])
+    return wrap360(sim.mechanics.sky.sidereal(sim.now) - hour_angle), dec
+
+
 def slew_horizontal(sim: Telescope, name: str, _: Values) -> bytes:
     """:MA - 1 is a refusal."""
-    az, alt = sim.kept.get("az", 0.0), sim.kept.get("alt", 0.0)
-    hour_angle, dec = horizon_to_hour_angle(az, alt, sim.site[0])
-    ra = wrap360(sim.mechanics.sky.sidereal(sim.now) - hour_angle)
-    return b"1" if _slew(sim, ra, dec, alt) else b"0"
+    return b"1" if _slew(sim, *from_horizon(sim), sim.kept.get("alt", 0.0)) else b"0"
 
 
 def _slew(sim: Telescope, ra: float, dec: float, height: float) -> bytes | None:
@@ -120,7 +123,7 @@ def _speed(sim: Telescope, axis: int) -> float:
     return float(sim.kept.get("RA" if axis == 1 else "RE") or sim.mechanics.fastest)
 
 
-def _axis(sim: Telescope, letter: str) -> tuple[int, float]:
+def axis_of(sim: Telescope, letter: str) -> tuple[int, float]:
     """Return the motor and its sense for a direction: north increases declination, west follows the stars."""
     axis, sense = (2 if letter in "ns" else 1), (1.0 if letter in "nw" else -1.0)
     if sim.mechanics.build is not Build.ALTAZ:
@@ -132,7 +135,7 @@ def _axis(sim: Telescope, letter: str) -> tuple[int, float]:
 
 def arrow(sim: Telescope, name: str, _: Values) -> None:
     """:Mn :Ms :Me :Mw - the guide rate is added to tracking, the other rates replace it."""
-    axis, sense = _axis(sim, name[1])
+    axis, sense = axis_of(sim, name[1])
     if set(sim.arrows) - {axis}:
         release(sim, axis)
     else:
@@ -163,7 +166,7 @@ def release(sim: Telescope, *axes: int) -> None:
 
 def let_go(sim: Telescope, name: str, _: Values) -> None:
     """:Qn :Qs :Qe :Qw"""
-    release(sim, _axis(sim, name[1])[0])
+    release(sim, axis_of(sim, name[1])[0])
 
 
 def stop(sim: Telescope, name: str, _: Values) -> None:
@@ -178,7 +181,7 @@ def stop(sim: Telescope, name: str, _: Values) -> None:
 
 def pulse(sim: Telescope, name: str, values: Values) -> None:
     """:Mg"""
-    axis, sense = _axis(sim, values["direction"])
+    axis, sense = axis_of(sim, values["direction"])
     sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)
 
 

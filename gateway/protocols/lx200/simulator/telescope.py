@@ -53,7 +53,7 @@ class Telescope(Simulated):
         tolerant: bool = False,
         ramps: bool = True,
     ) -> None:
-        self.protocol = load("lx200")
+        self.protocol = load("lx200").of(model)
         if model not in self.protocol.models:
             raise UserError(f"no LX200 model is called {model!r}; there are {', '.join(self.protocol.models)}")
         self.model: str = model
@@ -65,7 +65,8 @@ class Telescope(Simulated):
         self.site_number = 0
         self.ahead, self.offset = 0.0, utc_offset
         self.aligned: bool = aligned
-        self.letter: str = "P" if self.classic else "A"
+        dialect = bool(self.protocol.dialect)
+        self.letter: str = "P" if self.classic else "G" if dialect else "A"
         #: The goal of a slew, and whether it is in axis positions instead of right ascension and declination.
         self.goal: tuple[Pair, bool] = (0.0, 0.0), False
         #: Axes moved by hand, and whether that motion is added to tracking instead of replacing it.
@@ -73,7 +74,7 @@ class Telescope(Simulated):
         self.busy_until = 0.0
         self.seeking, self.home = False, 0
         self.land_tells_altaz, self.tolerant = land_tells_altaz, tolerant
-        build = Build.WEDGE if self.letter == "P" else Build.ALTAZ
+        build = Build.GERMAN if dialect else Build.WEDGE if self.letter == "P" else Build.ALTAZ
         self.mechanics = Mechanics(build, Sky(*site), self.now, self.start(build))
         self.mechanics.speed = speed
         self.mechanics.acceleration = self.row["max_rate"] / RAMP_SECONDS if ramps else math.inf
@@ -82,6 +83,7 @@ class Telescope(Simulated):
     def power_on(self) -> None:
         """Reset formats, rates and target as at power-on; site, clock and names are kept."""
         self.high: bool = self.model in STARTS_HIGH
+        self.degree = b"\xdf"
         self.parts: dict[str, Any] = {}
         self.kept: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
         self.mechanics.fastest = float(self.row["max_rate"])
@@ -116,6 +118,8 @@ class Telescope(Simulated):
 
     def start(self, build: Build) -> Pair:
         """Return the axis positions at power-on: on the meridian, at 45 degrees altitude or on the equator."""
+        if build is Build.GERMAN:
+            return 90.0, 90.0
         return (180.0 if self.site[0] >= 0 else 0.0), (0.0 if build is Build.WEDGE else 45.0)
 
     def track(self, on: bool) -> None:

@@ -1,0 +1,142 @@
+"""What a controller of another maker tells of itself, by the facts of its dialect's file.
+
+Its state comes in one reply, which serves all that is asked of it at about the same time; an order makes it stale. Some
+of its speeds are asked for. An arrow that it ends by itself is pressed again, because nobody has released it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.core.errors import Fault, NoAnswer
+from gateway.core.operations import Operation
+from gateway.protocols.base.driver import Schedule, Send, Steps
+from gateway.protocols.lx200.driver.speeds import SPEEDS
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
+
+#: Seconds for which a reply serves all questions of the state.
+SHARED = 0.4
+#: Seconds from an arrow to the look whether it moves the mount, and between two further looks.
+LOOK_FIRST, LOOK_AGAIN = 1.5, 2.0
+
+
+class Told(Struct, frozen=True):
+    """The state of a mount. ``goes``: a goto, parking or the way home is under way; ``moves``: an arrow or a pulse.
+
+    ``build`` is a Meade's letter for the mounting, ``side`` that of the pier; None if it was not told.
+    """
+
+    tracks: bool
+    parked: bool
+    home: bool
+    build: str | None
+    side: str | None = None
+    goes: bool = False
+    moves: bool = False
+    park_failed: bool = False
+
+
+def tell(mount: Lx200Driver) -> Steps:
+    """:GU or :GW -> Told; a reply of a moment ago serves again if nothing was ordered since."""
+    if mount.told is None or mount.now() - mount.told[0] > SHARED:
+        form = mount.dialect["status"]
+        answer = yield from ask(mount, form["command"])
+        told = _by_letters(mount, form, answer["letters"]) if "letters" in answer else _by_places(answer)
+        mount.told = mount.now(), told
+    return mount.told[1]
+
+
+def _by_places(answer: dict[str, Any]) -> Told:
+    place = answer["aligned"]
+    build = None if answer["build"] == "L" else answer["build"]
+    return Told(answer["tracking"] == "T", place == "P", place == "H", build)
+
+
+def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
+    letters, tail = text[: -form["tail"]], text[-form["tail"] :]
+    mount.pulse_rate = f"R{tail[0]}" if tail else None
+
+    def has(name: str) -> bool:
+        return any(letter in letters for letter in form[name])
+
+    builds, sides = {"german": "G", "fork": "P", "alt-az": "A"}, {"east": "E", "west": "W"}
+    return Told(
+        tracks=not has("tracks-not"),
+        parked=has("parked"),
+        home=has("home"),
+        build=next((letter for name, letter in builds.items() if has(name)), None),
+        side=next((letter for name, letter in sides.items() if has(name)), None),
+        goes=not has("goes-not") or has("parking") or has("homing"),
+        moves=has("moves"),
+        park_failed=has("park-failed"),
+    )
+
+
+def tells_gotos(mount: Lx200Driver) -> bool:
+    """Whether its state shows a goto; otherwise its bars do."""
+    return mount.tells_status and "goes-not" in mount.dialect.get("status", {})
+
+
+def told_side(mount: Lx200Driver) -> Steps:
+    """Return the side of the pier, E or W; None if the mount does not tell it."""
+    if not mount.tells_status or not mount.dialect:
+        return None
+    if (command := mount.dialect["status"].get("side")) is not None:
+        side = (yield from ask(mount, command))["side"]
+    else:
+        side = (yield from tell(mount)).side
+    return side if side in ("E", "W") else None
+
+
+def learn_speeds(mount: Lx200Driver) -> Steps:
+    """Ask for the speeds of the arrows that depend on how the controller was set up."""
+    said: dict[str, float | None] = {}
+    for name, speed in mount.dialect.get("speeds", {}).items():
+        if isinstance(speed, list):
+            command, times = speed
+            if command not in said:
+                said[command] = yield from _number(mount, command)
+            if (number := said[command]) is not None:
+                mount.own_speeds[name] = number * times * SPEEDS["RG"]
+    rates = mount.dialect["pulses"]["rates"]
+    if not mount.guide_rate_chosen:
+        own = mount.pulse_rate if mount.pulse_rate in rates else str(rates[-1])
+        mount.guide_rate = mount.speeds.get(own or "", SPEEDS["RG"]) / SPEEDS["RG"]
+
+
+def _number(mount: Lx200Driver, command: str) -> Steps:
+    """Return a number that the mount tells; None if it tells none."""
+    with contextlib.suppress(ValueError):
+        try:
+            return float((yield Send(command, patience=OWN_PATIENCE))["speed"]) or None
+        except Fault as fault:
+            if type(fault) is NoAnswer:
+                raise
+    return None
+
+
+class KeepOn(Operation, frozen=True):
+    """Internal: see whether the arrow of this axis still moves the mount."""
+
+    axis: int
+
+
+def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
+    """Look later whether an arrow moves the mount, if the controller ends one by itself."""
+    if "arrows" in mount.dialect and mount.tells_status:
+        yield Schedule(LOOK_FIRST, KeepOn(axis))
+
+
+def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
+    """Press an arrow again that nobody has released and that does not move the mount any more."""
+    letter = mount.moving.get(operation.axis)
+    if not letter:
+        return
+    moves = (yield from tell(mount)).moves
+    if not moves and mount.moving.get(operation.axis) == letter and mount.arrow_rate is not None:
+        yield from ask(mount, mount.arrow_rate)
+        yield from ask(mount, f"M{letter}")
+    yield Schedule(LOOK_AGAIN, operation)
