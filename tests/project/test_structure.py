@@ -41,6 +41,8 @@ LARGE = {
     "gateway/mount/site/astrometry.py",  # the sky over a mount, and every Sun to avoid in it
     "gateway/mount/site/settings_sync.py",  # settings on their way, and what the log says of them
     "gateway/protocols/mechanics/mount.py",  # two motors by formula, and the orders to them
+    "gateway/protocols/lx200/driver/state.py",  # what is known of a Meade, or of another maker's
+    "gateway/protocols/wireformat/command_set.py",  # the tables of a protocol and of its dialects
     "gateway/protocols/nexstar/driver/motion.py",  # hand motion and guiding, which suspend tracking alike
     "gateway/protocols/nexstar/driver/state.py",
 }

@@ -36,7 +36,7 @@ from gateway.protocols.base.wants import (
 )
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command import Command
-from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.command_set import CommandSet
 
 #: Timeout of a reply, seconds.
 PATIENCE = 30.0
@@ -94,19 +94,19 @@ class Play(NamedTuple):
 
 
 @cache
-def looks(protocol: str) -> frozenset[str]:
+def looks(protocol: CommandSet) -> frozenset[str]:
     """Return the commands of a mount that are only queries: those that carry out reads."""
     reads: set[str] = set()
-    for name, ways in load(protocol).driver.items():
+    for name, ways in protocol.driver.items():
         kind = named(name)
         if kind is not None and issubclass(kind, Read):
             reads |= {command for way in ways for command in way.commands}
-    return frozenset(name for name in reads if load(protocol).commands[name].replies)
+    return frozenset(name for name in reads if protocol.commands[name].replies)
 
 
 def is_look(protocol: CommandSet, data: bytes) -> bool:
     found = protocol.find(data)
-    return found is not None and found[0].name in looks(protocol.name)
+    return found is not None and found[0].name in looks(protocol)
 
 
 def stage(

@@ -172,8 +172,7 @@ class Driver:
 
     def supports(self, name: str) -> bool:
         """Whether this model and version have the command according to the manual; nothing is sent to find out."""
-        command = self.protocol.commands.get(name)
-        return command is not None and command.known_to(self.model, self.version)
+        return (row := self.protocol.commands.get(name)) is not None and row.known_to(self.model, self.version)
 
     def implementation(self, operation: type[op.Operation]) -> Implementation | None:
         """Return the first row for this operation whose commands the mount supports, or None."""

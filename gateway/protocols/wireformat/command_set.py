@@ -51,9 +51,7 @@ class CommandSet:
         rows = self._read("commands.toml", CommandRow)
         self.other = self._dialect(dialect) if dialect else None
         if self.other is not None:
-            if absent := sorted(set(self.other.has) - rows.keys()):
-                raise MappingError(self._where(f"{dialect}.toml"), "has", f"there is no {', '.join(absent)}")
-            rows = {key: replace(rows[key], models=None, since=None) for key in self.other.has} | self.other.commands
+            rows = self.other.spoken(self._where(f"{dialect}.toml"), rows)
         self.commands = {key: Command(self._where("commands.toml"), key, row) for key, row in rows.items()}
         self._by_prefix: dict[bytes, list[tuple[Command, FrameTemplate]]] = {}
         for command in self.commands.values():
@@ -192,11 +190,7 @@ class CommandSet:
         """Operation name -> its implementations, the preferred one first."""
         where, rows = self._where("driver.toml"), self._read("driver.toml", list[Implementation])
         if self.other is not None:
-            own, has = self.other.driver, frozenset(self.commands)
-            for key, ways in rows.items():
-                kept = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]
-                rows[key] = [way for way in kept if way.commands and has.issuperset(way.send + way.needs)]
-            where, rows = self._where(f"{self.dialect}.toml"), rows | own
+            where, rows = self._where(f"{self.dialect}.toml"), self.other.driven(rows, frozenset(self.commands))
         for key, implementations in rows.items():
             if operations.named(key) is None:
                 raise MappingError(where, key, "there is no operation of this name")

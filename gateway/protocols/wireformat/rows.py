@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
+
+from gateway.core.errors import MappingError
 
 #: A frame as the tables write it (``command.py``).
 Source = str | list[str | int]
@@ -207,3 +210,17 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     commands: dict[str, CommandRow] = {}
     driver: dict[str, list[Implementation]] = {}
     facts: dict[str, Any] = {}
+
+    def spoken(self, where: str, rows: dict[str, CommandRow]) -> dict[str, CommandRow]:
+        """Return the commands that it has. Raises MappingError if one of those of the protocol does not exist."""
+        if absent := sorted(set(self.has) - rows.keys()):
+            raise MappingError(where, "has", f"there is no {', '.join(absent)}")
+        return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
+
+    def driven(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
+        """Return how operations are carried out: as in these rows with the commands that it has, or by its own."""
+        kept = {}
+        for operation, ways in rows.items():
+            possible = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]
+            kept[operation] = [way for way in possible if way.commands and has.issuperset(way.send + way.needs)]
+        return kept | self.driver

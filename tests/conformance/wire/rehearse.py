@@ -15,6 +15,7 @@ from gateway.diagnostics.rehearsal.explain import before, counted, greeted, sky,
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
+from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.registry import pairs as protocol_pairs
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
@@ -50,11 +51,16 @@ class Difference(NamedTuple):
 
 
 def pairs() -> Iterator[Pair]:
-    """Yield every presented model with every mount of the other protocol, each in all its versions."""
+    """Yield every presented model with every mount of the other protocol, each in all its versions; with a mount that
+    speaks a dialect only the default of each protocol, as they differ no more on it than on the others.
+    """
     for client, mount in protocol_pairs():
-        for face in _models(client):
+        faces = [face for face in _models(client) if face.model not in load(client).dialects]
+        default = [face for face in faces if face.model == PROTOCOLS[client].default_model][-1]
+        for face in faces:
             for driven in _models(mount):
-                yield Pair(face, driven)
+                if driven.model not in load(mount).dialects or face is default:
+                    yield Pair(face, driven)
 
 
 def _models(protocol: str) -> list[Endpoint]:
@@ -69,7 +75,7 @@ def rehearse(pair: Pair, only: frozenset[str] = frozenset()) -> tuple[int, list[
 
 
 async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Difference]]:
-    protocol, driven = load(pair.face.protocol), load(pair.mount.protocol)
+    protocol, driven = load(pair.face.protocol), load(pair.mount.protocol).of(pair.mount.model)
     commands = [command for name, command in protocol.commands.items() if command.asked and (not only or name in only)]
     found: list[Difference] = []
     plays = 0
@@ -112,7 +118,7 @@ def _states(row: SurfaceRow | None, driven: CommandSet, model: str) -> Iterator[
 
 async def _one(pair: Pair, player: Player, command: Command, state: State, watched: float) -> list[Difference]:
     """Play and judge one row."""
-    protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol), player.stage
+    protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol).of(pair.mount.model), player.stage
     row, frame = protocol.surface.get(command.name), example(command)
     said = before(pair.face, row) if row is not None and _alone(row) else greeted(pair.face)
     play: Play = await player.play(frame, said, watched)

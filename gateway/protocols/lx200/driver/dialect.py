@@ -9,34 +9,16 @@ from __future__ import annotations
 import contextlib
 from typing import Any
 
-from msgspec import Struct
-
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import Operation
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.lx200.driver.speeds import SPEEDS
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Told, ask
 
 #: Seconds for which a reply serves all questions of the state.
 SHARED = 0.4
 #: Seconds from an arrow to the look whether it moves the mount, and between two further looks.
 LOOK_FIRST, LOOK_AGAIN = 1.5, 2.0
-
-
-class Told(Struct, frozen=True):
-    """The state of a mount. ``goes``: a goto, parking or the way home is under way; ``moves``: an arrow or a pulse.
-
-    ``build`` is a Meade's letter for the mounting, ``side`` that of the pier; None if it was not told.
-    """
-
-    tracks: bool
-    parked: bool
-    home: bool
-    build: str | None
-    side: str | None = None
-    goes: bool = False
-    moves: bool = False
-    park_failed: bool = False
 
 
 def tell(mount: Lx200Driver) -> Steps:
@@ -71,7 +53,6 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
         side=next((letter for name, letter in sides.items() if has(name)), None),
         goes=not has("goes-not") or has("parking") or has("homing"),
         moves=has("moves"),
-        park_failed=has("park-failed"),
     )
 
 

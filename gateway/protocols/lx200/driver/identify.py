@@ -48,7 +48,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     product = yield from _name(mount)
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
-        mount.model = yield from _model(mount, mount.product)
+        mount.take_for((yield from _model(mount, mount.product)))
     mount.tells_status = False
     if product:
         firmware = yield from _probe(mount, "GVN")

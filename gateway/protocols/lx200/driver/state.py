@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
@@ -14,11 +15,8 @@ from gateway.core.operations import Equatorial, Identity, Operation, Own, Pulse,
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
-from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
-
-if TYPE_CHECKING:
-    from gateway.protocols.lx200.driver.dialect import Told
 
 BUSY_RETRIES, BUSY_WAIT = 5, 0.4
 #: Questions whose answers are of one moment only: they are accepted without verification.
@@ -46,6 +44,20 @@ class GotoState(GotoUnderWay):
     place: Equatorial | None = None
 
 
+class Told(Struct, frozen=True):
+    """What a mount of another maker tells of itself. ``goes``: a goto, parking or the way home is under way;
+    ``moves``: an arrow or a pulse. ``build`` is a Meade's letter for the mounting, ``side`` that of the pier, or None.
+    """
+
+    tracks: bool
+    parked: bool
+    home: bool
+    build: str | None
+    side: str | None = None
+    goes: bool = False
+    moves: bool = False
+
+
 class Lx200Driver(Driver):
     """A Meade telescope, or another maker's in a dialect of its own. ``now`` is a monotonic clock, seconds."""
 
@@ -63,7 +75,8 @@ class Lx200Driver(Driver):
     ) -> None:
         super().__init__(handlers)
         self.now, self.rules = now, settings.rules
-        self.named_model = self.model = settings.model
+        self.named_model = settings.model
+        self.take_for(settings.model)
         self.product, self.firmware = "", ""
         self.low = False  # whether it replies in low precision
         # alignment and tracking
@@ -139,19 +152,12 @@ class Lx200Driver(Driver):
         """Whether it has a command, according to the manual or because it has answered it."""
         return name in self.extra_commands or super().supports(name)
 
-    @property
-    def protocol(self) -> CommandSet:  # type: ignore[override]
-        """The tables of the dialect that it speaks."""
-        return load("lx200").of(self.model)
-
-    @property
-    def dialect(self) -> Mapping[str, Any]:
-        """The facts of its dialect; none for a Meade."""
-        return {} if self.protocol.other is None else self.protocol.other.facts
-
-    @property
-    def status_command(self) -> str:
-        return str(self.dialect.get("status", {}).get("command", "GW"))
+    def take_for(self, model: str | None) -> None:
+        """Take it for this model, and speak its dialect."""
+        self.model, self.protocol = model, load("lx200").of(model)
+        #: The facts of its dialect, none for a Meade; and the command for its state.
+        self.dialect: Mapping[str, Any] = {} if self.protocol.other is None else self.protocol.other.facts
+        self.status_command = str(self.dialect.get("status", {}).get("command", "GW"))
 
     @property
     def facts(self) -> Model:
@@ -303,7 +309,7 @@ def ask_unless(
     if not mount.supports(command):
         raise Unsupported(f"This model does not have the command {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]
-    if not row.question:
+    if row.answer is None:
         mount.told = None
     if mount.seeking and not row.while_seeking:
         raise Busy("The mount seeks its home.")

@@ -13,7 +13,7 @@ from gateway.protocols.base.session import NamedSite
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge, Visitor
 
-MODELS = sorted(load("lx200").models)
+MODELS = sorted(load("lx200").presented)
 #: For every model: what ``:W`` calls the four sites, and the longest name it takes, by Meade's manual.
 SITES = {"lx200": (b"1234", 3), "lx200-16": (b"0123", 3), "autostar": (b"0123", 15), "lx200gps": (b"1234", 15)}
 PLACES = [(b"+45*30", b"+122*25"), (b"-33*52", b"-151*12"), (b"+51*28", b"+000*00"), (b"-89*59", b"+179*59")]
