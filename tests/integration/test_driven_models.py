@@ -183,6 +183,24 @@ def wrong(found: dict[str, str], refusals: Refusals) -> dict[str, tuple[str, str
     }
 
 
+# --- Alpaca telescopes -----------------------------------------------------------------------------------------------
+
+#: ASCOM's telescope interface has no words for these.
+_ALPACA: Refusals = dict.fromkeys(
+    ("GetGps", "ClockFromGps", "Backlash", "PeriodicError", "Focus", "SetHome"), "Unsupported"
+)
+ALPACA: dict[str, Refusals] = {
+    "german": _ALPACA,
+    "polar": _ALPACA | _NO_SIDES,
+    "altaz": _ALPACA | _NO_SIDES | {"Pulse": "Unsupported", "PulseAxis": "Unsupported"},
+}
+
+
+@pytest.mark.parametrize("model", ALPACA)
+def test_an_alpaca_telescope_does_it_or_says_why_not(model: str) -> None:
+    assert wrong(run(outcomes("alpaca", model)), ALPACA[model]) == {}
+
+
 @pytest.mark.parametrize("model", MEADE)
 def test_a_meade_does_it_or_says_why_not(model: str) -> None:
     assert wrong(run(outcomes("lx200", model)), MEADE[model]) == {}
@@ -202,6 +220,7 @@ def test_every_operation_and_every_model_and_version_is_in_the_tables() -> None:
     own = {*PLACES, op.GetActivity, op.GetAbilities, op.TubeSide, op.SetZone}  # what the gateway answers by itself
     assert operations - {op.Operation, op.Read} - for_its_kind - own == set(CHECKS)
     assert set(MEADE) == set(load("lx200").models)
+    assert set(ALPACA) == set(load("alpaca").models)
     assert {model: list(rows) for model, rows in NEXSTAR.items()} == {
         model: made_with(row) for model, row in load("nexstar").models.items()
     }

@@ -11,9 +11,10 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from gateway.astro.axes import Build
-from gateway.astro.spherical import fold_declination, separation, wrap180
+from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused
+from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
@@ -38,9 +39,18 @@ def _near(one: tuple[float, float], other: tuple[float, float], within: float = 
     return abs(wrap180(one[0] - other[0])) < within and abs(one[1] - other[1]) < within
 
 
+def _site(b: Bridge) -> tuple[float, float]:
+    """Return the site that the mount believes in."""
+    return b.sim.mechanics.sky[:2]
+
+
+def _alpaca(b: Bridge) -> bool:
+    return isinstance(b.sim, SimulatedAlpaca)
+
+
 def _high(b: Bridge, east: float = 20.0) -> tuple[float, float]:
     """Return a target well above the horizon, ``east`` degrees east of the meridian."""
-    return (b.sim.mechanics.sky.sidereal(b.clock()) + east) % 360.0, 0.5 * b.sim.site[0]
+    return (b.sim.mechanics.sky.sidereal(b.clock()) + east) % 360.0, 0.5 * _site(b)[0]
 
 
 async def _settle(b: Bridge, seconds: float = 240.0) -> None:
@@ -86,6 +96,8 @@ async def status(b: Bridge) -> bool:
 async def identity(b: Bridge) -> bool:
     """As in the manuals: a classic LX200 reports neither product nor firmware, a hand control before 2.2 no model."""
     seen = await b.controller.perform(op.GetIdentity())
+    if _alpaca(b):
+        return b.sim.model in seen.product
     if hasattr(b.sim, "shown_version"):
         name = next(model for model, row in load("nexstar").models.items() if row is b.sim.row)
         major, minor, *patch = b.sim.shown_version
@@ -105,7 +117,7 @@ async def identity(b: Bridge) -> bool:
 
 async def site(b: Bridge) -> bool:
     seen = await b.controller.perform(op.GetSite())
-    return _near((seen.latitude, seen.longitude), b.sim.site)
+    return _near((seen.latitude, seen.longitude), _site(b))
 
 
 async def clock(b: Bridge) -> bool:
@@ -116,7 +128,7 @@ async def gps(b: Bridge) -> bool:
     seen = await b.controller.perform(op.GetGps())
     return (
         seen.linked
-        and _near((seen.place.latitude, seen.place.longitude), b.sim.site)
+        and _near((seen.place.latitude, seen.place.longitude), _site(b))
         and abs(seen.unix - b.clock()) < 3.0
     )
 
@@ -139,7 +151,9 @@ async def pier_side(b: Bridge) -> bool:
 
 async def guide_rate(b: Bridge) -> bool:
     """In 1/256 of sidereal, the motor's unit; set behind the gateway's back."""
-    await b.controller.perform(op.GuideRate(1))
+    now = await b.controller.perform(op.GuideRate(1))
+    if _alpaca(b):
+        return abs(now - b.sim.guides[0] / SIDEREAL_RATE) < 0.01
     told = []
     for axis, rate in ((1, 0x40), (2, 0xC0)):
         b.sim.settings["guide rate", 15 + axis] = rate
@@ -155,7 +169,7 @@ async def goto(b: Bridge) -> bool:
 
 
 async def goto_horizontal(b: Bridge) -> bool:
-    await b.controller.perform(op.GotoHorizontal(150.0 if b.sim.site[0] > 0 else 30.0, 50.0))
+    await b.controller.perform(op.GotoHorizontal(150.0 if _site(b)[0] > 0 else 30.0, 50.0))
     await _settle(b)
     return abs((await b.controller.perform(op.HorizontalPosition())).alt - 50.0) < 0.5
 
@@ -303,7 +317,7 @@ async def wake(b: Bridge) -> bool:
 
 
 async def set_site(b: Bridge) -> bool:
-    latitude, longitude = b.sim.site
+    latitude, longitude = _site(b)
     await b.controller.perform(op.SetSite(latitude - 1.0, longitude + 1.0))
     await asyncio.sleep(5.0)
     sky = b.sim.mechanics.sky
@@ -346,6 +360,8 @@ async def set_guide_rate(b: Bridge) -> bool:
     if hasattr(b.sim, "pulse_rate"):  # that of the next pulse
         await b.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
         return bool(b.sim.times(b.sim.pulse_rate) == 0.25)
+    if _alpaca(b):
+        return bool(abs(b.sim.guides[0] / SIDEREAL_RATE - 0.25) < 0.01)
     return (
         bool(b.sim.settings["guide rate", 16] == 64)
         if hasattr(b.sim, "settings")

@@ -77,11 +77,12 @@ class Judged(Telescope):
         return reply.get("Value")
 
 
+@pytest.mark.parametrize("latitude", [45.0, -33.5])
 @pytest.mark.parametrize("kind", KINDS)
-def test_ascoms_judge(kind: str) -> None:
+def test_ascoms_judge(kind: str, latitude: float) -> None:
     async def program() -> None:
         loop = asyncio.get_running_loop()
-        scope, found = Judged(SimulatedAlpaca(kind, clock=lambda: EVENING + loop.time())), {}
+        scope, found = Judged(SimulatedAlpaca(kind, clock=lambda: EVENING + loop.time(), site=(latitude, 10.0))), {}
         for name, check in CHECKS.items():
             try:
                 await check(scope)
@@ -157,6 +158,18 @@ def test_refusals_by_number(kind: str) -> None:
     ):  # fmt: skip
         assert program.put(member, **given) == PARKED, member
     assert program.put("unpark") == 0 == program.put("tracking", Tracking=True)
+
+
+@pytest.mark.parametrize("latitude", [45.0, -33.5])
+def test_the_side_of_the_pier(latitude: float) -> None:
+    """East looks west, in both hemispheres."""
+    program = Program(site=(latitude, 10.0))
+    for hours, side in ((2.0, 0), (-2.0, 1)):
+        there = {"RightAscension": (program.get("siderealtime") - hours) % 24.0, "Declination": 0.0}
+        assert program.get("destinationsideofpier", **there) == side
+        program.put("slewtocoordinatesasync", **there)
+        program.now += 200.0
+        assert program.get("sideofpier") == side and program.get("slewing") is False
 
 
 def test_what_it_lacks_and_what_it_tells() -> None:

@@ -1,0 +1,190 @@
+"""Programs of four protocols as a judge uses them, their bytes typed by hand. What has no words there is None."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+from datetime import UTC, datetime
+from typing import Any
+
+from gateway.astro.ephemeris.sky import Sky
+from gateway.astro.spherical import wrap360
+from tests.integration.test_four_by_four import Program
+from tests.support.in_process_gateway import Bridge, Visitor
+
+FACES = ("lx200", "nexstar", "stellarium", "alpaca")
+
+
+class Refusal(Exception):
+    """The gateway has refused an order, in words if the protocol has any."""
+
+
+class Face(Program):
+    """An LX200 or a NexStar program, which can do more than ``Program``. Directions are n, s, e, w."""
+
+    def __init__(self, bridge: Bridge, client: Visitor, nexstar: bool = False) -> None:
+        super().__init__(client, nexstar)
+        self.bridge = bridge
+
+    @property
+    def of_motors(self) -> bool:
+        """Whether its arrows name motors and their senses, not the sky."""
+        return self.nexstar
+
+    async def begin(self) -> None:
+        """Do what every program does first."""
+
+    async def leave(self, ra: float, dec: float) -> None:
+        said = await self.client.ask(self._order("r", "MS", ra, dec), 15.0, until=b"#" if self.nexstar else b"110")
+        if said != (b"#" if self.nexstar else b"110"):
+            raise Refusal(said.decode("latin-1"))
+
+    async def arrow(self, direction: str, seconds: float) -> None:
+        if self.nexstar:
+            device, code = (b"\x11" if direction in "ns" else b"\x10"), (b"\x24" if direction in "nw" else b"\x25")
+            await self._yes(b"P\x02" + device + code + b"\x07\0\0\0")
+            await asyncio.sleep(seconds)
+            await self._yes(b"P\x02" + device + code + b"\0\0\0\0")
+        else:
+            self.client.tell(f":RM#:M{direction}#".encode())
+            await asyncio.sleep(seconds)
+            self.client.tell(f":Q{direction}#".encode())
+
+    async def _yes(self, said: bytes) -> None:
+        if (heard := await self.client.ask(said)) != b"#":
+            raise Refusal(repr(heard))
+
+    async def pulse(self, direction: str, ms: int) -> None:
+        if self.nexstar:
+            rate = (50 if direction in "nw" else -50) % 256
+            await self._yes(
+                b"P\x03" + (b"\x11" if direction in "ns" else b"\x10") + b"\x26" + bytes((rate, ms // 10, 0, 0))
+            )
+        else:
+            self.client.tell(f":Mg{direction}{ms:04d}#".encode())
+
+    async def tracking(self, on: bool) -> None:
+        equatorial = self.bridge.sim.kind.mode != 0
+        if self.nexstar:
+            await self._yes(
+                b"T" + bytes(((2 if self.bridge.sim.sky.latitude > 0 else 3) if equatorial else 1,) if on else (0,))
+            )
+        else:
+            self.client.tell(b":AL#" if not on else b":AP#" if equatorial else b":AA#")
+
+    park: Any = None
+    unpark: Any = None
+
+
+class Lx200(Face):
+    async def park(self) -> None:
+        self.client.tell(b":hP#")
+
+    async def unpark(self) -> None:
+        self.client.tell(b":hW#")
+
+
+class Stellarium(Face):
+    """Positions are pushed, in J2000; it has gotos and nothing else."""
+
+    sync = stop = arrow = pulse = tracking = set_site = site = set_clock = clock = None  # type: ignore[assignment]
+
+    def _of_date(self, ra: float, dec: float) -> tuple[float, float]:
+        return Sky().to_of_date(ra, dec, self.bridge.clock())
+
+    async def place(self) -> tuple[float, float]:
+        self.client.heard = b""
+        while len(self.client.heard) < 24:
+            await asyncio.sleep(0.1)
+        _, _, _, ra, dec, _ = struct.unpack("<HHQIii", self.client.heard[-24:])
+        return self._of_date(ra * 360.0 / 2**32, dec * 360.0 / 2**32)
+
+    async def leave(self, ra: float, dec: float) -> None:
+        ra, dec = Sky().to_j2000(ra, dec, self.bridge.clock())
+        self.client.tell(
+            struct.pack("<HHQIi", 20, 0, 0, round(wrap360(ra) * 2**32 / 360.0) % 2**32, round(dec * 2**32 / 360.0))
+        )
+        self.client.heard = b""
+        await asyncio.sleep(3.0)
+        if struct.unpack("<i", self.client.heard[-4:])[0] < 0:
+            raise Refusal("status")
+
+    async def goto(self, ra: float, dec: float) -> None:
+        await self.leave(ra, dec)
+        await asyncio.sleep(120.0)
+
+
+class Alpaca(Face):
+    """Its requests are the lines of the gateway's own table."""
+
+    of_motors = True  # type: ignore[assignment]
+
+    async def _ask(self, line: str, seconds: float = 10.0) -> Any:
+        told = json.loads(await self.client.ask(line.encode() + b"\n", seconds, until=b"\n") or b"null")
+        if isinstance(told, dict) and "ErrorNumber" in told:
+            raise Refusal(f"{told['ErrorNumber']:#x} {told['ErrorMessage']}")
+        return told
+
+    async def begin(self) -> None:
+        await self._ask("put connected Connected=true")
+
+    async def place(self) -> tuple[float, float]:
+        return await self._ask("get rightascension") * 15.0, await self._ask("get declination")
+
+    async def leave(self, ra: float, dec: float) -> None:
+        await self._ask(f"put slewtocoordinatesasync RightAscension={ra / 15.0:.7f} Declination={dec:.7f}")
+
+    async def goto(self, ra: float, dec: float) -> None:
+        await self.leave(ra, dec)
+        for _ in range(150):
+            await asyncio.sleep(2.0)
+            if not await self._ask("get slewing"):
+                return
+        raise AssertionError("the goto never ends")
+
+    async def sync(self, ra: float, dec: float) -> None:
+        await self._ask(f"put synctocoordinates RightAscension={ra / 15.0:.7f} Declination={dec:.7f}")
+
+    async def stop(self) -> None:
+        await self._ask("put abortslew")
+
+    async def arrow(self, direction: str, seconds: float) -> None:
+        axis, rate = int(direction in "ns"), 1.0 if direction in "nw" else -1.0
+        rates = await self._ask(f"get axisrates Axis={axis}")
+        if not rates:
+            raise Refusal("no AxisRates")
+        speed = max(min(one["Maximum"], 1.0) for one in rates if one["Minimum"] <= 1.0)
+        await self._ask(f"put moveaxis Axis={axis} Rate={speed * rate}")
+        await asyncio.sleep(seconds)
+        await self._ask(f"put moveaxis Axis={axis} Rate=0")
+
+    async def pulse(self, direction: str, ms: int) -> None:
+        await self._ask(f"put pulseguide Direction={'nsew'.index(direction)} Duration={ms}")
+
+    async def tracking(self, on: bool) -> None:
+        await self._ask(f"put tracking Tracking={str(on).lower()}")
+
+    async def park(self) -> None:
+        await self._ask("put park")
+
+    async def unpark(self) -> None:
+        await self._ask("put unpark")
+
+    async def set_site(self, latitude: float, longitude: float) -> None:
+        await self._ask(f"put sitelatitude SiteLatitude={latitude}")
+        await self._ask(f"put sitelongitude SiteLongitude={longitude}")
+
+    async def site(self) -> tuple[float, float]:
+        return await self._ask("get sitelatitude"), await self._ask("get sitelongitude")
+
+    async def set_clock(self, unix: float, offset: float, dst: int) -> None:
+        await self._ask(f"put utcdate UTCDate={datetime.fromtimestamp(unix, UTC).isoformat().replace('+00:00', 'Z')}")
+
+    async def clock(self) -> float:
+        return datetime.fromisoformat(await self._ask("get utcdate")).timestamp()
+
+
+def face(name: str, bridge: Bridge) -> Face:
+    made = {"lx200": Lx200, "nexstar": Face, "stellarium": Stellarium, "alpaca": Alpaca}[name]
+    return made(bridge, bridge.client(), name == "nexstar")
