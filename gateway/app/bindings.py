@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TypeAlias
 
@@ -30,7 +31,7 @@ from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSetti
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
 from gateway.transport import Listener, open_port
 from gateway.transport.handler import Accept
-from gateway.transport.http_wire import HttpWire
+from gateway.transport.http_wire import HttpWire, prepared
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import SharedWebPort, WebDevice, WebPort
@@ -247,9 +248,14 @@ def watched(
 ) -> WatchedMount:
     """Return the mount as the watchdog process is to know it. The ``controller`` exists before anything moves."""
 
+    @cache
+    def sent(url: str, protocol: str, command: bytes) -> bytes:
+        over_http = PROTOCOLS[protocol].over_http
+        return on_the_wire(url, command) if over_http is None else prepared(url, over_http(url), command)
+
     def commands() -> list[bytes]:
-        line = controller().line
-        return [on_the_wire(line.wire.name, one) for one in stop_commands(controller().driver, line.reply_rules)]
+        line, driver = controller().line, controller().driver
+        return [sent(line.wire.name, driver.protocol.name, one) for one in stop_commands(driver, line.reply_rules)]
 
     return watchdog.mount(
         title, lock, commands, lambda: controller().reconciler.busy, stopped, lambda: controller().watch.on_clear_path
@@ -276,5 +282,5 @@ def make_transport(mount: Endpoint, config: MountConfig, watched: WatchedMount |
     if mount.where == "sim":
         return simulated_transport(mount, config)
     if (over_http := PROTOCOLS[mount.protocol].over_http) is not None:
-        return HttpWire(mount.where, over_http(mount.where))
+        return HttpWire(mount.where, over_http(mount.where), watched)
     return SerialTransport(mount.where, config.baud, watched)

@@ -95,32 +95,29 @@ class HttpWire:
         self._number += 1
         if self._reading is not None:
             self._reading.cancel()
-        reads = self._dialect.request(data).method == "GET"
-        task = asyncio.get_running_loop().create_task(self._carry_out(self._session, self._number, data, reads))
-        self._reading = task if reads else None
+        request = self._dialect.request(data)
+        task = asyncio.get_running_loop().create_task(self._carry_out(self._session, self._number, request))
+        self._reading = task if request.method == "GET" else None
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _carry_out(self, session: ClientSession, number: int, line: bytes, reads: bool) -> None:
+    async def _carry_out(self, session: ClientSession, number: int, request: Request) -> None:
         import aiohttp
 
         try:
             try:
-                answer = await self._asked(session, line)
+                answer = await self._ask(session, request)
             except aiohttp.ServerDisconnectedError:
-                if not reads:
+                if request.method != "GET":
                     raise
-                answer = await self._asked(session, line)
+                answer = await self._ask(session, request)
         except (aiohttp.ClientError, OSError) as error:
             given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
             if session is self._session and not given_up:  # the line has stopped waiting for that one long ago
                 self._on_lost(reason(error))
             return
         if session is self._session and number == self._number:
-            self._on_data(answer)
-
-    async def _asked(self, session: ClientSession, line: bytes) -> bytes:
-        return self._dialect.reply(*await self._ask(session, self._dialect.request(line)))
+            self._on_data(self._dialect.reply(*answer))
 
     async def _ask(self, session: ClientSession, request: Request) -> tuple[int, bytes]:
         method, path, fields = request
@@ -128,16 +125,6 @@ class HttpWire:
         url = self._server + path
         async with session.request(method, url, params=query, data=form, allow_redirects=False) as answer:
             return answer.status, await answer.read()
-
-    def prepared(self, line: bytes) -> bytes:
-        """Return the bytes of a request, for a process without an HTTP library."""
-        method, path, fields = self._dialect.request(line)
-        words = urlencode(fields)
-        query, body = (f"?{words}", "") if method == "GET" else ("", words)
-        return (
-            f"{method} {path}{query} HTTP/1.1\r\nHost: {self._server.partition('//')[2]}\r\n"
-            f"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: {len(body)}\r\n\r\n{body}"
-        ).encode("ascii")
 
     async def close(self) -> None:
         session, self._session = self._session, None
@@ -151,6 +138,16 @@ class HttpWire:
         for task in self._tasks:
             task.cancel()
         await session.close()
+
+
+def prepared(url: str, dialect: Dialect, line: bytes) -> bytes:
+    """Return the bytes of an order (PUT), for a process without an HTTP library."""
+    method, path, fields = dialect.request(line)
+    body = urlencode(fields)
+    return (
+        f"{method} {path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\n"
+        f"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: {len(body)}\r\n\r\n{body}"
+    ).encode("ascii")
 
 
 def reason(error: Exception) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 from tests.support.forked import POSSIBLE
 from tests.support.process import PATIENCE, Running, ask
 
-SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps"}
+SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps", "alpaca": "alpaca:german"}
 #: What can happen to a gateway, as a signal; a process that is frozen or blocked continues to exist.
 FAILURES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
 #: A gateway whose event loop SIGUSR1 blocks for this many seconds; it gets no almanac (see `GATEWAY`).
@@ -49,7 +49,8 @@ class Watched:
         self.sim = Running("sim", SIMULATED[kind], *places, *(["--truth", str(truth)] if truth else []))
         started.append(self.sim)
         self.mount = self.sim.ready()
-        where = self.mount.replace("tcp", "socket") if port == "tcp" else self.sim.ready().removeprefix("pty:")
+        scheme = "http" if kind == "alpaca" else "socket"
+        where = self.mount.replace("tcp", scheme) if port == "tcp" else self.sim.ready().removeprefix("pty:")
         self.arguments = (
             "run",
             "--mount",
@@ -73,6 +74,8 @@ class Watched:
         """Return the declination that the mount reports, degrees."""
         if self.kind == "nexstar":
             return int(ask(self.mount, b"e")[9:17], 16) / 2**32 * 360.0
+        if self.kind == "alpaca":
+            return float(ask(self.mount, b"get declination\n", b"\n"))
         told = ask(self.mount, b":GD#").decode("latin-1")
         return float(told[0] + "1") * (int(told[1:3]) + int(told[4:6]) / 60 + int(told[7:9]) / 3600)
 
@@ -123,4 +126,6 @@ class Watched:
         """Whether the mount reports that it tracks; an LX200GPS does so by its alignment letters."""
         if self.kind == "nexstar":
             return ask(self.mount, b"t") == b"\x02#"
+        if self.kind == "alpaca":
+            return ask(self.mount, b"get tracking\n", b"\n") == b"true\n"
         return b"T" in ask(self.mount, b":GW#:GVP#")[:3]

@@ -1,9 +1,10 @@
 """The gateway's side of the watchdog: starts the process, passes it the serial lines, and reports which mounts move.
 
-Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor; ``gone
-NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the mount, or ``clear NUMBER COMMAND…`` if it is on a
-path that was checked; ``rest NUMBER``; and ``beat``. Texts and commands are in hexadecimal. The process answers
-``stopped NUMBER``. The event loop sends heartbeats only while a mount moves; they cost no exchange with the mount.
+Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor, or
+``server NUMBER TITLE LOCK HOST PORT``; ``gone NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the
+mount, or ``clear NUMBER COMMAND…`` if it is on a path that was checked; ``rest NUMBER``; and ``beat``. Texts and
+commands are in hexadecimal. The process answers ``stopped NUMBER``. The event loop sends heartbeats only while a mount
+moves; they cost no exchange with the mount.
 """
 
 from __future__ import annotations
@@ -193,6 +194,7 @@ class WatchedMount:
         self._watchdog, self._number, self._title, self._lock = watchdog, number, title, lock
         self._stop_commands, self._busy, self._stopped, self._clear = stop_commands, busy, stopped, clear
         self._descriptor: int | None = None
+        self._server: tuple[str, ...] = ()
         self._sent: tuple[str, tuple[bytes, ...]] = AT_REST
         self.moving = False
 
@@ -201,17 +203,23 @@ class WatchedMount:
         self._descriptor = descriptor
         self.register()
 
+    def reached(self, host: str, port: int) -> None:
+        """Pass the address of the mount's server, which was reached, to the process."""
+        self._server = host, str(port)
+        self.register()
+
     def closed(self) -> None:
         """Tell the process to close its duplicate: the line is about to be closed."""
-        self._descriptor = None
+        self._descriptor, self._server = None, ()
         self._watchdog.send(f"gone {self._number}")
 
     def register(self) -> None:
-        """Send the line's descriptor to the process, and the stop commands if the mount moves."""
-        if self._descriptor is not None:
-            words = (self._title, str(self._lock or ""))
+        """Send the line's descriptor or the server's address to the process, and the stop commands if it moves."""
+        if self._descriptor is not None or self._server:
+            kind, files = ("server", []) if self._descriptor is None else ("line", [self._descriptor])
+            words = (self._title, str(self._lock or ""), *self._server)
             self._watchdog.send(
-                f"line {self._number} {' '.join(word.encode().hex() or '00' for word in words)}", [self._descriptor]
+                f"{kind} {self._number} {' '.join(word.encode().hex() or '00' for word in words)}", files
             )
             self._sent = AT_REST
             if self.moving:

@@ -2,7 +2,8 @@
 
 It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it starts before
 anything heavy is loaded and stays under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads
-single lines of ASCII from a socket: ``line``, ``gone``, ``moving``, ``clear``, ``rest``, ``beat`` (see ``client.py``).
+single lines of ASCII from a socket: ``line``, ``server``, ``gone``, ``moving``, ``clear``, ``rest``, ``beat`` (see
+``client.py``). It connects to a server when a motion begins, and sends it requests that the gateway has prepared.
 While no mount moves, it sleeps. While one moves, ``SILENCE`` seconds without a message, or the end of the socket, mean
 that the gateway no longer supervises it: the process sends the stop of every moving mount, and repeats it for some
 seconds. It waits longer, up to ``STARVED`` seconds, if every moving mount is on a path that was checked (``clear``) and
@@ -25,6 +26,8 @@ SILENCE = 1.2
 STARVED, WAITED, LOOK = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer one before it can receive the next.
 BETWEEN = 0.15
+#: Seconds within which a server must accept a connection; how many used ones are kept.
+CONNECT, KEPT = 0.4, 6
 #: A stop is sent so many times, once in so many seconds: the first may end up in the middle of a command.
 TIMES, EVERY = 5, 1.0
 #: If this process itself did not run for so many seconds, it cannot judge whether the gateway was silent.
@@ -53,14 +56,63 @@ class Mount:
         except OSError:
             pass  # the stop is repeated a second later
 
+    def get_ready(self) -> None:
+        """Prepare for a stop that may be needed soon."""
+
+    def close(self) -> None:
+        """Close the duplicate of a line that the gateway has closed."""
+        os.close(self.descriptor)
+
     def unlock(self) -> None:
         """Let the next gateway open the port: the duplicate shares the lock of the dead gateway's descriptor."""
         import fcntl
 
         try:
             fcntl.flock(self.descriptor, fcntl.LOCK_UN)
-        except OSError:
-            pass  # a socket has no lock
+        except (OSError, ValueError):
+            pass  # a socket has no lock, and a server no descriptor
+
+
+class ServedMount(Mount):
+    """A mount behind a server. Each stop command is a whole request, on a connection of its own: servers may close one
+    after its answer. The first connection is opened beforehand.
+    """
+
+    def __init__(self, title: str, lock: str, host: str, port: str) -> None:
+        super().__init__(title, lock, -1)
+        self.address = host, int(port)
+        self.next: list[_socket.socket] = []
+        #: The connections that were used last: to close one could cancel its request.
+        self.used: list[_socket.socket] = []
+
+    def get_ready(self) -> None:
+        """Connect, unless there is a connection that the server has not closed meanwhile."""
+        if self.next and select.select(self.next, [], [], 0.0)[0]:
+            self.next.pop().close()
+        if self.stop and not self.next:
+            family = _socket.AF_INET6 if ":" in self.address[0] else _socket.AF_INET
+            made = _socket.socket(family, _socket.SOCK_STREAM)
+            try:
+                made.settimeout(CONNECT)
+                made.connect(self.address)
+                self.next.append(made)
+            except OSError:
+                made.close()  # it is tried again with the next command
+
+    def send(self, command: bytes) -> None:
+        self.get_ready()
+        try:
+            self.next[0].send(command)
+        except (IndexError, OSError):
+            pass
+        self.used += self.next
+        self.next.clear()
+        while len(self.used) > KEPT:
+            self.used.pop(0).close()
+
+    def close(self) -> None:
+        for connection in (*self.next, *self.used):
+            connection.close()
 
 
 def read(path: str) -> bytes:
@@ -145,6 +197,9 @@ class Watch:
             self.drop(number)
             title, lock = (bytes.fromhex(word).decode() for word in words[2:4])
             self.mounts[number] = Mount(title, lock, descriptors.pop(0))
+        elif kind == "server":
+            self.drop(number)
+            self.mounts[number] = ServedMount(*(bytes.fromhex(word).decode() for word in words[2:6]))
         elif kind == "gone":
             self.drop(number)
         elif number in self.mounts and kind in ("moving", "clear", "rest"):
@@ -152,12 +207,13 @@ class Watch:
                 [bytes.fromhex(word) for word in words[2:]],
                 kind == "clear",
             )
+            self.mounts[number].get_ready()
 
     def drop(self, number: str) -> None:
-        """Close the duplicate of a line that the gateway has closed."""
+        """Forget the line to a mount, which the gateway has closed."""
         mount = self.mounts.pop(number, None)
         if mount is not None:
-            os.close(mount.descriptor)
+            mount.close()
 
     def stop_for_ended_gateway(self, mounts: list[Mount]) -> None:
         """Stop the mounts of a dead gateway for some seconds, each until another gateway has taken it."""

@@ -23,7 +23,7 @@ import pytest
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
 from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, WatchedMount, available
-from gateway.app.watchdog.process import SILENCE, Mount, Watch, waited
+from gateway.app.watchdog.process import SILENCE, Mount, ServedMount, Watch, waited
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.shutdown import stop_commands
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
@@ -54,7 +54,13 @@ def watch(tmp_path: Path, started: list[Running]) -> Iterator[Callable[[str, str
 
 @pytest.mark.parametrize(
     ("failure", "kind", "port"),
-    [("killed", "nexstar", "tcp"), ("frozen", "lx200", "pty"), ("blocked", "nexstar", "pty"), ("quit", "lx200", "tcp")],
+    [
+        ("killed", "nexstar", "tcp"),
+        ("frozen", "lx200", "pty"),
+        ("blocked", "nexstar", "pty"),
+        ("quit", "lx200", "tcp"),
+        ("killed", "alpaca", "tcp"),
+    ],
 )
 @pytest.mark.safety_line(7)
 def test_a_gateway_that_comes_to_grief_does_not_leave_its_mount_moving(
@@ -440,3 +446,31 @@ def test_the_process_is_told_of_a_clear_path() -> None:
     clear[0] = False
     watched.renew()
     assert told == ["moving 0 4d", "clear 0 4d", "moving 0 4d"]
+
+
+def test_a_server_that_closes_each_connection_gets_every_request() -> None:
+    heard: list[bytes] = []
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve() -> None:
+            for _ in range(3):
+                with listening.accept()[0] as connection:
+                    heard.append(connection.recv(1000))
+                    connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        mount = ServedMount("pier", "", "127.0.0.1", str(listening.getsockname()[1]))
+        mount.stop = [b"one", b"two", b"three"]
+        mount.get_ready()
+        for word in mount.stop:
+            mount.send(word)
+            deadline = time.monotonic() + PATIENCE
+            while word not in heard:
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
+        thread.join(PATIENCE)
+    mount.unlock()
+    mount.send(b"four")  # nobody listens any more: it is tried again a second later
+    mount.close()
+    assert heard == mount.stop

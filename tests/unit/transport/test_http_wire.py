@@ -1,0 +1,169 @@
+"""A mount over HTTP: lines become requests, only the newest answer counts, a read is repeated and an order never is."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+
+from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
+from gateway.protocols.alpaca.http import chain
+from gateway.transport.http_wire import HttpWire
+
+PATIENCE = 20.0
+Answer = Callable[[bytes, asyncio.StreamWriter], Awaitable[None]]
+
+
+async def value(writer: asyncio.StreamWriter, value: str, status: str = "200 OK", close: bool = False) -> None:
+    body = (
+        value.encode()
+        if status != "200 OK"
+        else b'{"Value": %s, "ErrorNumber": 0, "ErrorMessage": ""}' % value.encode()
+    )
+    writer.write(b"HTTP/1.1 %s\r\nContent-Length: %d\r\n\r\n%s" % (status.encode(), len(body), body))
+    if close:
+        writer.close()
+
+
+@asynccontextmanager
+async def server(answer: Answer) -> AsyncIterator[tuple[HttpWire, asyncio.Queue[bytes], list[str], list[bytes]]]:
+    """A server, and the open wire to it: its lines, the reasons for which it was lost, and the requests."""
+    asked: list[bytes] = []
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            while True:
+                head = await reader.readuntil(b"\r\n\r\n")
+                length = next((int(row[15:]) for row in head.split(b"\r\n") if row.startswith(b"Content-Length:")), 0)
+                request = head.split(b" HTTP")[0] + b" " + await reader.readexactly(length)
+                if b"/management/" in request:
+                    await value(writer, "no such page", "404 Not Found")
+                    continue
+                asked.append(request)
+                await answer(request, writer)
+        except (asyncio.IncompleteReadError, ConnectionError):
+            writer.close()
+
+    listening = await asyncio.start_server(serve, "127.0.0.1", 0)
+    url = f"http://127.0.0.1:{listening.sockets[0].getsockname()[1]}/3"
+    wire, lines, lost = HttpWire(url, TelescopeHttp(url)), asyncio.Queue[bytes](), list[str]()
+    await wire.open(lines.put_nowait, lost.append)
+    try:
+        yield wire, lines, lost, asked
+    finally:
+        await wire.close()
+        listening.close()
+
+
+def run(program: Awaitable[Any]) -> None:
+    async def bounded() -> None:
+        async with asyncio.timeout(PATIENCE):
+            await program
+
+    asyncio.run(bounded())
+
+
+def test_a_line_is_a_request_with_its_names_and_numbers_and_the_answer_is_a_line() -> None:
+    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
+        await value(writer, "12.5" if request.startswith(b"GET") else "null")
+
+    async def program() -> None:
+        async with server(answer) as (wire, lines, _, asked):
+            wire.write(b"get canmoveaxis Axis=1\n")
+            assert await lines.get() == b"12.5\n"
+            wire.write(b"put tracking Tracking=true\n")
+            assert await lines.get() == b"null\n"
+            assert asked[0].startswith(b"GET /api/v1/telescope/3/canmoveaxis?Axis=1&ClientID=")
+            assert asked[1].startswith(b"PUT /api/v1/telescope/3/tracking Tracking=True&ClientID=")
+            assert asked[0].endswith(b"&ClientTransactionID=1 ") and asked[1].endswith(b"&ClientTransactionID=2")
+
+    run(program())
+
+
+def test_a_server_that_closes_every_connection_is_asked_again_and_told_an_order_once() -> None:
+    closed = False
+
+    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
+        nonlocal closed
+        closed = not closed
+        if closed:
+            writer.close()
+        else:
+            await value(writer, "1", close=True)
+
+    async def program() -> None:
+        async with server(answer) as (wire, lines, lost, asked):
+            wire.write(b"get altitude\n")
+            assert await lines.get() == b"1\n" and len(asked) == 2
+            wire.write(b"put pulseguide Direction=0 Duration=100\n")
+            while not lost:
+                await asyncio.sleep(0.01)
+            assert len(asked) == 3 and "PUT" not in lost[0]
+
+    run(program())
+
+
+def test_only_the_newest_request_is_answered_and_an_order_is_never_cancelled() -> None:
+    release = asyncio.Event()
+
+    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
+        if b"/park" in request:
+            await release.wait()
+            await value(writer, '"late"')
+        else:
+            await value(writer, "true")
+
+    async def program() -> None:
+        async with server(answer) as (wire, lines, lost, asked):
+            wire.write(b"put park\n")
+            while not asked:
+                await asyncio.sleep(0.01)
+            wire.write(b"put abortslew\n")
+            assert await lines.get() == b"true\n"
+            release.set()
+            await asyncio.sleep(0.05)
+            assert lines.empty() and not lost
+
+    run(program())
+
+
+def test_a_server_that_cannot_be_reached_says_why() -> None:
+    async def program() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            url = f"http://127.0.0.1:{taken.getsockname()[1]}"
+        wire = HttpWire(url, TelescopeHttp(url))
+        with pytest.raises(OSError, match="no program listens there"):
+            await wire.open(lambda data: None, lambda reason: None)
+        with pytest.raises(OSError, match="closed"):
+            wire.write(b"get altitude\n")
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "line"),
+    [
+        (404, b"no  such\nmember", b'{"ErrorNumber": 1024, "ErrorMessage": "HTTP 404: no such member"}\n'),
+        (422, b"Axis", b'{"ErrorNumber": 1024, "ErrorMessage": "HTTP 422: Axis"}\n'),
+        (500, b"", b'{"ErrorNumber": 1280, "ErrorMessage": "HTTP 500: "}\n'),
+        (200, b"<html>", b'{"ErrorNumber": 1280, "ErrorMessage": "The answer is no JSON object of Alpaca."}\n'),
+        (200, b"[1]", b'{"ErrorNumber": 1280, "ErrorMessage": "The answer is no JSON object of Alpaca."}\n'),
+        (200, b'{"ErrorNumber": 1032, "ErrorMessage": "Parked"}', b'{"ErrorNumber": 1032, "ErrorMessage": "Parked"}\n'),
+        (200, b'{"ErrorNumber": -2147220472}', b'{"ErrorNumber": 1032, "ErrorMessage": ""}\n'),
+        (200, b'{"Value": [0, 1]}', b"[0, 1]\n"),
+        (200, b'{"ErrorNumber": null}', b"null\n"),
+    ],
+)
+def test_an_answer_is_one_line(status: int, body: bytes, line: bytes) -> None:
+    assert TelescopeHttp("http://127.0.0.1:1").reply(status, body) == line
+
+
+def test_a_gateway_refuses_to_drive_itself() -> None:
+    told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.OWN]}})
+    with pytest.raises(OSError, match="this very gateway"):
+        TelescopeHttp("http://127.0.0.1:1").opened(200, told.encode())
