@@ -56,6 +56,10 @@ class Search(Struct, frozen=True, tag="search"):
     text: _Text = ""
 
 
+class Night(Struct, frozen=True, tag="night"):
+    """Return where Sun and Moon stand through the night."""
+
+
 class Explain(Struct, frozen=True, tag="explain"):
     """Explain what happens with one command on this mount."""
 
@@ -88,7 +92,7 @@ class LetGo(Struct, frozen=True, tag="let_go"):
 
 
 #: What a view-only page may ask for, besides a stop.
-Looks = Beat | Talk | Pin | LookUp | Search | Explain | LetGo
+Looks = Beat | Talk | Pin | LookUp | Search | Night | Explain | LetGo
 #: What of the common requests a page may ask for.
 Common = (
     requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Home | requests.Track

@@ -17,7 +17,7 @@ from gateway.console import messages
 from gateway.console.arrows import Arrows
 from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
-from gateway.console.places import look_up, suggestions
+from gateway.console.places import look_up, night, suggestions
 from gateway.console.shown.publisher import PageFrame, talk
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
@@ -194,6 +194,8 @@ class PageSession:
                 await self._answer(message.id, True, "", await look_up(gateway.controller, wish.where))
             case messages.Search():
                 await self._answer(message.id, True, "", {"found": await suggestions(wish.text)})
+            case messages.Night():
+                await self._answer(message.id, True, "", night(gateway.controller))
             case messages.Explain():
                 done, text = await mounts.explain(gateway, wish.surface, wish.command)
                 await self._answer(message.id, done, "" if done else text, {"text": text} if done else {})

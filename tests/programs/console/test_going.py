@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from ..sky import NIGHT, NORTH, spot_at
@@ -102,3 +103,33 @@ def test_nothing_can_be_started_under_another_text(visit: Callable[..., Visit]) 
     page.until("it is of 2000", lambda: page.text("#place .equinox [aria-pressed=true]") == "J2000")
     page.find("alt 60 az 180")
     page.until("that place", lambda: page.text("#place .figures").startswith("Altitude60.0°Azimuth180.0° S"))
+
+
+def test_what_is_up_tonight(visit: Callable[..., Visit]) -> None:
+    """From the list to a target; its night, its field, the observer's marks and own list, which the browser keeps."""
+    page = visit(optics='{"telescope": 1000, "eyepiece": 25, "apparent": 60}')
+    assert not any("deepsky" in url for url in page.asked)
+    page.page.click("#tonight-button")
+    rows = page.page.locator("#tonight-rows li")
+    page.until("the list", lambda: rows.count() == 100)
+    assert "CC-BY-SA" in page.text("#tonight") and page.text("#tonight-says").startswith("Now and within two hours")
+    page.page.click("#tonight-kinds >> text=Galaxies")
+    page.until("galaxies", lambda: page.text("#tonight-rows li b") == "M31")
+    page.page.locator("#tonight-rows li button").first.click()
+    page.until("its card", lambda: page.text("#place h3") == "M31")
+    page.until("its night", lambda: page.page.locator("#place .curve").is_visible())
+    assert re.search(r"Culminates\d\d:\d\d \S+, \d+°", page.text("#place .figures"))
+    assert "178′ × 70′" in page.text("#place .kind")
+    assert page.text("#field") == "Field 1.5°: it is larger"
+    page.page.click("#mark-favourites")
+    page.page.click("#mark-seen")
+    page.until("it is marked", lambda: page.text("#mark-seen") == "✓ Seen")
+    page.page.click("#tonight-button")
+    page.page.click("#tonight-kinds >> text=Mine")
+    page.page.click("#tonight summary")
+    page.page.fill("#own-list", "albireo\n05:34:32 +22:00:52 J2000\nXyzzyx\n")
+    page.page.click("text=Keep this list")
+    page.until("the own list", lambda: rows.count() == 4)
+    assert "★ M31" in rows.nth(0).text_content() and "✓ seen" in rows.nth(0).text_content()  # type: ignore[operator]
+    rows.nth(2).locator("button").click()
+    page.until("the place of the list", lambda: "05h 34m 32s" in page.text("#place .equinox"))

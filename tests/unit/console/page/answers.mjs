@@ -12,6 +12,7 @@ const sphere = await from("sphere.js"), { View } = await from("view.js"), { Scen
 const { Catalogue } = await from("catalogue.js"), { pick } = await from("pick.js"), { Trail } = await from("trail.js");
 const moon = await from("moon.js"), words = await from("words.js"), { project } = await from("paint/stars.js");
 const { typedPlace } = await from("../finding/typed.js");
+const { Night, culmination, lookingFrom, tonight, worth } = await from("../finding/tonight.js");
 
 const catalogue = new Catalogue(JSON.parse(readFileSync(new URL("../../data/stars.json", folder), "utf-8")));
 
@@ -51,6 +52,16 @@ const answers = {
     const grew = steps.map(([azimuth, altitude, time]) => trail.add(azimuth, altitude, time));
     return { grew, left: trail.points.length };
   },
+  /** The list of a night: name, altitude, when, worth; and from when one looks. */
+  tonight: (mount, unix, told, objects, limits) => {
+    const night = new Night(told), sceneAt = (later) => new Scene(mount, later - unix, later);
+    const from = lookingFrom(unix, night, sceneAt), list = tonight(objects, { from, sceneAt, night, limits });
+    return { from, lit: night.lit(from), list: list.map((one) => [one.object.names[0], one.altitude, one.unix, one.worth]) };
+  },
+  altitudeOf: (mount, unix, told, body, later) =>
+    new Night(told).altitude(body, later, new Scene(mount, later - unix, later)),
+  culmination: (mount, unix, ra, dec) => culmination(ra, dec, unix, (later) => new Scene(mount, later - unix, later)),
+  worth: (object, altitude, moonlight) => worth(object, altitude, moonlight),
   typed: (text) => typedPlace(text),
   described: (mount, unix) => words.described(new Scene(mount, 0, unix)),
 };

@@ -50,6 +50,10 @@ const clockOf = (unix, options) => new Intl.DateTimeFormat(undefined, { hourCycl
 /** The local time of this device, hours and minutes. */
 export const timeOfDay = (unix) => clockOf(unix, { hour: "2-digit", minute: "2-digit" });
 
+/** The name of this device's time zone at a moment, as GMT+1 or CET. */
+export const zone = (unix) =>
+  new Intl.DateTimeFormat(undefined, { timeZoneName: "short" }).formatToParts(unix * 1000).find(({ type }) => type === "timeZoneName").value;
+
 /** The local time of this device, with seconds. */
 export const toSecond = (unix) => clockOf(unix, { hour: "2-digit", minute: "2-digit", second: "2-digit" });
 

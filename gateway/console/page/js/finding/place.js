@@ -2,11 +2,12 @@
 // One more press starts the goto; a sync asks first, because it changes the position that the mount believes in.
 
 import { button, byId, el, say } from "../core/dom.js";
-import { angle, azimuth, declination, hours, timeOfDay } from "../core/format.js";
+import { angle, azimuth, declination, hours, timeOfDay, zone } from "../core/format.js";
 import { answered, notice } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 import { ask } from "../core/socket.js";
 import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
+import { culmination } from "./tonight.js";
 import { angles, reversed, turned, vector } from "../sky/sphere.js";
 import { show } from "../core/views.js";
 
@@ -61,6 +62,7 @@ async function look(request, name, refused = (words) => notice(words, "refused")
   }
   chosen = { request, found: { ...answer, name: answer.name ?? name } };
   show("sky");
+  if (!lower) import("./details.js").then((loaded) => ((lower = loaded), again()), () => {});
   draw();
   listeners.forEach((listener) => listener(chosen.found));
   return true;
@@ -100,17 +102,32 @@ export async function sync() {
   if (agreed) answered(await ask({ do: "sync", ...aim() }));
 }
 
+const withZone = (unix) => `${timeOfDay(unix)} ${zone(unix)}`;
+
+/** When it next stands in the meridian, and how high. */
+function culminates(found) {
+  if (!skyAt(0).sky) return "site unknown";
+  const { unix, altitude } = culmination(found.ra2000, found.dec2000, gatewayNow(), skyAt);
+  return `${withZone(unix)}, ${angle(altitude, 0)}`;
+}
+
 /** Label and local time of the next rising or setting, relative to the lowest allowed altitude. */
 function nextEvent(found) {
   const lowest = mount()?.limits.lowest ?? 0;
   const [sets, rises] = lowest > 0 ? [`Above ${lowest}° until`, `Above ${lowest}° from`] : ["Sets", "Rises"];
   if (found.alt === null) return [sets, "site unknown"];
   if (found.sets === null) return found.alt > lowest ? (lowest > 0 ? [`Above ${lowest}°`, "always"] : [sets, "never"]) : [rises, "never"];
-  return found.sets < found.rises ? [sets, timeOfDay(found.sets)] : [rises, timeOfDay(found.rises)];
+  return found.sets < found.rises ? [sets, withZone(found.sets)] : [rises, withZone(found.rises)];
 }
 
 const kindOf = (found) =>
-  [found.kind, Number.isFinite(found.magnitude) ? `magnitude ${found.magnitude.toFixed(1)}` : ""].filter(Boolean).join(", ");
+  [found.kind, Number.isFinite(found.magnitude) ? `magnitude ${found.magnitude.toFixed(1)}` : "", lower?.sizeOf(found)].filter(Boolean).join(", ");
+
+/** Other names, those that are words before those that are numbers. */
+function alsoCalled({ also }) {
+  const names = also ? also.split(", ") : [], words = names.filter((name) => /[a-z]{3}/.test(name));
+  return names.length ? ` · ${[...words, ...names.filter((name) => !words.includes(name))].slice(0, 3).join(", ")}` : "";
+}
 
 /** Which equinox the coordinates have; of typed ones it can be changed. */
 function coordinates({ request, found }) {
@@ -128,17 +145,28 @@ function card(found) {
   const [event, when] = nextEvent(found);
   return [
     el("header", {},
-      el("div", {}, el("h3", {}, found.name || "Chosen place"), el("p", { class: "kind" }, kindOf(found), found.also ? ` · ${found.also}` : ""), coordinates(chosen)),
+      el("div", {}, el("h3", {}, found.name || "Chosen place"), el("p", { class: "kind" }, kindOf(found), alsoCalled(found)), coordinates(chosen)),
       button("×", forget, { class: "quiet close", "aria-label": "Close" })),
     el("dl", { class: "figures" },
       el("div", {}, el("dt", {}, "Altitude"), el("dd", {}, angle(found.alt))),
       el("div", {}, el("dt", {}, "Azimuth"), el("dd", {}, azimuth(found.az))),
-      el("div", {}, el("dt", {}, event), el("dd", {}, when))),
+      el("div", {}, el("dt", {}, event), el("dd", {}, when)),
+      el("div", {}, el("dt", {}, "Culminates"), el("dd", {}, culminates(found)))),
     found.may ? null : el("p", { class: "why" }, found.why),
     el("div", { class: "buttons" },
       button("Go there", go, { class: "primary", id: "go", disabled: !may }),
       button("Sync here…", sync, { id: "sync", disabled: !state.act })),
+    lower ? lower.details(found, again) : null,
   ].filter(Boolean);
+}
+
+/** The lower part of the card, loaded with the first card. */
+let lower = null;
+
+/** Draw the card again although the gateway has said nothing new. */
+function again() {
+  drawn = "";
+  draw();
 }
 
 function draw() {

@@ -1,7 +1,7 @@
 // Search for an object: suggestions while the user types; coordinates can be typed too. What they may mean, if that is
 // more than one thing, is offered in the place of the suggestions.
 
-import { byId, el, say } from "../core/dom.js";
+import { button, byId, el, say } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
 import { forget, showName, showTyped } from "./place.js";
 import { typedPlace } from "./typed.js";
@@ -21,7 +21,7 @@ function close() {
 }
 
 /** Look up a name, or coordinates that can be meant in one way. */
-function take(text) {
+export function take(text) {
   clearTimeout(timer);
   latest++;
   byId("object").value = text;
@@ -95,4 +95,7 @@ export function start() {
   input.addEventListener("keydown", keys);
   input.addEventListener("blur", close);
   byId("search").addEventListener("submit", submit);
+  // The list is loaded when somebody wants it: with the catalogue it is as large as the rest of the page.
+  const openList = () => import("./list.js").then((list) => list.toggle(take), () => notice("The list could not be loaded.", "refused"));
+  byId("search").append(button("Tonight", openList, { id: "tonight-button", "aria-pressed": "false" }));
 }

@@ -1,0 +1,34 @@
+// What this browser keeps for the observer: favourites, what was seen, a list, the telescope's field.
+
+const read = (key, otherwise) => {
+  try {
+    return JSON.parse(localStorage.getItem(key)) ?? otherwise;
+  } catch {
+    return otherwise; // no storage, or not ours
+  }
+};
+const write = (key, value) => {
+  try {
+    localStorage.setItem(key, JSON.stringify(value));
+  } catch {
+    // Without storage it is forgotten with the page.
+  }
+};
+
+/** Names that are marked: `favourites` or `seen`. */
+export const isMarked = (mark, name) => read(mark, []).includes(name);
+export const marked = (mark) => read(mark, []);
+export function toggle(mark, name) {
+  write(mark, isMarked(mark, name) ? read(mark, []).filter((one) => one !== name) : [...read(mark, []), name]);
+}
+
+/** The observer's own list, as it was pasted: one name or place a line. */
+export const ownList = () => read("own-list", "");
+export const keepList = (text) => write("own-list", text);
+
+/** Focal lengths of telescope and eyepiece (mm), and the eyepiece's apparent field (degrees). */
+export const optics = () => read("optics", null);
+export const keepOptics = (value) => write("optics", value);
+
+/** The true field of view, degrees; null if it was not told. */
+export const field = (told = optics()) => (told ? (told.apparent * told.eyepiece) / told.telescope : null);

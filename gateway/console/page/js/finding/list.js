@@ -1,0 +1,145 @@
+// The list of what is up tonight, in the place of the chart, with the observer's favourites and own list.
+// The catalogue is loaded when the list is first opened.
+
+import { button, byId, el, say } from "../core/dom.js";
+import { angle, azimuth, timeOfDay, zone } from "../core/format.js";
+import { gatewayNow, mount, skyAt } from "../core/store.js";
+import { angles, turned, vector } from "../sky/sphere.js";
+import { isMarked, keepList, marked, ownList } from "./kept.js";
+import { nightNow } from "./night.js";
+import { lookingFrom, tonight } from "./tonight.js";
+import { typedPlace } from "./typed.js";
+import { sizeOf } from "./details.js";
+
+const MOST = 100;
+const data = (name) => new URL(`../../data/${name}`, import.meta.url);
+/** Magnitudes at which planets are bright; the Moon comes first. */
+const BODIES = { Moon: -12, Venus: -4, Jupiter: -2.3, Mars: 0.5, Saturn: 0.7, Mercury: 0, Uranus: 5.7, Neptune: 7.8 };
+const KINDS = [["all", "All"], ["planets", "Planets"], ["galaxies", "Galaxies"], ["nebulae", "Nebulae"], ["clusters", "Clusters"], ["doubles", "Doubles"], ["own", "★ Mine"]];
+const BELONGS = {
+  all: () => true, planets: ({ kinds }) => kinds === "planet", galaxies: ({ kinds }) => kinds === "G",
+  nebulae: ({ kinds }) => /[PD]/.test(kinds), clusters: ({ kinds }) => /[OC]/.test(kinds), doubles: ({ kinds }) => /[2*]/.test(kinds),
+};
+let shown = "all";
+let catalogue = null;
+/** Looks up what was tapped, as if it were typed. */
+let look = (_name) => {};
+
+async function load() {
+  const [deep, doubles] = await Promise.all(["deepsky.json", "doubles.json"].map(async (name) => (await fetch(data(name))).json()));
+  return [
+    ...deep.rows.map(([names, kinds, ra, dec, magnitude, size, width]) => ({ names: names.split("|"), kinds, ra, dec, magnitude, size, width })),
+    ...doubles.rows.map(([names, , ra, dec, magnitude, second, apart]) =>
+      ({ names: names.split("|"), kinds: "2", ra, dec, magnitude, size: apart / 60, words: `${magnitude} and ${second}, ${apart}″` })),
+  ];
+}
+
+const planets = () => (mount()?.bodies ?? []).filter(({ name }) => name in BODIES)
+  .map(({ name, ra2000, dec2000 }) => ({ names: [name], kinds: "planet", ra: ra2000, dec: dec2000, magnitude: BODIES[name], size: null, words: "" }));
+
+const spelled = (name) => name.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "");
+
+/** Favourites and the lines of the own list, in their order; those that are not in the catalogue are looked up when tapped. */
+function own(objects) {
+  const byName = new Map(objects.flatMap((object) => object.names.map((name) => [spelled(name), object])));
+  const lines = [...marked("favourites"), ...ownList().split("\n").map((line) => line.trim()).filter(Boolean)];
+  return [...new Set(lines)].map((line) => {
+    const known = byName.get(spelled(line)), place = typedPlace(line);
+    if (known) return known;
+    return place && "ra" in place && place.j2000 ? { names: [line], kinds: "", ...place, magnitude: null, size: null } : { names: [line], kinds: "" };
+  });
+}
+
+function row({ object, altitude, unix }) {
+  const [name, ...others] = object.names;
+  const called = others.find((other) => /[a-z]{3}/.test(other)) ?? others[0] ?? "";
+  const magnitude = Number.isFinite(object.magnitude) && object.kinds !== "planet" ? object.magnitude.toFixed(1) : "";
+  const figures = object.words ?? [magnitude, sizeOf(object)].filter(Boolean).join(" · ");
+  const towards = unix ? azimuth(angles(skyAt(unix).place(object.ra, object.dec))[0]).split(" ").at(-1) : "";
+  const parts = [
+    el("b", {}, `${isMarked("favourites", name) ? "★ " : ""}${name}`),
+    el("span", { class: "best" }, unix ? `${angle(altitude, 0)} ${towards}` : ""),
+    el("span", { class: "called" }, [called, isMarked("seen", name) ? "✓ seen" : ""].filter(Boolean).join(" · ")),
+    el("span", { class: "figures" }, figures),
+  ];
+  const choose = () => {
+    open(false);
+    look(name);
+  };
+  const line = button("", choose, { class: "row" });
+  line.append(...parts);
+  return el("li", {}, line);
+}
+
+/** The rows to show, and what is said above them. */
+function content(objects, night) {
+  const now = gatewayNow(), from = lookingFrom(now, night, skyAt), limits = mount().limits;
+  const chosen = shown === "own" ? own(objects) : objects.filter(BELONGS[shown]);
+  const placed = chosen.filter((object) => object.ra !== undefined);
+  const found = tonight(placed, { from, sceneAt: skyAt, night, limits });
+  const best = shown === "own" ? chosen.map((object) => found.find((one) => one.object === object) ?? { object }) : found.slice(0, MOST);
+  const moon = night.altitude("moon", from, skyAt(from));
+  const when = from > now ? `When it is dark, from ${timeOfDay(from)} ${zone(from)}` : "Now and within two hours";
+  const words = `${when}, ${found.length} of ${chosen.length} are up, the best first. The Moon is ${moon > 0 ? `up, ${Math.round(100 * night.lit(from))} % lit` : "below the horizon"}.`;
+  return { best, words };
+}
+
+/** Where the observer pastes or loads a list of their own. */
+function ownForm() {
+  const text = el("textarea", { id: "own-list", rows: 5, spellcheck: "false", placeholder: "M 81\n05:34:32 +22:00:52 J2000" });
+  text.value = ownList();
+  const file = el("input", { type: "file", id: "own-file", accept: ".txt,.csv,text/plain" });
+  file.addEventListener("change", async () => file.files[0] && (text.value = (await file.files[0].text()).slice(0, 20000)));
+  const keep = () => {
+    keepList(text.value);
+    draw();
+  };
+  return el("details", { class: "own" }, el("summary", {}, "Paste or load a list"),
+    el("label", { for: "own-list" }, "One name, or right ascension and declination, a line. They are of date unless J2000 stands behind them."), text,
+    el("label", { for: "own-file" }, "From a file"), file, button("Keep this list", keep, { class: "primary" }));
+}
+
+async function draw() {
+  const rows = byId("tonight-rows"), says = byId("tonight-says");
+  try {
+    catalogue ??= await load();
+  } catch {
+    catalogue = null;
+    return say(says, "The list could not be loaded; tap Tonight again.");
+  }
+  const night = await nightNow();
+  for (const one of byId("tonight-kinds").children) one.setAttribute("aria-pressed", String(one.dataset.kind === shown));
+  byId("tonight").querySelector(".own").hidden = shown !== "own";
+  if (!night || !skyAt(0).sky) return say(says, "Which objects are up depends on the site of the mount, which is not known yet.");
+  const { best, words } = content([...planets(), ...catalogue], night);
+  say(says, words);
+  rows.replaceChildren(...best.map(row));
+}
+
+/** Build the panel, once. */
+function build() {
+  const kinds = KINDS.map(([kind, label]) => button(label, () => {
+    shown = kind;
+    byId("tonight").scrollTop = 0;
+    draw();
+  }, { "data-kind": kind, class: "chip" }));
+  const licence = el("a", { href: data("LICENSE-CC-BY-SA-4.0.txt"), target: "_blank" }, "CC-BY-SA 4.0");
+  byId("chart").before(el("section", { id: "tonight", "aria-label": "What is up tonight", tabindex: -1, hidden: true },
+    el("div", { id: "tonight-kinds", class: "kinds", role: "group", "aria-label": "Which objects" }, ...kinds),
+    el("p", { id: "tonight-says", class: "hint", role: "status" }, "Loading…"), ownForm(), el("ol", { id: "tonight-rows" }),
+    el("p", { class: "hint" }, "Nebulae, clusters and galaxies: a part of OpenNGC by Mattia Verga, ", licence, ".")));
+}
+
+/** Open the list, where it was left, or close it; `take` looks up what is tapped. */
+export function toggle(take) {
+  look = take;
+  open(byId("tonight")?.hidden ?? true);
+}
+
+function open(on) {
+  if (!byId("tonight")) build();
+  byId("tonight").hidden = !on;
+  document.body.classList.toggle("has-tonight", on);
+  byId("tonight-button").setAttribute("aria-pressed", String(on));
+  if (on) draw();
+}

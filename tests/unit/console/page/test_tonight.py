@@ -1,0 +1,144 @@
+"""What is up tonight: six nights with their lists, held against astropy, and the formula that orders them."""
+
+from __future__ import annotations
+
+import json
+import math
+from datetime import UTC, datetime
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import pytest
+
+from gateway.astro.catalog import supplied
+from gateway.astro.ephemeris.sky import Sky
+from gateway.astro.offline import go_offline
+from gateway.console.places import night
+from tests.support.each import each
+from tests.unit.console.page.node import ask
+
+LIMITS = {"lowest": 15.0, "highest": 85.0}
+
+
+class Evening(NamedTuple):
+    """A night: where, when, how much of the Moon is lit when one looks, and the best that is to be seen."""
+
+    name: str
+    latitude: float
+    longitude: float
+    when: str
+    lit: float
+    best: list[str]
+
+
+NIGHTS = [
+    Evening("Berlin in winter", 52.5, 13.4, "2026-01-18 20:00", 0.00, ["M45", "M44", "NGC869", "NGC884", "NGC1980"]),
+    Evening("Sydney in winter", -33.9, 151.2, "2026-06-14 12:00", 0.01, ["NGC6231", "M7", "ESO56-115", "M24", "M6"]),
+    Evening(
+        "Mauna Kea, full Moon", 19.8, -155.5, "2026-03-03 08:00", 1.00, ["M44", "M45", "NGC1980", "NGC2264", "M42"]
+    ),
+    Evening("Tromsø, no day", 69.6, 18.9, "2026-12-20 17:00", 0.84, ["M45", "NGC869", "NGC884", "M39", "M31"]),
+    Evening(
+        "Quito, new Moon", -0.2, -78.5, "2026-04-17 03:00", 0.00, ["M44", "IC2391", "NGC6231", "NGC3532", "NGC3372"]
+    ),
+    Evening("Edinburgh in June", 55.9, -3.2, "2026-06-20 15:30", 0.40, ["Cl399", "NGC7000", "M39", "IC4665", "NGC869"]),
+]
+#: Of each list so many rows are held against astropy.
+HELD = 40
+
+
+def told(evening: Evening) -> tuple[dict[str, Any], float, dict[str, Any]]:
+    """What the gateway tells of a mount there, the time, and its night."""
+    sky, unix = Sky(), datetime.fromisoformat(evening.when).replace(tzinfo=UTC).timestamp()
+    site = SimpleNamespace(latitude=evening.latitude, longitude=evening.longitude)
+    sidereal = sky.sidereal_time(unix, evening.longitude)
+    astrometry = SimpleNamespace(
+        sky=sky, sidereal_time=lambda: sidereal, site_clock=SimpleNamespace(site=lambda: site, unix=lambda: unix)
+    )
+    controller: Any = SimpleNamespace(astrometry=astrometry, wire_log=SimpleNamespace(clock=lambda: unix))
+    mount = {"index": 0, "site": vars(site), "sidereal": sidereal, "bodies": []}
+    return mount, unix, night(controller)
+
+
+def objects() -> list[dict[str, Any]]:
+    rows = json.loads(supplied.file("deepsky.json").read_text("utf-8"))["rows"]
+    doubles = json.loads(supplied.file("doubles.json").read_text("utf-8"))["rows"]
+    keys = ("kinds", "ra", "dec", "magnitude", "size", "width")
+    return [{"names": names.split("|"), **dict(zip(keys, row, strict=True))} for names, *row in rows] + [
+        {"names": names.split("|"), "kinds": "2", "ra": ra, "dec": dec, "magnitude": first, "size": apart / 60.0}
+        for names, _, ra, dec, first, _, apart, _ in doubles
+    ]
+
+
+@pytest.mark.parametrize("evening", NIGHTS, ids=lambda evening: evening.name)
+def test_a_night_has_its_list(evening: Evening) -> None:
+    go_offline()
+    from astropy.coordinates import AltAz, EarthLocation, SkyCoord, get_body
+    from astropy.time import Time
+
+    known = objects()
+    mount, unix, sun_and_moon = told(evening)
+    [found] = ask(("tonight", mount, unix, sun_and_moon, known, LIMITS))
+    names = [name for name, *_ in found["list"]]
+    assert names[:5] == evening.best
+    assert [one[3] for one in found["list"]] == sorted((one[3] for one in found["list"]), reverse=True)
+    assert found["lit"] == pytest.approx(evening.lit, abs=0.01)
+    place = EarthLocation.from_geodetic(evening.longitude, evening.latitude)
+
+    def altitude(where: Any, when: Any) -> Any:
+        return where.transform_to(AltAz(obstime=Time(when, format="unix"), location=place)).alt.deg
+
+    # The altitude of each at its best, and that it is at its best then.
+    by_name = {one["names"][0]: one for one in known}
+    rows = found["list"][:HELD]
+    stars = SkyCoord(*([by_name[row[0]][key] for row in rows] for key in ("ra", "dec")), unit="deg")
+    assert altitude(stars, [row[2] for row in rows]) == pytest.approx([row[1] for row in rows], abs=1.0 / 60.0)
+    assert all(LIMITS["lowest"] - 0.02 <= row[1] <= LIMITS["highest"] + 0.02 for row in found["list"])
+    assert all(found["from"] <= row[2] <= found["from"] + 7200 for row in found["list"])
+    # When they stand in the meridian, to a minute; aberration alone moves Polaris by more.
+    transits = ask(*(("culmination", mount, unix, by_name[row[0]]["ra"], by_name[row[0]]["dec"]) for row in rows))
+    times = Time([one["unix"] for one in transits], format="unix", location=place)
+    seen = stars.transform_to(AltAz(obstime=times, location=place))
+    for az, alt, dec in zip(seen.az.rad, seen.alt.rad, stars.dec.rad, strict=True):
+        if abs(dec) < math.radians(85.0):
+            assert abs(math.asin(math.sin(az) * math.cos(alt) / math.cos(dec))) < math.radians(0.25)
+    assert [one["altitude"] for one in transits] == pytest.approx(list(seen.alt.deg), abs=0.05)
+    # Sun and Moon through the night.
+    hours = [sun_and_moon["begins"] + 3600.0 * hour for hour in range(17)]
+    for body in ("sun", "moon"):
+        drawn = ask(*(("altitudeOf", mount, unix, sun_and_moon, body, hour) for hour in hours))
+        right = altitude(get_body(body, Time(hours, format="unix"), place), hours)
+        assert drawn == pytest.approx(list(right), abs=0.15)
+
+
+def test_one_looks_when_it_is_dark() -> None:
+    """In the afternoon the list is that of the evening; in steps of ten minutes it stays the same."""
+    hours = {"2026-06-20 15:30": 22, "2026-06-20 16:35": 22, "2026-06-20 23:08": 23}
+    found = []
+    for when in hours:
+        mount, unix, sun_and_moon = told(NIGHTS[-1]._replace(when=when))
+        found += ask(("tonight", mount, unix, sun_and_moon, objects()[:200], LIMITS))
+    assert [datetime.fromtimestamp(one["from"], UTC).hour for one in found] == list(hours.values())
+    assert found[0]["from"] == found[1]["from"] and found[2]["from"] % 600 == 0
+    assert [row[0] for row in found[0]["list"]] == [row[0] for row in found[1]["list"]]
+
+
+@each(
+    ("better", "worse"),
+    [
+        (({"kinds": "G", "magnitude": 8.0}, 60.0, 0.0), ({"kinds": "G", "magnitude": 8.0}, 30.0, 0.0)),
+        (({"kinds": "G", "magnitude": 8.0}, 60.0, 0.0), ({"kinds": "G", "magnitude": 9.0}, 60.0, 0.0)),
+        (({"kinds": "O", "magnitude": 8.0, "size": 30.0}, 60.0, 0.0), ({"kinds": "O", "magnitude": 8.0}, 60.0, 0.0)),
+        (({"kinds": "C", "magnitude": 8.0}, 60.0, 2.0), ({"kinds": "G", "magnitude": 8.0}, 60.0, 2.0)),
+        (({"kinds": "P", "magnitude": 8.0}, 60.0, 0.0), ({"kinds": "P", "magnitude": 8.0}, 60.0, 2.0)),
+        (({"kinds": "O", "magnitude": 8.0}, 60.0, 0.0), ({"kinds": "O"}, 60.0, 0.0)),
+    ],
+)
+def test_higher_brighter_larger_and_less_moonlight_is_better(better: Any, worse: Any) -> None:
+    one, other = ask(("worth", *better), ("worth", *worse))
+    assert one > other
+
+
+def test_moonlight_takes_nothing_from_a_double() -> None:
+    double = {"kinds": "2", "magnitude": 3.0}
+    assert len(set(ask(("worth", double, 50.0, 0.0), ("worth", double, 50.0, 3.0)))) == 1
