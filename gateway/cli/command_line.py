@@ -19,6 +19,8 @@ from gateway.cli.suggestions import example, plainly
 from gateway.core.about import full_version
 from gateway.core.errors import UserError
 
+#: The flags for help.
+HELP = ("-h", "--help")
 EXIT_CODES = """\
 Exit codes:
   0  done
@@ -121,41 +123,41 @@ class Parser(argparse.ArgumentParser):
 
 def endpoints() -> str:
     """Return the help on endpoints, with the list of all models."""
-    from gateway.protocols.registry import PROTOCOLS
-    from gateway.protocols.wireformat.command_set import load
+    from gateway.core.tables import mappings_folder, read_table
 
     lines = [WHERE + "models:"]
-    for protocol in PROTOCOLS:
-        lines += [f"  {protocol:<9} {' '.join(load(protocol).models)}"] * bool(load(protocol).models)
+    for models in sorted(mappings_folder().glob("*/models.toml")):
+        protocol = models.parent.name
+        lines.append(f"  {protocol:<9} {' '.join(read_table(f'{protocol}/models.toml'))}")
     return "\n".join(lines)
 
 
-#: Every command and its module, in the order of ``--help``.
+#: Every command, its module and what ``--help`` says of it, in the order of ``--help``.
 COMMANDS = {
-    "demo": "serve.demo",
-    "detect": "inspect.detect",
-    "doctor": "inspect.doctor",
-    "prove": "inspect.prove",
-    "run": "serve.run",
-    "status": "mount.status",
-    "watch": "mount.status",
-    "goto": "mount.requests",
-    "sync": "mount.requests",
-    "move": "mount.requests",
-    "park": "mount.requests",
-    "unpark": "mount.requests",
-    "stop": "mount.stop",
-    "fleet": "fleet",
-    "config": "serve.run",
-    "service": "serve.service",
-    "sim": "serve.sim",
-    "tables": "inspect.tables",
-    "explain": "inspect.tables",
-    "almanac": "inspect.almanac",
-    "replay": "inspect.recordings",
-    "decode": "inspect.recordings",
-    "report": "inspect.recordings",
-    "completion": "completion",
+    "demo": ("serve.demo", "a simulated mount to play with, on TCP 4040 (any program), 4030 and a virtual serial port"),
+    "detect": ("inspect.detect", "which mount is on which port, and how to start"),
+    "doctor": ("inspect.doctor", "what of this computer could be in the way, and what to do"),
+    "prove": ("inspect.prove", "compare your mount with what the gateway believes of it"),
+    "run": ("serve.run", "connect programs to a mount, or to several"),
+    "status": ("mount.status", "where the mount points, what it does, for whom, and within which limits"),
+    "watch": ("mount.status", "tell every second how the mount is, until Ctrl-C"),
+    "goto": ("mount.requests", "point the mount to a place or an object, through the gateway that runs"),
+    "sync": ("mount.requests", "tell the mount that it points to a place or an object now"),
+    "move": ("mount.requests", "move the mount north, south, east or west for some seconds"),
+    "park": ("mount.requests", "send the mount to its park position"),
+    "unpark": ("mount.requests", "take a parked mount up again: it tracks"),
+    "stop": ("mount.stop", "stop the mount: of every running gateway, and of one that was killed"),
+    "fleet": ("fleet", "a page with all mounts on an MQTT broker, and STOP for all of them"),
+    "config": ("serve.run", "the configuration in effect, or an example of gateway.toml"),
+    "service": ("serve.service", "a systemd unit that starts the gateway with the computer"),
+    "sim": ("serve.sim", "a simulated mount for other programs"),
+    "tables": ("inspect.tables", "what becomes of every command, per model"),
+    "explain": ("inspect.tables", "what happens to one command, in words and bytes"),
+    "almanac": ("inspect.almanac", "calculate where Sun, Moon and planets are, for a computer without astropy"),
+    "replay": ("inspect.recordings", "play a recording of run --record again and compare"),
+    "decode": ("inspect.recordings", "a recording or a capture of a serial line, in words"),
+    "report": ("inspect.recordings", "a recording as a page with plots"),
+    "completion": ("completion", "a script that completes commands and flags in your shell"),
 }
 
 FIRST = """\
@@ -183,13 +185,23 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
+    """Commands, each with its help in the list of all."""
+
+    def add_parser(self, name: str, **others: Any) -> Any:
+        return super().add_parser(name, help=COMMANDS[name][1], **others)
+
+
 def parser(asked: Sequence[str] = ()) -> Parser:
-    """Return the parser of the whole command line, or with only the commands in ``asked``."""
+    """Return the parser of the whole command line, or with only the commands in ``asked``; for help without theirs."""
     whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
     whole.add_argument("--version", action=_Version, nargs=0, help="print the version and the commit, and exit")
-    commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND", action=_Commands)
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
-        getattr(import_module(f"gateway.cli.{COMMANDS[name]}"), f"add_{name}")(commands)
+        if asked and asked[0] in HELP:
+            commands.add_parser(name)
+        else:
+            getattr(import_module(f"gateway.cli.{COMMANDS[name][0]}"), f"add_{name}")(commands)
     return whole
 
 

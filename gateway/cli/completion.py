@@ -34,7 +34,6 @@ with fish:
 def add_completion(commands: Commands) -> None:
     completion = commands.add_parser(
         "completion",
-        help="a script that completes commands and flags in your shell",
         description="Prints a script with which your shell completes commands and flags when you press TAB.",
         epilog=HOW,
     )

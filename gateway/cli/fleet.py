@@ -33,7 +33,7 @@ def add_fleet(commands: Commands) -> None:
     from gateway.app.config.describing import keys
 
     fleet = commands.add_parser(
-        "fleet", help="a page with all mounts on an MQTT broker, and STOP for all of them",
+        "fleet",
         description="Shows every mount on an MQTT broker in the browser: what it does, where it points, whether it is "
                     "there; with STOP for each and for all. It moves nothing. Serves until Ctrl-C.",
         epilog=EXAMPLES,

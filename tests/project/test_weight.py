@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 import socket
+import subprocess
 import sys
 import time
 import tomllib
@@ -42,6 +43,17 @@ def test_the_file_for_a_computer_with_little_room_lists_everything_but_astropy()
                 needed.add(name)
                 left.append(name)
     assert set(map(_plain, named)) == needed
+
+
+def test_help_loads_neither_an_event_loop_nor_the_protocols() -> None:
+    """A small computer takes a second for these."""
+    program = "import sys; from gateway.cli import main; sys.argv[1:] = ['--help']\ntry: main()\nexcept SystemExit: "
+    program += "print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE, check=True)
+    loaded = done.stderr.split()
+    assert "nexstar" in done.stdout and "run  " in done.stdout
+    assert not {"asyncio", "msgspec", "gateway.protocols.registry"} & set(loaded)
+    assert sum(name.startswith("gateway") for name in loaded) < 15
 
 
 #: A gateway that writes the names of all packages it has imported to a file, when it is sent SIGUSR1.

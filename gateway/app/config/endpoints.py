@@ -16,8 +16,6 @@ from urllib.parse import urlsplit
 import msgspec
 
 from gateway.app.config.mount_names import resolve_name, suggest_name
-from gateway.astro.ephemeris import keeper
-from gateway.astro.ephemeris.day_table import DAY
 from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
@@ -182,6 +180,9 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 
     astropy translates them, in a process of its own, and the almanac keeps them for the next start.
     """
+    from gateway.astro.ephemeris import keeper
+    from gateway.astro.ephemeris.day_table import DAY
+
     wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
         raise wrong

@@ -24,7 +24,7 @@ LONGEST = 130
 
 def add_almanac(commands: Commands) -> None:
     command = commands.add_parser(
-        "almanac", help="calculate where Sun, Moon and planets are, for a computer without astropy",
+        "almanac",
         description="Calculates tables of the sky with astropy, from today on, and writes them to a file for run "
                     "--almanac FILE. A gateway does this by itself where astropy is installed.",
         epilog="Example:\n  mount-gateway almanac year.almanac --days 400\n",

@@ -25,7 +25,7 @@ NONE_FOUND = 1
 
 def add_detect(commands: Commands) -> None:
     detect = commands.add_parser(
-        "detect", help="which mount is on which port, and how to start",
+        "detect",
         description="Looks for a mount on all serial ports and for ASCOM Alpaca telescopes in the network, or at those "
                     "given. A port is asked two harmless "
                     "questions (Kx, then ACK), and one named as lx200@ a third (:GR#), first at 9600 baud; nothing "

@@ -24,7 +24,7 @@ Examples:
 
 def add_doctor(commands: Commands) -> None:
     doctor = commands.add_parser(
-        "doctor", help="what of this computer could be in the way, and what to do",
+        "doctor",
         description="Looks at Python and packages, serial ports and who may use or has them, programs that disturb "
                     "them, the clock, the age of the astronomy data, TCP ports, the state folder and the gateways that "
                     "run. It opens no serial port and changes nothing. Exit code 0: nothing is to be mended, 1: "

@@ -41,7 +41,6 @@ Examples:
 def add_prove(commands: Commands) -> None:
     prove = commands.add_parser(
         "prove",
-        help="compare your mount with what the gateway believes of it",
         description="Leads through a check of the mount, which takes about ten minutes: it asks before anything moves, "
         "and the space bar stops everything. It takes every flag of run, too: mount-gateway run --help lists them. "
         "It never syncs, parks or changes a setting.",

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 def add_decode(commands: Commands) -> None:
     decode = commands.add_parser(
         "decode",
-        help="a recording or a capture of a serial line, in words",
         description="Prints a recording, command by command. Understands recordings of run --record, pyserial's "
         "spy://, socat -x, and the bare bytes that a client sent.",
         epilog="Example:\n  mount-gateway decode night.rec | less",
@@ -74,7 +73,6 @@ def _guessed(capture: Capture, path: Path) -> str:
 def add_replay(commands: Commands) -> None:
     replay = commands.add_parser(
         "replay",
-        help="play a recording of run --record again and compare",
         description="Plays a recording again. The recorded times are the clock, the recorded mount is the mount: every "
         "client must receive the bytes that it received then. Exit code 1 when not.",
         epilog="Examples:\n  mount-gateway run --config gateway.toml --record night.rec\n"
@@ -111,7 +109,6 @@ def _replay(arguments: argparse.Namespace) -> int:
 def add_report(commands: Commands) -> None:
     report = commands.add_parser(
         "report",
-        help="a recording as a page with plots",
         description="Writes one HTML file that needs nothing else: where the telescope pointed, how long the mount "
         "took to answer, what went wrong, what every program sent, and what was refused and why.",
         epilog="Example:\n  mount-gateway report night.rec -o night.html",

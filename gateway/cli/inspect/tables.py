@@ -9,7 +9,7 @@ from gateway.cli.command_line import Commands
 
 def add_tables(commands: Commands) -> None:
     tables = commands.add_parser(
-        "tables", help="what becomes of every command, per model",
+        "tables",
         description="Prints as Markdown what becomes of every command of every protocol (mappings/README.md holds "
                     "the same), or of those that programs can send to one mount.",
         epilog="Examples:\n  mount-gateway tables --model 6se | less\n  mount-gateway tables --model lx200gps\n"
@@ -52,7 +52,6 @@ def _tables(arguments: argparse.Namespace) -> int:
 def add_explain(commands: Commands) -> None:
     explain = commands.add_parser(
         "explain",
-        help="what happens to one command, in words and bytes",
         epilog="Examples:\n  mount-gateway explain lx200 nexstar :MS#\n"
         "  mount-gateway explain lx200gps 6se :gT#\n  mount-gateway explain nexstar lx200gps e\n"
         "  mount-gateway explain lx200:lx200gps nexstar:cge/3.02 :gT#\n\n"

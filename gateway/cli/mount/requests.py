@@ -53,7 +53,7 @@ A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and map
 
 def add_goto(commands: Commands) -> None:
     goto = commands.add_parser(
-        "goto", help="point the mount to a place or an object, through the gateway that runs",
+        "goto",
         description="Points the mount of the gateway that runs here to a place on the sky. The gateway's limits hold; "
                     "what it refuses is said in words, with exit code 1.",
         epilog=f"{GOTO}\n{PLACES}",
@@ -65,7 +65,7 @@ def add_goto(commands: Commands) -> None:
 
 def add_sync(commands: Commands) -> None:
     sync = commands.add_parser(
-        "sync", help="tell the mount that it points to a place or an object now",
+        "sync",
         description="Tells the mount of the gateway that runs here where it points now: centre an object first. One "
                     "that is too far away is refused (--sync-limit of run), and so is one while the mount moves.",
         epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
@@ -76,7 +76,7 @@ def add_sync(commands: Commands) -> None:
 
 def add_move(commands: Commands) -> None:
     move = commands.add_parser(
-        "move", help="move the mount north, south, east or west for some seconds",
+        "move",
         description="Presses an arrow of the mount of the gateway that runs here. The gateway itself releases it when "
                     "the time is over, whatever becomes of this command; Ctrl-C releases it at once.",
         epilog=MOVE,
@@ -100,7 +100,7 @@ def add_move(commands: Commands) -> None:
 
 def add_park(commands: Commands) -> None:
     park = commands.add_parser(
-        "park", help="send the mount to its park position",
+        "park",
         description="Sends the mount of the gateway that runs here to its park position, where its tracking is off "
                     "(park of run says where that is).",
         epilog="Example:\n  mount-gateway park --wait\n",
@@ -111,7 +111,7 @@ def add_park(commands: Commands) -> None:
 
 def add_unpark(commands: Commands) -> None:
     unpark = commands.add_parser(
-        "unpark", help="take a parked mount up again: it tracks",
+        "unpark",
         description="Takes the mount of the gateway that runs here up again: it tracks from now on.",
         epilog="Example:\n  mount-gateway unpark\n",
     )  # fmt: skip

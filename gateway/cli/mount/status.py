@@ -29,7 +29,7 @@ Examples:
 
 def add_status(commands: Commands) -> None:
     command = commands.add_parser(
-        "status", help="where the mount points, what it does, for whom, and within which limits",
+        "status",
         description="Tells of every gateway that runs here where its mount points, what it does and for whom, which "
                     "programs are connected and where others can connect, how its line is, what limits hold, which "
                     "folder its state is in, and what was refused or ended in the last minute. Exit code 1: no gateway "
@@ -43,7 +43,7 @@ def add_status(commands: Commands) -> None:
 
 def add_watch(commands: Commands) -> None:
     command = commands.add_parser(
-        "watch", help="tell every second how the mount is, until Ctrl-C",
+        "watch",
         description="Tells every second where the mount of the gateway that runs here points and what it does: on a "
                     "terminal on one line, else line by line; and at first, and when they change, the addresses where "
                     "programs connect.",

@@ -28,7 +28,7 @@ Examples:
 
 def add_stop(commands: Commands) -> None:
     stop = commands.add_parser(
-        "stop", help="stop the mount: of every running gateway, and of one that was killed",
+        "stop",
         description="Ends every motion of every mount here, and looks at each until it rests. Exit code 0: every one "
                     "was seen at rest, 1: one could not be stopped or seen, or it cannot be known what runs.",
         epilog=EXAMPLES,

@@ -42,7 +42,7 @@ and with --reverse, where a command is sent without the end of a line:
 
 def add_demo(commands: Commands) -> None:
     demo = commands.add_parser(
-        "demo", help="a simulated mount to play with, on TCP 4040 (any program), 4030 and a virtual serial port",
+        "demo",
         description="Plays a mount and a gateway before it, so that a program can be tried out without either.",
         epilog=EXAMPLES,
     )  # fmt: skip

@@ -25,7 +25,7 @@ Examples:
 
 def add_run(commands: Commands) -> None:
     run = commands.add_parser(
-        "run", help="connect programs to a mount, or to several",
+        "run",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
                     "can connect, and serves until Ctrl-C, which stops the mount first.",
         late=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
@@ -47,7 +47,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def add_config(commands: Commands) -> None:
     config = commands.add_parser(
-        "config", help="the configuration in effect, or an example of gateway.toml",
+        "config",
         description="Prints what run would go by, and where each value comes from. It takes every flag of run, too: "
                     "mount-gateway run --help lists them.",
         epilog="Examples:\n  mount-gateway config --example > gateway.toml\n"

@@ -94,7 +94,7 @@ Examples:
 
 def add_service(commands: Commands) -> None:
     service = commands.add_parser(
-        "service", help="a systemd unit that starts the gateway with the computer",
+        "service",
         description="Prints a systemd unit for this installation. It waits for a mount that is switched on later, and "
                     "stops the mount when the gateway ends, however it ends.",
         epilog=HOW,

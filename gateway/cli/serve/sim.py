@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def add_sim(commands: Commands) -> None:
-    sim = commands.add_parser("sim", help="a simulated mount for other programs", late=_epilog)
+    sim = commands.add_parser("sim", late=_epilog)
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
