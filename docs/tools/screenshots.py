@@ -29,6 +29,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
 from gateway.console.server import Console
 from gateway.core.wire_log import WireLog
+from gateway.transport.web_port import WebPort
 from gateway.transport.wires import SimulatedTransport
 
 PICTURES = Path(__file__).resolve().parent.parent / "pictures"
@@ -66,8 +67,10 @@ async def main() -> None:
         await asyncio.to_thread(gateway.sky.load)
         with patch("gateway.app.bindings.simulated_transport", wire):  # the mount has the same evening
             await gateway.open()
-        console = Console([gateway])
-        await console.open("127.0.0.1", 0)
+        console, port = Console([gateway]), WebPort()
+        port.server = console
+        await console.open()
+        await port.open("tcp://127.0.0.1:0")
         await gateway.wait_identified(10.0)
         try:
             await _program(gateway)
@@ -76,10 +79,10 @@ async def main() -> None:
                 browser = await playwright.chromium.launch(executable_path=where, args=["--no-sandbox"])
                 for (name, size, view, night), goal in zip(SHOTS, cycle(GOALS), strict=False):
                     busy = _talk(gateway) if name == "conversation" else _send(gateway, goal)
-                    await _shoot(browser, console, name, size, view, night, busy)
+                    await _shoot(browser, port.where.replace("tcp", "http"), name, size, view, night, busy)
                 await browser.close()
         finally:
-            await console.close()
+            await port.close()
             await gateway.close()
 
 
@@ -117,7 +120,7 @@ async def _talk(gateway: Gateway) -> None:
 
 
 async def _shoot(
-    browser: Browser, console: Console, name: str, size: tuple[int, int], view: str, night: bool,
+    browser: Browser, where: str, name: str, size: tuple[int, int], view: str, night: bool,
     busy: Coroutine[Any, Any, None],
 ) -> None:  # fmt: skip
     """Take a picture of a view this many seconds after something has begun."""
@@ -126,7 +129,7 @@ async def _shoot(
     mode = "night" if night else "day"
     kept = f"localStorage.setItem('light-mode', '{mode}'); localStorage.setItem('light-shown', '{mode}')"
     await page.add_init_script(kept)
-    await page.goto(f"{console.where}#{view}")
+    await page.goto(f"{where}/#{view}")
     await asyncio.sleep(4.0)  # the sky is painted, and the line to the mount has some history
     TASKS.add(asyncio.ensure_future(busy))
     await asyncio.sleep(7.0 if view == "/talk" else 4.0)

@@ -141,7 +141,7 @@ class MountState(Struct, frozen=True, dict=True):
 
     def _allowed(self) -> Iterator[str]:
         limits = self.policy.limits
-        yield f"altitude {limits.lowest:g}° to {limits.highest:g}°"
+        yield f"altitude {limits.lowest:g}° to {limits.highest:g}°{', narrowed by a page' * limits.by_page}"
         if limits.sun > 0.0:
             yield f"no nearer to the Sun than {limits.sun:g}°"
         if limits.hour_angle is not None:

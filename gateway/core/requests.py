@@ -119,6 +119,30 @@ class TellSite(Base, frozen=True, tag="site"):
     longitude: Annotated[float, Meta(ge=-180.0, le=360.0)]
 
 
+class Guide(Base, frozen=True, tag="guide"):
+    """Guide in a direction on the sky for some milliseconds."""
+
+    direction: Direction
+    ms: Annotated[int, Meta(ge=1, le=5000)]
+
+
+class TellGuideRate(Base, frozen=True, tag="guide rate"):
+    """Set the guide rate of both axes, as a fraction of sidereal."""
+
+    rate: Annotated[float, Meta(gt=0.0, le=1.0)]
+
+
+class Narrow(Base, frozen=True, tag="narrow"):
+    """Narrow the altitude limits until the gateway ends; None: as the configuration has it."""
+
+    lowest: Annotated[float, Meta(ge=-90.0, le=90.0)] | None = None
+    highest: Annotated[float, Meta(ge=-90.0, le=90.0)] | None = None
+
+
+class Look(Struct, frozen=True, tag="look"):
+    """Ask the mount for what is polled for nobody: the side of its pier and its drive rate, a multiple of sidereal."""
+
+
 class Follow(Struct, frozen=True, tag="follow"):
     """Ask for the progress of the request with this number."""
 
@@ -151,7 +175,8 @@ class Release(Struct, frozen=True, tag="release"):
 
 Halt = Stop | Hold | Release
 Request = (
-    Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Track | TellTime | TellSite | Follow | End | See | Halt
+    Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Guide | Track | TellTime | TellSite | TellGuideRate
+    | Narrow | Look | Follow | End | See | Halt
 )  # fmt: skip
 
 #: The outcome of a request: carried out, still in progress, not carried out.

@@ -71,6 +71,7 @@ class MountController:
         sync = SyncSettings(context, runner, reader)
         self.settings = SiteAndClock(context, runner, sync)
         # Limits and motion.
+        self.owners_limits = context.policy.limits
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note, wanted)
         watch = self.watch = LimitWatch(context, reader, self.ends)
         sync.moved_by_others = lambda: watch.moved_by_others
@@ -145,6 +146,12 @@ class MountController:
     @property
     def policy(self) -> Policy:
         return self.context.policy
+
+    def narrow(self, lowest: float | None, highest: float | None) -> None:
+        """Narrow the owner's altitude limits until the gateway ends; None: as the owner has them. Raises Invalid."""
+        limits = self.owners_limits.narrowed_by_page(lowest, highest)
+        self.context.policy = replace(self.policy, limits=limits)
+        self.watch.narrow(limits.lowest, limits.highest)
 
     @property
     def moving(self) -> bool:

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.about import RULES
-from gateway.core.errors import BelowHorizon, Held, Refused, TooHigh
+from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 
 AT_LIMIT = 1.0 / 3600.0
 #: The motion orders that are allowed while a mount is held; all others are refused.
@@ -22,7 +22,7 @@ CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, w
 class Limits(Struct, frozen=True):
     """The operator's limits: altitudes, the largest sync, the smallest distance from the Sun (``sun``, 0 for none), the
     largest hour angle past the meridian (None for none). All in degrees. ``at_keys`` are the altitudes for motion at
-    the mount's own keys: only limits that the owner has written down end that.
+    the mount's own keys: only limits that the owner has written down end that. ``by_page``: a page has narrowed them.
     """
 
     lowest: float = 0.0
@@ -31,6 +31,7 @@ class Limits(Struct, frozen=True):
     sun: float = 20.0
     hour_angle: float | None = None
     at_keys: tuple[float, float] = (-90.0, 90.0)
+    by_page: bool = False
 
     def narrowed(self, lowest: float | None, highest: float | None) -> Limits:
         """Return these limits, made tighter for one client, never wider."""
@@ -39,6 +40,15 @@ class Limits(Struct, frozen=True):
             lowest=self.lowest if lowest is None else max(self.lowest, lowest),
             highest=self.highest if highest is None else min(self.highest, highest),
         )
+
+    def narrowed_by_page(self, lowest: float | None, highest: float | None) -> Limits:
+        """Return these limits, made tighter by a page for all clients. Raises Invalid."""
+        limits = self.narrowed(lowest, highest)
+        if lowest not in (None, limits.lowest) or highest not in (None, limits.highest):
+            raise Invalid(f"The configuration allows {self.lowest:g} to {self.highest:g} degrees; a page narrows that.")
+        if limits.lowest >= limits.highest:
+            raise Invalid("Nothing would be allowed: the lowest altitude must be below the highest.")
+        return replace(limits, by_page=limits != self)
 
     def check_altitude(self, altitude: float) -> None:
         """Check an altitude. Raises BelowHorizon or TooHigh."""

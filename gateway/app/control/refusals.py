@@ -31,6 +31,11 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.Stopped, "A stop, or another order, came before it was done."),
     (errors.Busy, "Ask again in a moment."),
 )  # fmt: skip
+#: The explanation of a refusal by limits that a page has narrowed.
+BY_PAGE = (
+    "A page of the console allows {limits.lowest:g} to {limits.highest:g} degrees until the gateway ends; it can take "
+    "that back under More."
+)
 #: The explanation of an ``Unsupported`` without words of its own.
 UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
 
@@ -40,6 +45,8 @@ def explain(fault: Fault, limits: Limits) -> str:
     if fault.brief:
         return str(fault)  # it says what to do
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
+    if limits.by_page and isinstance(fault, errors.BelowHorizon | errors.TooHigh | errors.WayBlocked):
+        means = BY_PAGE
     if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:
         means = UNSUPPORTED
     return f"{fault} {means.format(limits=limits)}" if means else str(fault)

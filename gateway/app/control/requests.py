@@ -50,7 +50,10 @@ class ActiveRequest:
 
 
 #: The names of requests for people, if they are not those of their classes.
-TITLES = {"Press": "Arrow", "LetGo": "Release of an arrow", "TellTime": "Time", "TellSite": "Site"}
+TITLES = {
+    "Press": "Arrow", "LetGo": "Release of an arrow", "TellTime": "Time", "TellSite": "Site",
+    "TellGuideRate": "Guide rate", "Narrow": "Limits",
+}  # fmt: skip
 
 
 def title(request: object) -> str:
@@ -123,6 +126,8 @@ class RequestHandler:
                 if request.fresh:
                     await self._refresh()
                 return Answer(DONE, msgspec.json.encode(self.state()).decode())
+            case requests.Look():
+                return Answer(DONE, msgspec.json.encode(await self._look()).decode())
             case requests.Follow():
                 return await self._follow(request.number)
             case requests.End():
@@ -177,6 +182,17 @@ class RequestHandler:
             case requests.TellSite():
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return "the site is set"
+            case requests.Guide():
+                await self._perform(op.Pulse(request.direction, request.ms, sky=True), active)
+                return f"it was guided {request.direction.word} for {request.ms} ms"
+            case requests.TellGuideRate():
+                for axis in (1, 2):
+                    await self._controller.perform(op.SetGuideRate(axis, request.rate), None, active.activity)
+                return f"the guide rate is {request.rate:g} of sidereal"
+            case requests.Narrow():
+                self._controller.narrow(request.lowest, request.highest)
+                limits = self._controller.policy.limits
+                return f"altitudes from {limits.lowest:g}° to {limits.highest:g}° are allowed"
             case requests.Unpark():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
                 return "it is in service again, and tracks"
@@ -306,6 +322,19 @@ class RequestHandler:
                 FAILED, f"the mount has not acknowledged the stop: {explain(fault, controller.policy.limits)}"
             )
         return Answer(DONE, "the mount was stopped")
+
+    async def _look(self) -> dict[str, Any]:
+        """Read what is polled for nobody; None for what the mount does not tell."""
+        controller = self._controller
+        told: dict[str, Any] = {"pier": None, "drive": None}
+        if controller.line.state != "up" or controller.driver.asleep:
+            return told
+        reads: dict[str, op.Operation[Any]] = {"pier": op.PierSide()} if controller.driver.german else {}
+        for name, read in {**reads, "drive": op.DriveRate()}.items():
+            with contextlib.suppress(Fault, TimeoutError):
+                async with asyncio.timeout(SIGHT):
+                    told[name] = await controller.perform(read)
+        return told
 
     async def _refresh(self) -> None:
         """Refresh position and status, unless the mount does not answer soon."""

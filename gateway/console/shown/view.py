@@ -21,6 +21,8 @@ from gateway.mount.safety.admission.contradictions import site_text, time_unknow
 STEPS = 24
 #: Decimal places of degrees: 0.04 arcseconds for positions, 0.001 degrees for azimuth and altitude; the rest is noise.
 FINE, COARSE = 5, 3
+#: The operations that the page offers only where the mount has them.
+OFFERED = ("Home", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
 #: The bodies of the solar system that are shown.
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
@@ -40,12 +42,22 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "lately": list(shown.lately), "dead_man": state.policy.silence,
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
-        "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle")},
+        "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
+        "own_limits": [controller.owners_limits.lowest, controller.owners_limits.highest],
+        **_abilities(controller, status),
     }  # fmt: skip
     here = None if look.position is None else coordinates(controller, look.position, state.over)
     position = {"position": here and {**here, "age": round(look.age, 1)}}
     yield {**position, **_sky(controller, state), **_site_and_clock(state)}
     yield _goal(controller, state, here)
+
+
+def _abilities(controller: MountController, status: op.Status | None) -> dict[str, Any]:
+    """Return what the mount can do of what the page offers, and its guide rates; None while it is not known."""
+    if not controller.identified.is_set() or status is None:
+        return {"can": None, "guides": None}
+    able = controller.driver.can_do(status.equatorial)
+    return {"can": [name for name in OFFERED if name in able.can], "guides": [round(rate, 3) for rate in able.guides]}
 
 
 def coordinates(controller: MountController, place: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:

@@ -36,6 +36,11 @@ ASKED: tuple[dict[str, Any], ...] = (
     {"do": "record", "on": False},
     {"do": "talk", "on": True},
     {"do": "park"},
+    {"do": "narrow", "lowest": 30.0},
+    {"do": "narrow"},
+    {"do": "look"},
+    {"do": "pulse", "direction": "west", "ms": 300},
+    {"do": "guide_rate", "rate": 0.25},
     {"do": "unpark"},
     {"do": "beat"},
 )

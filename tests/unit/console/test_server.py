@@ -93,7 +93,7 @@ async def at_port(console: Console) -> AsyncIterator[str]:
 
 @asynccontextmanager
 async def opened(state: Path, access: Access = Access(), pin: str = "", **mount: Any) -> AsyncIterator[Open]:
-    config = MountConfig(at="nexstar@sim", speed=6.0, sun=0.0, state=str(state), **mount)
+    config = MountConfig(**({"at": "nexstar@sim", "speed": 6.0, "sun": 0.0, "state": str(state)} | mount))
     gateway = Gateway(config, [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")], warn=lambda text: None)
     await gateway.open()
     console = Console([gateway], access, pin)
@@ -331,6 +331,40 @@ def test_tracking_time_and_site_are_set_as_programs_set_them(tmp_path: Path) -> 
             await page.until(lambda: page.mount["tracks"])
             assert (await page.ask("time", unix=1768514400.0, offset=1.0))["ok"]
             assert (await page.ask("site", latitude=48.1, longitude=11.6))["ok"]
+
+    play(work())
+
+
+def test_limits_are_narrowed_from_a_page_and_taken_back(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path, lowest=10.0) as there, there.page() as page:
+            low = {"ra": page.mount["position"]["ra2000"], "dec": page.mount["position"]["dec2000"], "j2000": True}
+            wider = await page.ask("narrow", lowest=5.0)
+            assert not wider["ok"] and "The configuration allows 10 to 90 degrees" in wider["words"]
+            assert not (await page.ask("narrow", lowest=60.0, highest=60.0))["ok"]
+            assert (await page.ask("narrow", lowest=80.0))["ok"]
+            refused = await page.ask("goto", **low)
+            assert not refused["ok"] and "A page of the console allows 80 to 90 degrees" in refused["words"]
+            await page.until(lambda: page.mount["limits"]["by_page"] and page.mount["own_limits"] == [10.0, 90.0])
+            assert "altitude 80° to 90°, narrowed by a page" in page.mount["allowed"]
+            assert (await page.ask("narrow"))["ok"] and (await page.ask("goto", **low))["ok"]
+            await page.until(lambda: not page.mount["limits"]["by_page"])
+
+    play(work())
+
+
+def test_a_german_mount_tells_its_pier_and_is_guided(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path, at="nexstar:cge@sim") as there, there.page() as page:
+            assert {"Pulse", "SetGuideRate", "TrackRate"} <= set(page.mount["can"])
+            assert (await page.ask("track", on=True, rate="lunar"))["ok"]
+            told = json.loads((await page.ask("look"))["words"])
+            assert told["pier"] in ("E", "W") and told["drive"] == pytest.approx(0.9763, abs=0.001)
+            await page.until(lambda: page.mount["pier"] == told["pier"])
+            assert (await page.ask("guide_rate", rate=0.75))["ok"]
+            await page.until(lambda: page.mount["guides"] == [0.75, 0.75])
+            assert (await page.ask("pulse", direction="north", ms=500))["ok"]
+            assert not (await page.ask("pulse", direction="north", ms=99999))["ok"]
 
     play(work())
 

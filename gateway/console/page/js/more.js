@@ -2,9 +2,12 @@
 
 import { button, byId, choice, el, say } from "./core/dom.js";
 import { angle } from "./core/format.js";
+import { ask } from "./core/socket.js";
 import { mount, state, subscribe } from "./core/store.js";
+import { answered } from "./frame/notices.js";
 import * as awake from "./frame/awake.js";
 import { askForPin } from "./frame/banners.js";
+import { limitsButtons } from "./readings/limits.js";
 import { light, onLight, setMode, setStep, sunAltitude } from "./frame/night.js";
 
 const KEYS = [
@@ -48,8 +51,23 @@ function pageGroup() {
   return group("This page", words, version, screen, pin);
 }
 
+const GUIDES = [["0.25", "¼"], ["0.5", "½"], ["0.75", "¾"], ["1", "1"]];
+
+function guideGroup() {
+  const box = el("div", { class: "chips", role: "group", "aria-label": "Guide rate" });
+  const rates = choice(box, GUIDES, async (rate) => answered(await ask({ do: "guide_rate", rate: Number(rate) })));
+  const whole = group("Guide rate, a part of sidereal", box);
+  subscribe(() => {
+    const seen = mount();
+    whole.hidden = !seen?.can?.includes("SetGuideRate");
+    rates.set(String(seen?.guides?.[0]));
+    for (const one of box.children) one.disabled = !state.act;
+  });
+  return whole;
+}
+
 /** A list of sentences that is updated when it changes. */
-function list(title, lines, none) {
+function list(title, lines, none, ...more) {
   const box = el("ul", { class: "lines" });
   let before = "";
   subscribe(() => {
@@ -58,14 +76,15 @@ function list(title, lines, none) {
     before = JSON.stringify(now);
     box.replaceChildren(...(now.length ? now : [none]).map((line) => el("li", {}, line)));
   });
-  return group(title, box);
+  return group(title, box, ...more);
 }
 
 export function start() {
   byId("more").replaceChildren(
     lightGroup(),
     list("Where programs connect", (seen) => seen.surfaces, "nowhere"),
-    list("What is allowed", (seen) => seen.allowed, "everything"),
+    list("What is allowed", (seen) => seen.allowed, "everything", ...limitsButtons()),
+    guideGroup(),
     group("Keys", el("dl", { class: "keys" }, ...KEYS.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
     pageGroup(),
   );

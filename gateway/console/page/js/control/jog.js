@@ -8,6 +8,7 @@ import { notice } from "../frame/notices.js";
 import { ask, inBeats, on, tell } from "../core/socket.js";
 import { state, subscribe } from "../core/store.js";
 import { onView } from "../core/views.js";
+import { onStep, step, take } from "./steps.js";
 import { onTurn, upsideDown } from "./turned.js";
 
 /** The direction of a key is that of the arrow in the same place of the pad. */
@@ -28,6 +29,10 @@ function mark(direction, on) {
 
 async function press(direction, by) {
   if (held.has(direction) || !state.act) return;
+  if (step()) {
+    take(direction);
+    return;
+  }
   letGo(OPPOSITE[direction]);
   const mine = { by, mount: state.chosen, press: ++presses };
   held.set(direction, mine);
@@ -61,7 +66,7 @@ function setRate(wanted) {
   rate = Math.min(9, Math.max(1, wanted));
   byId("rate").value = String(rate);
   byId("rate").style.setProperty("--part", `${(rate - 1) / 8}`);
-  say(byId("rate-shown"), `rate ${rate}`);
+  face();
   keep("rate", String(rate));
   for (const [direction, { mount, press }] of held) tell({ do: "jog", direction, rate, mount, press });
 }
@@ -72,7 +77,8 @@ function face() {
   if (now !== turned) letAllGo();
   turned = now;
   byId("pad").dataset.up = turned ? "south" : "north";
-  say(byId("pad-hint"), `Hold to move, let go to stop. ${turned ? "W" : "E"} is left, as in the chart.`);
+  say(byId("pad-hint"), `${step() ? `A tap is ${step()}` : "Hold an arrow to move"}. ${turned ? "W" : "E"} is left, as in the chart.`);
+  say(byId("rate-shown"), step() || `rate ${rate}`);
 }
 
 function listenToPointers(pad) {
@@ -121,6 +127,10 @@ export function start() {
   byId("faster").addEventListener("click", () => setRate(rate + 1));
   setRate(Number(kept("rate")) || 5);
   onTurn(face);
+  onStep(() => {
+    letAllGo();
+    face();
+  });
   subscribe(() => {
     for (const one of pad.querySelectorAll("[data-go]")) one.disabled = !state.act;
   });

@@ -1,10 +1,14 @@
-// Orders other than motion by hand: tracking and its rate, park and home, sync, hold and release.
+// Orders other than motion by hand: tracking and its rate, park and home, search, sync, hold and release. What the
+// mount cannot do is not offered. What leads the telescope far away asks first.
 
 import { button, byId, choice, el } from "../core/dom.js";
-import { answered } from "../frame/notices.js";
-import { sync } from "../finding/place.js";
 import { ask } from "../core/socket.js";
 import { state, mount, subscribe } from "../core/store.js";
+import { sync } from "../finding/place.js";
+import { answered } from "../frame/notices.js";
+import { question } from "../frame/question.js";
+import { following, look } from "./look.js";
+import { search } from "./steps.js";
 
 const RATES = [["sidereal", "Stars"], ["lunar", "Moon"], ["solar", "Sun"]];
 const send = async (request) => answered(await ask(request));
@@ -14,28 +18,40 @@ function row(title, ...content) {
 }
 
 function group(label, choices, chosen) {
-  const box = el("div", { class: "chips", role: "radiogroup", "aria-label": label });
+  const box = el("div", { class: "chips", role: "group", "aria-label": label });
   return [box, choice(box, choices, chosen)];
+}
+
+async function goFar(request, title, words) {
+  if (await question({ title: `${title}?`, words, yes: title })) send(request);
 }
 
 export function start() {
   const [onOff, tracks] = group("Tracking", [["on", "On"], ["off", "Off"]], (value) => send({ do: "track", on: value === "on" }));
-  const rates = el("div", { class: "chips", role: "group", "aria-label": "Rate of tracking" },
-    ...RATES.map(([rate, words]) => button(words, () => send({ do: "track", on: true, rate }))));
+  const [rates, follows] = group("Rate of tracking", RATES, (rate) => send({ do: "track", on: true, rate }).then(look));
   const syncs = button("Sync…", sync);
   const wakes = button("Wake", () => send({ do: "wake" }));
   const holds = button("Hold still", () => send({ do: mount()?.held ? "release" : "hold" }));
+  const parks = button("Park…", () => goFar({ do: "park" }, "Park", "It slews to its park position, and tracking ends there."));
+  const homes = button("Home…", () => goFar({ do: "home" }, "Go home", "It slews to its home position."));
+  const searches = button("Search…", search);
+  const [tracking, followed] = [row("Tracking", onOff), row("Follow", rates)];
   byId("orders").replaceChildren(
-    row("Tracking", onOff),
-    row("Follow", rates),
-    row("Go to", el("div", { class: "chips" }, button("Park", () => send({ do: "park" })), button("Home", () => send({ do: "home" })),
-      button("Unpark", () => send({ do: "unpark" })))),
-    row("Mount", el("div", { class: "chips" }, wakes, holds, syncs)),
+    tracking,
+    followed,
+    row("Go to", el("div", { class: "chips" }, parks, homes, button("Unpark", () => send({ do: "unpark" })))),
+    row("Mount", el("div", { class: "chips" }, wakes, holds, searches, syncs)),
   );
   subscribe(() => {
     const seen = mount();
+    const can = (name) => !seen?.can || seen.can.includes(name);
     tracks.set(seen ? (seen.tracks ? "on" : "off") : null);
+    follows.set(following());
     wakes.hidden = !seen?.asleep;
+    tracking.hidden = !can("SetTracking");
+    // An alt-azimuth mount tracks at the sidereal rate only: its two motors have no other.
+    followed.hidden = !can("TrackRate") || seen?.equatorial === false;
+    for (const [one, name] of [[parks, "Park"], [homes, "Home"], [syncs, "Sync"]]) one.hidden = !can(name);
     holds.textContent = seen?.held ? "Release" : "Hold still";
     for (const one of byId("orders").querySelectorAll("button")) one.disabled = !state.act;
   });

@@ -34,22 +34,36 @@ export function say(element, words) {
 export const isTyping = (element) =>
   element instanceof HTMLTextAreaElement || (element instanceof HTMLInputElement && element.type !== "range");
 
+const NEXT = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
+
 /**
- * A choice between a few values, as large buttons in a row.
- * @param {any} box  a `role="radiogroup"` element
+ * A choice between a few values, as large buttons in a row. In a `radiogroup` the arrow keys choose, and Tab reaches the
+ * chosen one; in a `group`, for what acts at once, each is a button that is pressed or not.
+ * @param {any} box  a `role="radiogroup"` or `role="group"` element
  * @param {Array<[string, string]>} choices  value and words
  * @param {(value: string) => void} chosen
  * @returns {{ set(value: string | null): void }}
  */
 export function choice(box, choices, chosen) {
+  const radio = box.getAttribute("role") === "radiogroup", state = radio ? "aria-checked" : "aria-pressed";
   const buttons = choices.map(([value, words]) =>
-    button(words, () => chosen(value), { role: "radio", "data-value": value, "aria-checked": "false" }));
+    button(words, () => chosen(value), { role: radio ? "radio" : null, "data-value": value, [state]: "false" }));
   box.replaceChildren(...buttons);
+  box.onkeydown = radio ? (event) => {
+    const from = buttons.indexOf(event.target);
+    if (!NEXT[event.key] || from < 0) return;
+    event.preventDefault();
+    const to = buttons[(from + NEXT[event.key] + buttons.length) % buttons.length];
+    to.focus();
+    to.click();
+  } : null;
   return {
     set(value) {
-      for (const one of buttons) {
-        const checked = String(one.dataset.value === value);
-        if (one.getAttribute("aria-checked") !== checked) one.setAttribute("aria-checked", checked);
+      const any = buttons.some((one) => one.dataset.value === value);
+      for (const [index, one] of buttons.entries()) {
+        const chosen = one.dataset.value === value;
+        if (one.getAttribute(state) !== String(chosen)) one.setAttribute(state, String(chosen));
+        if (radio) one.tabIndex = chosen || (!any && index === 0) ? 0 : -1;
       }
     },
   };

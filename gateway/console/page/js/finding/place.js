@@ -8,7 +8,7 @@ import { question } from "../frame/question.js";
 import { ask } from "../core/socket.js";
 import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
 import { culmination } from "./tonight.js";
-import { angles, reversed, turned, vector } from "../sky/sphere.js";
+import { angles, reversed, separation, turned, vector } from "../sky/sphere.js";
 import { show } from "../core/views.js";
 
 const RENEW = 15000;
@@ -92,12 +92,20 @@ function onItsWay() {
   return Math.hypot(aside * Math.cos((found.dec2000 * Math.PI) / 180), seen.target.dec2000 - found.dec2000) < SAME;
 }
 
+/** How far what is chosen is from where the mount believes that it points. */
+function aside() {
+  const at = mount()?.position;
+  if (at?.ra2000 == null) return "";
+  const apart = separation(vector(at.ra2000, at.dec2000), vector(chosen.found.ra2000, chosen.found.dec2000));
+  return `It is ${apart < 1 ? `${(apart * 60).toFixed(1)}′` : angle(apart)} from where the mount believes that it points. `;
+}
+
 export async function sync() {
   if (!chosen) return notice("Choose in the sky, or find by name, what the telescope points at; then sync.", "refused");
   const name = chosen.found.name || "this place";
   const agreed = await question({
     title: `Sync on ${name}?`, yes: "It is centred: sync",
-    words: `The mount will believe that it points at ${name} now, and every later goto builds on that. Do it only while ${name} is in the middle of the eyepiece.`,
+    words: `${aside()}The mount will believe that it points at ${name} now, and every later goto builds on that. Do it only while ${name} is in the middle of the eyepiece.`,
   });
   if (agreed) answered(await ask({ do: "sync", ...aim() }));
 }

@@ -8,6 +8,7 @@ import { mount, state, subscribe } from "../core/store.js";
 export function doing(seen) {
   if (seen.state === "opening") return "Connecting to the mount";
   if (seen.state === "down") return "The mount does not answer";
+  if (seen.aligned === false && !seen.moves) return "Not aligned";
   return sentence(seen.does || "nothing is known yet").replace(/\.$/, "");
 }
 
@@ -21,7 +22,9 @@ export function start() {
   subscribe(() => {
     const seen = mount();
     const moves = seen && seen.moves;
-    document.body.dataset.mount = !state.connected || !seen ? "lost" : seen.held ? "held" : moves ? "moves" : seen.state;
+    // The worst is said first: a mount that is lost on its way does not "move".
+    document.body.dataset.mount = !state.connected || !seen ? "lost" : seen.state !== "up" ? seen.state : seen.held ? "held" : moves ? "moves" : "up";
+    document.body.classList.toggle("unsure", !state.connected || !seen || seen.state === "down" || seen.aligned === false);
     say(byId("does"), !state.connected ? "No connection" : seen ? doing(seen) : "Connecting…");
     say(byId("name"), seen ? called(seen) : "mount-gateway");
     document.title = seen ? `${state.connected ? doing(seen) : "No connection"} · ${seen.name}` : "mount-gateway";

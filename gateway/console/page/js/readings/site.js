@@ -1,5 +1,5 @@
 // The mount's site and clock, their sources, and how to correct them: with this device's clock, or a typed site.
-// Both ask first, and the gateway checks them like those of any other program.
+// The gateway checks both like those of any other program.
 
 import { button, el } from "../core/dom.js";
 import { sentence, span, utc, UNKNOWN } from "../core/format.js";
@@ -14,31 +14,39 @@ const EXACT = 1.5;
 const offset = () => -new Date().getTimezoneOffset() / 60;
 const off = (ahead, of) => (Math.abs(ahead) < EXACT ? `agrees with ${of}` : `${span(ahead)} ${ahead > 0 ? "ahead of" : "behind"} ${of}`);
 
+/** One tap: the gateway checks the time like that of any program, and says where it differs from other sources. */
 export async function tellTime() {
-  const zone = offset();
-  const agreed = await question({
-    title: "Use this device's time?", yes: "Set the clock",
-    words: `The mount is told ${utc(Date.now() / 1000)}, local time ${zone < 0 ? "−" : "+"}${Math.abs(zone)} h. A wrong time here leads every goto astray.`,
-  });
-  if (agreed) answered(await ask({ do: "time", unix: Date.now() / 1000, offset: zone }));
+  answered(await ask({ do: "time", unix: Date.now() / 1000, offset: offset() }));
+}
+
+/** The phone's own place, where the browser gives it; null otherwise. */
+const ownPlace = () => new Promise((resolve) => {
+  if (!isSecureContext || !navigator.geolocation) return resolve(null);
+  return navigator.geolocation.getCurrentPosition(({ coords }) => resolve(coords), () => resolve(null), { timeout: 8000 });
+});
+
+/** "48.1, 11.6", also with a comma in the numbers and with N, S, E, W -> degrees, or null. */
+export function typedSite(text) {
+  const parts = /^\s*([+−-]?\d+(?:[.,]\d+)?)\s*°?\s*([NS]?)\s*(?:[,;]\s*|\s+)([+−-]?\d+(?:[.,]\d+)?)\s*°?\s*([EW]?)\s*$/i.exec(text);
+  if (!parts) return null;
+  const number = (digits, turned) => Number(digits.replace(",", ".").replace("−", "-")) * (/[SW]/i.test(turned) ? -1 : 1);
+  const [latitude, longitude] = [number(parts[1], parts[2]), number(parts[3], parts[4])];
+  if (!(Math.abs(latitude) <= 90 && Math.abs(longitude) <= 360)) return null;
+  return { latitude, longitude: longitude < -180 ? longitude + 360 : longitude };
 }
 
 async function tellSite() {
-  const now = mount()?.site;
+  const own = await ownPlace(), now = own ?? mount()?.site;
   const given = await question({
-    title: "Where does the mount stand?", yes: "Set the site", words: "In degrees; north and east are positive.",
-    fields: [
-      { name: "latitude", label: "Latitude", value: now ? now.latitude.toFixed(4) : "" },
-      { name: "longitude", label: "Longitude", value: now ? now.longitude.toFixed(4) : "" },
-    ],
+    title: "Where does the mount stand?", yes: "Set the site",
+    words: `${own ? "This is where this device is. " : "Paste or type it, like 48.1, 11.6. "}It counts as a program's: a mount that takes it has it for everyone; an aligned one keeps its own, and only this page reads this one. To keep it for good, write it under [mount] in gateway.toml.`,
+    fields: [{ name: "site", label: "Latitude and longitude in degrees, north and east positive", value: now ? `${now.latitude.toFixed(4)}, ${now.longitude.toFixed(4)}` : "" }],
   });
   if (!given) return;
-  const [latitude, longitude] = [given.latitude, given.longitude].map((text) => (text === "" ? NaN : Number(text.replace(",", ".").replace("−", "-"))));
-  if (!(Math.abs(latitude) <= 90 && Math.abs(longitude) <= 360)) {
-    notice("That is no place on Earth: write latitude and longitude as degrees, like 48.1 and 11.6.", "refused");
-    return;
-  }
-  answered(await ask({ do: "site", latitude, longitude: longitude < -180 ? longitude + 360 : longitude }));
+  const place = typedSite(given.site);
+  if (!place) return notice("That is no place on Earth: write latitude and longitude as degrees, like 48.1, 11.6.", "refused");
+  const answer = await ask({ do: "site", ...place });
+  answered(answer.ok ? { ...answer, words: `${answer.words}; for gateway.toml: site = [${place.latitude}, ${place.longitude}]` } : answer);
 }
 
 const ROWS = [
@@ -52,7 +60,7 @@ const ROWS = [
 
 export function siteGroup() {
   const figures = rows(ROWS);
-  const buttons = [button("Use this device's time…", tellTime), button("Set the site…", tellSite)];
+  const buttons = [button("Use this device's time", tellTime), button("Set the site…", tellSite)];
   const draw = () => {
     figures.draw(mount());
     for (const one of buttons) one.disabled = !state.act;

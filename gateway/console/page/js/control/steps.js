@@ -1,0 +1,136 @@
+// What a tap on an arrow of the pad does, instead of moving while it is held: a guide pulse, or a goto to a place that far
+// away; and a search in a spiral, one goto a tap. All are bounded, and obey the rules of every other goto.
+
+import { button, byId, choice, el, say } from "../core/dom.js";
+import { keep, kept } from "../core/kept.js";
+import { ask } from "../core/socket.js";
+import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
+import { answered, notice } from "../frame/notices.js";
+import { question } from "../frame/question.js";
+import { angles, DEGREE, reversed, turned, vector } from "../sky/sphere.js";
+
+/** Milliseconds of a guide pulse. */
+const PULSE = 1000;
+const MODES = [["hold", "Hold"], ["pulse", "Pulse"], ["1", "1′"], ["5", "5′"], ["field", "Field"]];
+const NAMES = { pulse: "1 s of guiding", 1: "1′", 5: "5′", field: "one field" };
+/** Towards higher declination or altitude, and towards higher right ascension or, clockwise, azimuth. */
+const WAYS = { north: [1, 0], south: [-1, 0], east: [0, 1], west: [0, -1] };
+let mode = "hold";
+/** Where a search began, of date, its number of the place, and its step in degrees. */
+let spiral = null;
+const listeners = [];
+
+/** What a tap does, in words; empty while an arrow moves as long as it is held. */
+export const step = () => NAMES[mode] ?? "";
+export const onStep = (listener) => listeners.push(listener);
+
+/** The field of the eyepiece in minutes of arc, which is asked for once. */
+async function field() {
+  if (Number(kept("field")) > 0) return Number(kept("field"));
+  const given = await question({ title: "How wide is your field?", yes: "Keep", words: "What the eyepiece or camera shows, in minutes of arc: the apparent field divided by the magnification, times 60.",
+    fields: [{ name: "field", label: "Field, minutes of arc", value: "40" }] });
+  const wide = Number(given?.field.replace(",", "."));
+  if (!(wide >= 1 && wide <= 300)) return null;
+  keep("field", String(wide));
+  return wide;
+}
+
+/** The place that far from another one on the sky, of date; null beyond a pole. */
+function beside({ ra, dec }, up, along) {
+  if (Math.abs(dec + up) > 89.5) return null;
+  return { ra: (ra + along / Math.cos((dec + up) * DEGREE) + 360) % 360, dec: dec + up, j2000: false };
+}
+
+/** The same over the horizon of an alt-azimuth mount, whose arrows are those of its axes. */
+function besideOver(at, up, along) {
+  const { ofDate } = skyAt(gatewayNow());
+  if (!ofDate || Math.abs(at.alt + up) > 89) return null;
+  const place = (az, alt) => angles(turned(reversed(ofDate), vector(az, alt)));
+  const [from, to] = [place(at.az, at.alt), place(at.az - along / Math.cos(at.alt * DEGREE), at.alt + up)];
+  return { ra: (at.ra + to[0] - from[0] + 360) % 360, dec: at.dec + to[1] - from[1], j2000: false };
+}
+
+function refuse() {
+  const seen = mount();
+  if (!seen?.position) return "Where it points is not known yet.";
+  if (seen.slewing) return "It is still on its way: wait until it is there.";
+  return "";
+}
+
+async function go(goal, words) {
+  if (!goal) return notice("So near to the pole a step leads nowhere: hold an arrow.", "refused");
+  const answer = await ask({ do: "goto", ...goal });
+  return answered(answer.ok ? { ...answer, words } : answer);
+}
+
+/** Make one step in a direction. */
+export async function take(direction) {
+  if (mode === "pulse") return answered(await ask({ do: "pulse", direction, ms: PULSE }));
+  const why = refuse();
+  if (why) return notice(why, "refused");
+  const minutes = mode === "field" ? await field() : Number(mode);
+  if (!minutes) return null;
+  const [up, along] = WAYS[direction].map((part) => (part * minutes) / 60), seen = mount();
+  return go((seen.equatorial === false ? besideOver : beside)(seen.position, up, along), `${minutes}′ ${direction}`);
+}
+
+/** The place of a square spiral with this number, in steps. */
+function cell(number) {
+  let [x, y, right, up] = [0, 0, 1, 0];
+  for (let left = number, side = 1; left > 0; side += 0.5) {
+    const steps = Math.min(left, Math.floor(side));
+    [x, y, left] = [x + right * steps, y + up * steps, left - steps];
+    [right, up] = [-up, right];
+  }
+  return [x, y];
+}
+
+async function searchOn(number) {
+  const why = refuse();
+  if (why) return notice(why, "refused");
+  if (!spiral) {
+    const wide = await field();
+    if (!wide) return null;
+    const { ra, dec } = mount().position;
+    spiral = { ra, dec, step: wide / 60, mount: state.chosen, number: 0 };
+  }
+  const [x, y] = cell(number).map((part) => part * spiral.step);
+  const answer = await go(beside(spiral, y, x), number ? `Place ${number} of the search` : "Back where the search began");
+  if (answer?.ok && spiral) spiral.number = number;
+  return draw();
+}
+
+/** Begin a search around where the telescope points, or go to its next place. */
+export const search = () => searchOn(spiral ? spiral.number + 1 : 1);
+
+function end() {
+  spiral = null;
+  draw();
+}
+
+function draw() {
+  if (spiral?.mount !== state.chosen) spiral = null;
+  byId("spiral").hidden = !spiral;
+  say(byId("spiral-next"), `Place ${(spiral?.number ?? 0) + 1}`);
+}
+
+export function start() {
+  const box = byId("steps");
+  const chosen = choice(box, MODES, (value) => {
+    mode = value;
+    chosen.set(value);
+    listeners.forEach((listener) => listener());
+  });
+  chosen.set(mode);
+  box.after(
+    el("div", { class: "chips", id: "spiral", role: "group", "aria-label": "Search in a spiral", hidden: true },
+      button("Place 1", () => searchOn(spiral.number + 1), { id: "spiral-next" }), button("Back", () => searchOn(0)), button("End", end)));
+  subscribe(() => {
+    const seen = mount();
+    const pulse = box.querySelector("[data-value=pulse]");
+    pulse.hidden = Boolean(seen?.can && !seen.can.includes("Pulse"));
+    if (pulse.hidden && mode === "pulse") box.querySelector("[data-value=hold]").click();
+    for (const one of document.querySelectorAll("#steps button, #spiral button")) one.disabled = !state.act;
+    draw();
+  });
+}
