@@ -8,13 +8,17 @@ from ..sky import Spot, separation
 from .page import Console, Visit
 
 
+#: The telescope and eyepiece that this browser keeps.
+HALF_A_DEGREE = '{"telescope": 2000, "eyepiece": 20, "apparent": 50}'
+
+
 def is_away(console: Console, start: Spot, minutes: float) -> bool:
     """Whether the mount itself points so far from where it pointed, to 1.5 minutes of arc."""
     return abs(separation(console.truth.position(), start) * 60.0 - minutes) < 1.5
 
 
 def test_a_tap_is_a_step(console: Console, visit: Callable[..., Visit]) -> None:
-    page = visit(field="30")
+    page = visit(optics=HALF_A_DEGREE)
     page.show("control")
     for minutes, step, arrow in ((5.0, "5′", "north"), (30.0, "Field", "west")):
         page.page.get_by_role("radio", name=step).click()
@@ -35,7 +39,7 @@ def test_a_tap_is_a_step(console: Console, visit: Callable[..., Visit]) -> None:
 
 
 def test_a_search_goes_one_place_further_with_each_tap(console: Console, visit: Callable[..., Visit]) -> None:
-    page = visit(field="30")
+    page = visit(optics=HALF_A_DEGREE)
     page.show("control")
     console.at_rest()
     start = console.truth.position()

@@ -237,7 +237,7 @@ def test_a_goto_is_seen_from_its_beginning_to_its_end(tmp_path: Path) -> None:
         async with opened(tmp_path) as there, there.page() as page:
             start = page.mount["position"]
             goal = {"ra": (start["ra2000"] + 15.0) % 360.0, "dec": start["dec2000"] + 10.0}
-            answer = await page.ask("goto", **goal)
+            answer = await page.ask("goto", **goal, j2000=True)
             assert answer["ok"], answer
             await page.until(lambda: page.mount["slewing"] and page.mount["target"])
             assert page.mount["target"]["dec2000"] == pytest.approx(goal["dec"], abs=0.01)
@@ -436,7 +436,7 @@ def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
                 assert response.status == 200 and "attachment" in response.headers["Content-Disposition"]
                 assert (await response.text()).startswith("# mount-gateway")
             assert not (await page.ask("record", on=False))["ok"]
-            path = f"{there.console.where}{answer['report'][1:]}?token={await there.token()}"
+            path = f"{there.where}{answer['report'][1:]}?token={await there.token()}"
             async with there.http.get(path) as response:
                 assert response.status == 200 and response.content_type == "text/html", await response.text()
                 assert "attachment" in response.headers["Content-Disposition"]

@@ -2,11 +2,11 @@
 // away; and a search in a spiral, one goto a tap. All are bounded, and obey the rules of every other goto.
 
 import { button, byId, choice, el, say } from "../core/dom.js";
-import { keep, kept } from "../core/kept.js";
 import { ask } from "../core/socket.js";
 import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
+import { askOptics } from "../finding/details.js";
+import { field } from "../finding/kept.js";
 import { answered, notice } from "../frame/notices.js";
-import { question } from "../frame/question.js";
 import { angles, DEGREE, reversed, turned, vector } from "../sky/sphere.js";
 
 /** Milliseconds of a guide pulse. */
@@ -24,15 +24,10 @@ const listeners = [];
 export const step = () => NAMES[mode] ?? "";
 export const onStep = (listener) => listeners.push(listener);
 
-/** The field of the eyepiece in minutes of arc, which is asked for once. */
-async function field() {
-  if (Number(kept("field")) > 0) return Number(kept("field"));
-  const given = await question({ title: "How wide is your field?", yes: "Keep", words: "What the eyepiece or camera shows, in minutes of arc: the apparent field divided by the magnification, times 60.",
-    fields: [{ name: "field", label: "Field, minutes of arc", value: "40" }] });
-  const wide = Number(given?.field.replace(",", "."));
-  if (!(wide >= 1 && wide <= 300)) return null;
-  keep("field", String(wide));
-  return wide;
+/** The field of the eyepiece in minutes of arc, which is asked for once; null if it is not told. */
+async function asked() {
+  if (field() === null) await askOptics();
+  return field() === null ? null : field() * 60;
 }
 
 /** The place that far from another one on the sky, of date; null beyond a pole. */
@@ -68,10 +63,10 @@ export async function take(direction) {
   if (mode === "pulse") return answered(await ask({ do: "pulse", direction, ms: PULSE }));
   const why = refuse();
   if (why) return notice(why, "refused");
-  const minutes = mode === "field" ? await field() : Number(mode);
+  const minutes = mode === "field" ? await asked() : Number(mode);
   if (!minutes) return null;
   const [up, along] = WAYS[direction].map((part) => (part * minutes) / 60), seen = mount();
-  return go((seen.equatorial === false ? besideOver : beside)(seen.position, up, along), `${minutes}′ ${direction}`);
+  return go((seen.equatorial === false ? besideOver : beside)(seen.position, up, along), `${Math.round(minutes)}′ ${direction}`);
 }
 
 /** The place of a square spiral with this number, in steps. */
@@ -89,7 +84,7 @@ async function searchOn(number) {
   const why = refuse();
   if (why) return notice(why, "refused");
   if (!spiral) {
-    const wide = await field();
+    const wide = await asked();
     if (!wide) return null;
     const { ra, dec } = mount().position;
     spiral = { ra, dec, step: wide / 60, mount: state.chosen, number: 0 };

@@ -15,7 +15,7 @@ const FITS = 0.9;
 const minutes = (value) => `${value < 10 ? value.toFixed(1) : Math.round(value)}′`;
 export const sizeOf = ({ size, width }) => (size ? [size, width].filter(Boolean).map(minutes).join(" × ") : "");
 
-async function askOptics(again) {
+export async function askOptics(again = () => {}) {
   const told = optics() ?? {};
   const fields = [["telescope", "Focal length of the telescope, mm"], ["eyepiece", "Focal length of the eyepiece, mm"], ["apparent", "Apparent field of the eyepiece, degrees"]];
   const given = await question({
