@@ -7,7 +7,6 @@ from collections.abc import Callable
 from ..sky import Spot, separation
 from .page import Console, Visit
 
-
 #: The telescope and eyepiece that this browser keeps.
 HALF_A_DEGREE = '{"telescope": 2000, "eyepiece": 20, "apparent": 50}'
 
