@@ -157,7 +157,7 @@ def backlog(at: Attacked) -> None:
     program.poll(20.0)
 
 
-_NEXSTAR_ENDS = (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0")
+_NEXSTAR_ENDS = (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0", b"PUT /api/v1/telescope/0/abortslew")
 STOPS = [
     *(Attack("lost ends", f"one lost `:Q#`, {name}", (MEADE, AUTOSTAR, "lx200:lx200"), partial(lost, begin, b":Q#",
       (b":Q#",)), AGAIN, FREE) for name, begin in {"arrow": b":RS#:Me#", "goto": b""}.items()),
@@ -202,7 +202,8 @@ def stuck(at: Attacked) -> None:
     program = at.program()
     program.poll(2.0)
     at.begin()
-    at.relay.freeze(b"e", b"z", b"E", b"Z", b"P\x01\x10\x01", b"P\x01\x11\x01", b":GR#", b":GD#", b":GA#", b":GZ#")
+    at.relay.freeze(b"e", b"z", b"E", b"Z", b"P\x01\x10\x01", b"P\x01\x11\x01", b":GR#", b":GD#", b":GA#", b":GZ#",
+                    *(b"GET /api/v1/telescope/0/" + name for name in (b"devicestate", b"right", b"decl")))  # fmt: skip
     program.tell(b":RS#:Ms#")
     program.poll(22.0)
 

@@ -84,7 +84,7 @@ LIES = {
 
 def prepared(wedge: bool, lie: bytes, restarts: bool, at: Attacked) -> Program:
     """One program lies, from an address of its own; return another one."""
-    if wedge:
+    if wedge and not at.http:  # it is on its wedge from the start
         at.owner().ask(b"T\x02" if at.site[0] > 0 else b"T\x03")
         time.sleep(6.0)
     liar = at.program("127.0.0.2")

@@ -230,7 +230,7 @@ def told_short(at: Attacked) -> dict[str, float]:
     program.tell((20).to_bytes(4, "little") + bytes(8) + round(ra / 360.0 * 2**32).to_bytes(4, "little")
                  + round(dec / 360.0 * 2**32).to_bytes(4, "little", signed=True))  # fmt: skip
     time.sleep(4.0)
-    at.owner().ask(b"M" if at.mount.startswith("nexstar") else b":Q#", 1.0)
+    at.owner_stops()
     time.sleep(5.0)
     heard = program.ask(b"", 2.0, until=b"\0never")
     status = int.from_bytes(heard[len(heard) // 24 * 24 - 4 : len(heard) // 24 * 24], "little", signed=True)

@@ -29,6 +29,8 @@ SITE = (45.0, 10.0)
 EVENING = "2026-01-15T22:00:00+00:00"
 NOON = "2026-06-21T11:00:00+00:00"
 PATIENCE = 30.0
+#: What requests over HTTP begin with.
+HTTP = (b"GET ", b"PUT ")
 #: Seconds for which the mount is watched after a stop, at most; a mount that still moves then counts as this long.
 WATCHED = 20.0
 #: Runs the gateway of the current directory on a computer whose clock is ahead by the first argument.
@@ -94,6 +96,8 @@ class Relay:
                     if self._times and data.startswith(self._swallowed):
                         self._times -= 1
                         self.lost.append(data)
+                        if data.startswith(HTTP):  # half a request would spoil the next one: the connection breaks
+                            break
                         continue
                 elif self._frozen and asked[0].startswith(self._frozen):
                     data = self._answers.setdefault(asked[0], data)
@@ -159,6 +163,7 @@ class Attacked:
     ) -> None:
         """``host`` is the time on the gateway's computer, if not the true one; ``site`` the true one."""
         self.mount, self._started, self.site = mount, datetime.fromisoformat(start).timestamp(), site
+        self.http = mount.startswith("alpaca")
         self._truth, self._said = place / "truth.jsonl", place / "said.txt"
         self._said.touch()
         self._processes: list[subprocess.Popen[str]] = []
@@ -184,7 +189,7 @@ class Attacked:
             "run",
             "--no-console",
             "--mount",
-            f"{mount.partition(':')[0]}@socket://127.0.0.1:{self.relay.port}",
+            f"{mount.partition(':')[0]}@{'http' if self.http else 'socket'}://127.0.0.1:{self.relay.port}",
             "--surface",
             f"{surface}@tcp://127.0.0.1:0",
             "--no-discovery",
@@ -253,6 +258,11 @@ class Attacked:
     def owner(self) -> Program:
         """Return a connection to the mount itself, past the gateway."""
         return Program(self.relay.to)
+
+    def owner_stops(self) -> None:
+        """End a goto at the mount itself."""
+        stop = b"PUT /api/v1/telescope/0/abortslew HTTP/1.1\r\n\r\n" if self.http else b":Q#"
+        self.owner().ask(b"M" if self.mount.startswith("nexstar") else stop, 1.0)
 
     @property
     def now(self) -> float:

@@ -3,6 +3,8 @@
     python -m tests.soak.attacks [--tree PATH] [--json out.json] [--at-once 6] [--only WORDS]
     python -m tests.soak.attacks --compare before.json after.json
 
+``--alpaca`` tries the attacks on NexStars on the Alpaca telescopes of their kinds instead.
+
 Real processes on loopback in real time: the mount is of this checkout, the gateway of ``--tree``. Exit code 1 if a
 limit was passed or a stop did not hold. ``--compare`` prints a Markdown table of two such runs.
 """
@@ -34,6 +36,14 @@ SHOWN = {"altitude": "worst altitude", "sun": "nearest to the Sun", "turned": "t
          "told": "told a site that is wrong by", "after the stop": "in motion after the stop",
          "drift": "drift changed by", "untold": "goto ended short, not told", "wrong": "wrong answers"}  # fmt: skip
 Row = dict[str, Any]
+
+
+def of_its_kind(attack: Attack, mount: str) -> str | None:
+    """Return the Alpaca telescope of the kind of a NexStar; None where the attack is on what only a NexStar has."""
+    if not mount.startswith("nexstar") or "--unaligned" in attack.sim:  # ASCOM has no word for the alignment
+        return None
+    german = mount.removeprefix("nexstar:").startswith(("cg", "avx"))
+    return "alpaca:german" if german else "alpaca:polar" if "wedge" in attack.name else "alpaca:altaz"
 
 
 def once(attack: Attack, mount: str, tree: Path) -> Row:
@@ -114,6 +124,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--at-once", type=int, default=6)
     parser.add_argument("--only", default="")
+    parser.add_argument("--alpaca", action="store_true")
     parser.add_argument("--compare", type=Path, nargs=2)
     arguments = parser.parse_args()
     if arguments.compare:
@@ -123,7 +134,11 @@ def main() -> int:
     tried = [
         (attack, mount)
         for attack in ATTACKS
-        for mount in attack.mounts
+        for mount in (
+            dict.fromkeys(filter(None, (of_its_kind(attack, mount) for mount in attack.mounts)))
+            if arguments.alpaca
+            else attack.mounts
+        )
         if arguments.only in f"{attack.group} {attack.name} {mount}"
     ]
     with ThreadPoolExecutor(arguments.at_once) as pool:

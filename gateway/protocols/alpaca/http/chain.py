@@ -6,28 +6,35 @@ A gateway whose mount has its own token behind it would drive itself, directly o
 from __future__ import annotations
 
 import errno
+import os
 import secrets
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 #: The name of every gateway's server.
 SERVER = "mount-gateway"
 #: The member of the description that has the tokens. Programs ignore members that they do not know.
 MEMBER = "Gateways"
-#: The token of this process, and address of a mount's server -> the tokens of the gateways behind it.
-OWN = secrets.token_hex(8)
+#: Address of a mount's server -> the tokens of the gateways behind it.
 _behind: dict[str, list[str]] = {}
+
+
+@cache
+def own(process: int) -> str:
+    """Return the token of this process, which no process that it was forked from has."""
+    return secrets.token_hex(8)
 
 
 def tokens() -> list[str]:
     """Return the tokens of this gateway and of those through which it reaches its mounts."""
-    return list(dict.fromkeys([OWN, *(token for tokens in _behind.values() for token in tokens)]))
+    return list(dict.fromkeys([own(os.getpid()), *(token for tokens in _behind.values() for token in tokens)]))
 
 
 def check(where: str, description: Mapping[str, Any]) -> None:
     """Note the gateways behind a mount's server. Raises OSError if this one is among them."""
     told = description.get(MEMBER)
     behind = [token for token in told if isinstance(token, str)] if isinstance(told, list) else []
-    if OWN in behind:
+    if own(os.getpid()) in behind:
         raise OSError(errno.ELOOP, "the mount there is this very gateway, directly or through another one")
     _behind[where] = behind

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import socket
 from collections.abc import Awaitable, Callable
 from ipaddress import IPv4Address, IPv4Network
@@ -122,8 +123,9 @@ def test_a_gateway_that_would_drive_itself(monkeypatch: pytest.MonkeyPatch) -> N
     """The tokens of gateways in a row are all there; one's own is refused."""
     monkeypatch.setattr(chain, "_behind", {})
     chain.check("http://a", {"ServerName": "another"}), chain.check("http://b", {"Gateways": ["first", "second", 3]})
-    assert chain.tokens() == [chain.OWN, "first", "second"]
+    own = chain.own(os.getpid())
+    assert chain.tokens() == [own, "first", "second"] and own != chain.own(os.getpid() + 1)
     with pytest.raises(OSError, match="this very gateway"):
-        chain.check("http://c", {"Gateways": ["first", chain.OWN]})
+        chain.check("http://c", {"Gateways": ["first", own]})
     chain.check("http://b", {"Gateways": "nonsense"})
-    assert chain.tokens() == [chain.OWN]
+    assert chain.tokens() == [own]
