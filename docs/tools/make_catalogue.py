@@ -49,7 +49,7 @@ MORE_NAMES = {
     "NGC6960": "Witch's Broom", "NGC7331": "Deer Lick Galaxy", "NGC7662": "Blue Snowball",
     "NGC7789": "Caroline's Rose", "ε1 Lyr": "Double Double", "θ1 Ori": "Trapezium", "NGC104": "47 Tucanae",
 }  # fmt: skip
-WRONG = {("IC434", "Flame Nebula"), ("NGC1990", "Alnilam")}
+WRONG = {("IC434", "Flame Nebula")}
 ABOUT = {
     "deepsky": {
         "source": "OpenNGC by Mattia Verga (github.com/mattiaverga/OpenNGC), by its package pyongc",
@@ -93,7 +93,8 @@ def deep_sky() -> list[list[Any]]:
             "SELECT name, type, ra, dec, vmag, bmag, majax, minax, messier, commonnames FROM objects WHERE "
             "ra IS NOT NULL AND type NOT IN ('Dup', 'NonEx') AND (messier != '' OR name IN (SELECT name FROM "
             "objIdentifiers WHERE identifier GLOB 'C[0-9][0-9][0-9]') OR type NOT IN ('*', '**', 'Nova', 'Other') AND "
-            f"(vmag <= ? OR bmag <= ? OR type IN ({marks}) AND (coalesce(vmag, bmag) IS NULL OR majax > ?)))",
+            "(commonnames != '' OR vmag <= ? OR bmag <= ? OR "
+            f"type IN ({marks}) AND (coalesce(vmag, bmag) IS NULL OR majax > ?)))",
             (FAINTEST, FAINTEST, *LARGE, SIZE),
         ).fetchall()
         also = defaultdict(list)

@@ -65,12 +65,6 @@ def by_row(row: int) -> Entry:
     return _entry(_rows("id = ?", row)[0])
 
 
-def names() -> dict[str, int]:
-    """Return the common names of objects and their database rows. Raises NotInstalled."""
-    rows = _rows("commonnames != '' AND ra IS NOT NULL ORDER BY id DESC", columns="commonnames, id")
-    return {name.strip(): row for called, row in rows for name in called.split(",")}
-
-
 def _original(name: str) -> tuple[object, ...] | None:
     """Return the row of the object that a duplicate record refers to."""
     numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]

@@ -1,14 +1,14 @@
 """Common names of objects: Vega, alpha Lyr, 61 Cygni, Rigel Kent, Ring Nebula; spaces and punctuation do not count.
 
 The names of stars are this project's own list (``mappings/stars.toml``), each with a Hipparcos number. Letters, and the
-names of nebulae, clusters and galaxies, are those of ``supplied.py``, which every installation has; OpenNGC's other
-names are known where it is installed. An unknown name gives None, and similar names are suggested.
+names of nebulae, clusters and galaxies, are those of ``supplied.py``, which every installation has. An unknown name
+gives None, and similar names are suggested.
 """
 
 from __future__ import annotations
 
-from gateway.astro.catalog import deepsky, supplied
-from gateway.astro.catalog.objects import Entry, NotInstalled
+from gateway.astro.catalog import supplied
+from gateway.astro.catalog.objects import Entry
 from gateway.astro.catalog.supplied import normalized
 from gateway.core.errors import similar
 from gateway.core.tables import read_table
@@ -40,10 +40,7 @@ def look_up(name: str, year: float) -> Entry | None:
     number = star(name)
     if number is not None:
         return of_star(number, year)
-    if (entry := supplied.look_up(name)) is not None:
-        return entry
-    row = {normalized(known): row for known, row in _deep_sky().items()}.get(normalized(name))
-    return None if row is None else deepsky.by_row(row)
+    return supplied.look_up(name)
 
 
 def of_star(number: int, year: float) -> Entry:
@@ -84,12 +81,4 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
 def _known() -> list[str]:
     """Return all names, without the numbers of catalogues; those that are known everywhere stand last."""
     supplied_names = [name for name in supplied.deep_sky() if not name[-1].isdecimal() or " " in name]
-    return [*_deep_sky(), *supplied_names, *supplied.names_of_doubles(), *OTHER_NAMES, *HIPPARCOS]
-
-
-def _deep_sky() -> dict[str, int]:
-    """Return the common names of deep sky objects; none if the catalogue is not installed."""
-    try:
-        return deepsky.names()
-    except NotInstalled:
-        return {}
+    return [*supplied_names, *supplied.names_of_doubles(), *OTHER_NAMES, *HIPPARCOS]

@@ -123,6 +123,15 @@ def test_one_looks_when_it_is_dark() -> None:
     assert [row[0] for row in found[0]["list"]] == [row[0] for row in found[1]["list"]]
 
 
+@pytest.mark.parametrize("hour", range(0, 24, 3))
+def test_a_night_is_this_one_until_the_morning_then_the_next(hour: int) -> None:
+    mount, unix, sun_and_moon = told(NIGHTS[0]._replace(when=f"2026-03-20 {hour:02d}:30"))
+    middle = sun_and_moon["begins"] + 8 * 3600.0
+    assert -8 * 3600.0 < middle - unix <= 16 * 3600.0
+    depths = ask(*(("altitudeOf", mount, unix, sun_and_moon, "sun", middle + 3600.0 * aside) for aside in (-2, 0, 2)))
+    assert depths[1] == min(depths) < -30.0
+
+
 @each(
     ("better", "worse"),
     [

@@ -53,10 +53,12 @@ export async function showPicked(picked) {
 /** Look something up. Until the answer is there nothing is chosen: what was, cannot be started under a new name. */
 async function look(request, name, refused = (words) => notice(words, "refused")) {
   const mine = ++newest;
-  forget();
+  chosen = null;
+  draw();
   const answer = await ask(requestNow(request));
   if (mine !== newest) return true;
   if (!answer.ok) {
+    forget();
     refused(answer.words);
     return false;
   }
