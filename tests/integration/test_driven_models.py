@@ -33,6 +33,8 @@ _NO_SWITCHES: Refusals = {"SetHome": "Unsupported", "Home": "Unsupported"}
 #: Where :GW is not known, the letters that switch tracking off would cost the alignment.
 _ALWAYS_TRACKS: Refusals = {"SetTracking": "Unsupported", "Hibernate": "Unsupported"}
 
+#: What is not done alike by all that speak LX200.
+_NOT_ALIKE = ("Park", "Home", "HomeState", "SetTracking", "Hibernate", "Wake", "SetGuideRate")
 _OTHERS: Refusals = _NO_QUESTIONS | {
     "GetGps": "Unsupported",
     "ClockFromGps": "Unsupported",
@@ -59,6 +61,7 @@ MEADE: dict[str, Refusals] = {
     # these tell the side of the pier, and switch tracking on and off; home is declared, which nobody may do unasked
     "onstep": _OTHERS,
     "teenastro": _OTHERS | {"SetGuideRate": "Unsupported", "SetSite": "Refused"},
+    "other": _OTHERS | dict.fromkeys(_NOT_ALIKE, "Unsupported"),
 }
 
 # --- NexStar ----------------------------------------------------------------------------------------------------------

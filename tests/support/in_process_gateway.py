@@ -46,7 +46,8 @@ class Bridge(Stage):
         """``state`` is the folder of the state files; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
-        self._spoken = mount if mount in load(driven).dialects else driven
+        dialect = load(driven).of(mount).other
+        self._spoken = mount if dialect is not None and dialect.facts else driven
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
 

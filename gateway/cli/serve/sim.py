@@ -98,8 +98,8 @@ def models() -> str:
     lines = [
         "models, and versions of the hand control (the last number is the default; others are possible, and",
         "nexstar:starsense is a StarSense hand control on the default model, nexstar:synscan a SynScan of Sky-Watcher,",
-        "nexstar:skywatcher a Celestron hand control that reports a Sky-Watcher mount; lx200:onstep and",
-        "lx200:teenastro are controllers of other makers):",
+        "nexstar:skywatcher a Celestron hand control that reports a Sky-Watcher mount; the last three of lx200 are two",
+        "controllers of other makers, and any that is not known):",
     ]
     for spec in PROTOCOLS.values():
         for name, row in spec.commands.models.items():

@@ -90,7 +90,8 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
     from gateway.protocols.lx200.simulator.controller_commands import SimulatedController
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
-    made = SimulatedController if load(NAME).of(model).dialect else SimulatedLx200
+    other = load(NAME).of(model).other
+    made = SimulatedController if other is not None and other.facts else SimulatedLx200
     return made(model or DEFAULT_MODEL, **settings)
 
 

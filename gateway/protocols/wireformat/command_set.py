@@ -98,8 +98,8 @@ class CommandSet:
 
     def by_product(self, product: str) -> str | None:
         """Return the model with a dialect that calls itself so; None if it is none of them."""
-        fits = (model for model in self.dialects if product.startswith(self.models[model]["product"]))
-        return next(fits, None)
+        named = {model: self.models[model]["product"] for model in self.dialects}
+        return next((model for model, name in named.items() if name and product.startswith(name)), None)
 
     def of(self, model: str | None) -> CommandSet:
         """Return the tables in the dialect of this model."""

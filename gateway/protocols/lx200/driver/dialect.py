@@ -39,7 +39,7 @@ def _by_places(answer: dict[str, Any]) -> Told:
 
 def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
     letters, tail = text[: -form["tail"]], text[-form["tail"] :]
-    mount.pulse_rate = f"R{tail[0]}" if tail else None
+    mount.pulse_rate = f"R{tail[0]}" if tail[:1] == tail[1:2] else None  # either may be that of its pulses
 
     def has(name: str) -> bool:
         return any(letter in letters for letter in form[name])

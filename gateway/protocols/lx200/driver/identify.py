@@ -8,16 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gateway.astro.spherical import fold_declination
+from gateway.astro.spherical import fold_declination, wrap180
+from gateway.core.about import OF_MEADES_ALONE
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
-from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import learn_speeds, tell
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask, ask_unless
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, PUSHED, Lx200Driver, ask, ask_unless
 from gateway.protocols.wireformat.command_set import load
 
 #: The timeout of a question that may stay unanswered: TIMES the usual reply time, and at least so many seconds.
 TIMES, AT_LEAST = 2.0, 0.6
+#: Questions to an unknown controller, and what remains unknown without an answer.
+UNKNOWN = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
+#: Seconds between two positions that show whether a mount with bars moves.
+STILL = 1.0
 #: The length of a right ascension in high precision.
 HIGH = len("HH:MM:SS#")
 
@@ -25,6 +30,7 @@ HIGH = len("HH:MM:SS#")
 def contact(mount: Lx200Driver, _: object = None) -> Steps:
     """ACK, :GR and :GD in high precision -> Equatorial: enough to report the position to clients."""
     mount.power_on()
+    mount.pushed = False
     mount.mute, mount.reply_time = frozenset(), OWN_PATIENCE
     yield from _probe(mount, "ACK", unverified=True)
     began = mount.now()
@@ -57,12 +63,34 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
     if mount.dialect:
         yield from learn_speeds(mount)
+    if mount.model == "other":
+        unknown = [words for command, words in UNKNOWN.items() if command in mount.mute]
+        yield Remark(
+            f"it calls itself {mount.product!r}, which is not known here: it is sent only what all controllers with "
+            "LX200 take alike, so tracking is not switched, and it is neither parked nor sent home"
+            + (f"; it did not tell {' nor '.join(unknown)}" if unknown else "")
+            + ". If it is a Meade, name it: lx200:autostar"
+        )
+        yield from _see_whether_pushed(mount)
     try:
         yield from read_status(mount)
     except Fault as fault:  # a refusal is an answer too: the telescope is connected
         if isinstance(fault, NoAnswer) and not isinstance(fault, Garbled):
             raise
     return Identity(product=mount.product or "LX200", version=mount.firmware or "?", model=mount.model or "autostar")
+
+
+def _see_whether_pushed(mount: Lx200Driver) -> Steps:
+    """See whether it always shows bars and stands still: then it only tells where a telescope points."""
+    places = []
+    for _ in range(2):
+        if not ((yield from _probe(mount, "D")) or {"bars": ""})["bars"].strip():
+            return
+        places.append((yield from ask(mount, "GR"))["ra"])
+        yield Wait(STILL)
+    mount.pushed = abs(wrap180(places[1] - places[0])) < mount.resolution
+    if mount.pushed:
+        yield Remark(PUSHED)
 
 
 def _name(mount: Lx200Driver) -> Steps:
@@ -77,7 +105,7 @@ def _name(mount: Lx200Driver) -> Steps:
 
 def _probe(mount: Lx200Driver, command: str, unverified: bool = False) -> Steps:
     """Send a question that may stay unanswered; return its fields or None. Raises NoAnswer if the line is down."""
-    if command in mount.mute:
+    if command in mount.mute or command not in mount.protocol.commands:
         return None
     try:
         patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.reply_time))
@@ -99,7 +127,9 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
     if product.startswith("LX200 "):
         return "lx200"
     if product:
-        return load("lx200").by_product(product) or "autostar"
+        meade = product.startswith(tuple(mount.protocol.models["autostar"]["names_begin"]))
+        stranger = not meade and mount.rules > OF_MEADES_ALONE
+        return load("lx200").by_product(product) or ("other" if stranger else "autostar")
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 

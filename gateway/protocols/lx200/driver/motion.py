@@ -106,6 +106,7 @@ def _report(asked: float, done: float) -> Steps:
 
 def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
     """Begin a motion by hand. Without ``speed`` the rate is a named one; a speed without a command is only tracking."""
+    mount.must_move()
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
     if old and (old != letter or none):
@@ -213,6 +214,7 @@ def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
 
 def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
     """Send a guide pulse. A model with a fixed guide rate gets a proportionally shorter pulse. Raises Refused."""
+    mount.must_move()
     if mount.goto is not None:
         raise Refused(SLEWING)
     fraction = mount.guide_rate if rate is None else rate

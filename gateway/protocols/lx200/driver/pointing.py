@@ -94,6 +94,8 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     if mount.seeking:
         return (yield from still_seeking(mount))
     unordered = mount.goto is None
+    if mount.pushed:
+        return False
     if unordered and not mount.moved_by_others:
         return False
     moves: bool = yield from _bars(mount)
@@ -155,6 +157,7 @@ def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
 
 def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
     """Send the command that begins a goto."""
+    mount.must_move()
     count_motion(mount, *MOUNT)
     yield from mount.begin_goto(GotoState(since=mount.now(), then=then), ask(mount, command), _bars)
 
@@ -189,6 +192,7 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     """:Sr :Sd :CM - an empty text is a refusal."""
+    mount.must_move()
     yield from aim(mount, operation.ra, operation.dec)
     answer = yield from ask(mount, "CM")
     if not answer.get("text", "-").strip():

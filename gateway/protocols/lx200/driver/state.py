@@ -10,8 +10,20 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
+from gateway.core.motion_kinds import MOVING
 from gateway.core.operations import Abilities as Can
-from gateway.core.operations import Equatorial, Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate
+from gateway.core.operations import (
+    Equatorial,
+    Identity,
+    Operation,
+    Own,
+    Pulse,
+    PulseAxis,
+    Rate,
+    Sync,
+    Tracking,
+    TrackRate,
+)
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
@@ -28,6 +40,7 @@ _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
 #: Seconds in which a telescope answers a command that it has; its firmware may lack commands of the manual.
 OWN_PATIENCE = 1.5
+PUSHED = "This device only tells where the telescope points: it is pushed by hand."
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 
@@ -94,6 +107,8 @@ class Lx200Driver(Driver):
         self.contacted = False
         #: Commands that it has beyond those of its model: some that report a classic's name have more than a classic.
         self.extra_commands: frozenset[str] = frozenset()
+        #: Whether it only tells where a telescope points that is pushed by hand.
+        self.pushed = False
         self.aligned = True
         self.tracking = Tracking.ALTAZ
         #: The drive rate that was requested last; None for the telescope's default.
@@ -185,7 +200,14 @@ class Lx200Driver(Driver):
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
 
+    def must_move(self) -> None:
+        """Raise Refused if it is moved by hand alone."""
+        if self.pushed:
+            raise Refused(PUSHED)
+
     def impossible(self, operation: Operation) -> Fault | None:
+        if self.pushed and isinstance(operation, (*MOVING, Sync)):
+            return Refused(PUSHED)
         if self.goto is not None and isinstance(operation, Pulse | PulseAxis):
             return Refused(SLEWING)
         return None
@@ -264,7 +286,9 @@ class Lx200Driver(Driver):
         return {**known, **self.own_speeds} or SPEEDS
 
     def can_do(self, equatorial: bool) -> Can:
-        return replace(super().can_do(equatorial), guides=(self.guide_rate, self.guide_rate))
+        can = super().can_do(equatorial)
+        able = can.can - {kind.__name__ for kind in (*MOVING, Sync)} if self.pushed else can.can
+        return replace(can, can=able, guides=(self.guide_rate, self.guide_rate))
 
     @property
     def abilities(self) -> Abilities:

@@ -1,0 +1,262 @@
+"""Controllers of other makers that speak LX200: found, driven in their own words, and told what they do not take.
+
+Byte by byte they are judged in ``tests/conformance/test_dialects.py``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.app.config.endpoints import parse_device
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, Busy, Fault, NoTarget, Refused, TooHigh, UserError
+from gateway.diagnostics.virtual_time import run
+from gateway.mount.policy import Limits
+from gateway.protocols.base.driver import Send
+from gateway.protocols.base.spec import SurfaceSettings
+from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
+from gateway.protocols.registry import PROTOCOLS
+from tests.support.each import each
+from tests.support.evening import FACES, MODELS, evening
+from tests.support.in_process_gateway import Bridge
+from tests.support.simulated_meade import overhead
+
+NAMES = {"onstep": "On-Step", "teenastro": "TeenAstro"}
+
+
+def bridge(model: str, **more: Any) -> Bridge:
+    config = {"site_time": "always", "lowest": -90.0, "sun": 0.0} | more.pop("config", {})
+    return Bridge(model, driven="lx200", surface=None, latency=0.02, config=config, **more)
+
+
+def answering(own: Bridge, replies: dict[bytes, bytes]) -> None:
+    """Let the simulated mount give these replies to these commands, and do nothing."""
+    usual = own.sim._answer
+    own.sim._answer = lambda frame, later: replies[frame] if frame in replies else usual(frame, later)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("face", FACES)
+def test_an_evening_through_every_face(model: str, face: str) -> None:
+    outcomes = run(evening(model, face))
+    assert [f"{step}: {said}" for step, said in outcomes.items() if "WRONG" in said] == []
+    refused = [step for step, said in outcomes.items() if said.startswith("refused")]
+    assert refused == ["limits"]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_it_is_found_without_being_named_and_asked_less_than_a_meade(model: str) -> None:
+    async def program(named: str) -> tuple[int, int]:
+        async with bridge(named) as own:
+            identity = await own.controller.perform(op.GetIdentity())
+            assert identity.model == named
+            assert identity.product == own.sim.row["product"]
+            client = own.client()
+            await asyncio.sleep(10.0)
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 60.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 10.0))
+            before = len(own.sent())
+            for _ in range(10):  # a program that asks for all of it, once a second
+                for question in (b":GR#", b":GD#", b":D#", b":GW#"):
+                    await client.ask(question)
+                await asyncio.sleep(1.0)
+            sent = own.sent()[before:]
+            return len(sent), sum(map(len, sent))
+
+    assert run(program(model))[0] <= run(program("autostar"))[0]
+
+
+@each("model", MODELS)
+def test_how_it_is_written(model: str) -> None:
+    assert parse_device(f"lx200:{model}").model == model
+    assert parse_device("OnStepX").model == "onstep"
+    with pytest.raises(UserError, match="cannot present"):
+        PROTOCOLS["lx200"].make_surface(SurfaceSettings(model, None, None, None, Limits()))  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_program_for_a_meade_sees_a_meade_and_reaches_nothing_else(model: str) -> None:
+    async def program() -> None:
+        async with bridge(model) as own:
+            await own.controller.perform(op.GetIdentity())
+            await asyncio.sleep(1.0)
+            client = own.client()
+            assert await client.ask(b":GVP#") == b"Autostar#"
+            for said in (b":hS#", b":U#", b":GU#", b":Td#", b":F+#", b":B+#", b":$BA10#"):
+                client.tell(said)
+            await asyncio.sleep(5.0)
+            assert own.sim.tracking and not {b":hF#", b":hS#", b":U#", b":Td#", b":F+#"} & set(own.sent())
+
+    run(program())
+
+
+REASONS: dict[str, dict[bytes, type[Fault]]] = {
+    "onstep": {
+        b"1": BelowHorizon, b"2": TooHigh, b"3": Refused, b"4": Refused, b"5": Busy, b"6": Refused, b"7": Refused,
+        b"8": Busy, b"9": Refused,
+    },
+    "teenastro": {
+        b"1": BelowHorizon, b"2": NoTarget, b"3": Refused, b"4": Refused, b"5": Busy, b"6": Refused, b"7": Busy,
+        b"8": TooHigh, b"9": Refused, b";": Refused, b"<": Refused, b"=": Refused, b">": Refused, b"?": Refused,
+        b"@": Refused, b"A": Refused,
+    },
+}  # fmt: skip
+
+
+@each("model", MODELS)
+def test_every_refusal_of_a_goto_has_words(model: str) -> None:
+    rules = Lx200ReplyRules(model)
+    for said, fault in REASONS[model].items():
+        outcome, length = rules.take(Send("MS"), said) or (None, 0)
+        assert type(outcome) is fault and length == 1 and str(outcome), said
+    assert rules.take(Send("MS"), b"0") == ({"length": 1}, 1)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_what_its_state_does_not_show_was_not_done(model: str) -> None:
+    async def program() -> None:
+        async with bridge(model) as own:
+            await own.controller.perform(op.SetTracking(on=False, heard=True))
+            answering(own, {b":Te#": b"1"})
+            with pytest.raises(Refused, match="did not turn tracking on"):
+                await own.controller.perform(op.SetTracking(on=True, heard=True))
+            answering(own, {b":Te#": b"0"})
+            with pytest.raises(Refused, match="does not track: it is parked"):
+                await own.controller.perform(op.SetTracking(on=True, heard=True))
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_zone_that_it_does_not_take_is_replaced_and_the_time_is_right_in_utc(model: str) -> None:
+    """A TeenAstro's own is +13.5, which it refuses."""
+
+    async def program() -> None:
+        async with bridge(model, site=(-36.8, 174.8)) as own:
+            await own.controller.perform(op.SetClock(own.clock() + 90.0, 13.5))
+            await asyncio.sleep(10.0)
+            assert abs(own.sim.utc() - own.sim.now - 90.0) < 3.0
+            assert not [entry.note for entry in own.entries if "not in force" in (entry.note or "")]
+
+    run(program())
+
+
+def test_a_clock_that_is_not_taken_is_told() -> None:
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            await own.controller.perform(op.GetClock())
+            answering(own, {b":SC01/25/26#": b"1"})
+            await own.controller.perform(op.SetClock(own.clock() + 10 * 86400.0, 0.0))
+            await asyncio.sleep(10.0)
+            assert any("did not take the time: it reports 2026-01-15" in (one.note or "") for one in own.entries)
+
+    run(program())
+
+
+@pytest.mark.parametrize("south", [False, True])
+@pytest.mark.parametrize("model", MODELS)
+def test_the_side_of_the_pier_is_what_it_tells(model: str, south: bool) -> None:
+    """In German hand controls' letters: W if the second axis reads beyond the pole."""
+
+    async def program() -> None:
+        async with bridge(model, site=(-45.0, 10.0) if south else (45.0, 10.0)) as own:
+            for east in (-40.0, 40.0):
+                ra = (own.sim.mechanics.sky.sidereal(own.clock()) + east) % 360.0
+                await own.controller.perform(op.Goto(ra, 0.0))
+                await asyncio.sleep(90.0)
+                beyond = own.sim.mechanics.axes(own.sim.now)[1] % 360.0 > 90.0
+                flipped = own.sim.mechanics.flipped
+                assert await own.controller.read_now(op.PierSide()) == ("W" if flipped else "E"), (east, beyond)
+
+    run(program())
+
+
+def test_a_pulse_is_sent_at_a_guide_rate() -> None:
+    """Where pulses have the rate of the arrows, :RS# would make a slew of them."""
+
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            own.sim.separate_pulses = False
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 20.0))
+            await asyncio.sleep(90.0)
+            own.sim.feed(b":R9#")  # at its own keypad
+            await own.controller.read_now(op.GetStatus())
+            before = own.sim.truth()[1]
+            await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
+            await asyncio.sleep(5.0)
+            assert 10.0 < (own.sim.truth()[1] - before) * 3600.0 < 20.0
+
+    run(program())
+
+
+def test_one_that_waits_for_its_clock_says_so_and_goes_when_it_is_set() -> None:
+    async def program() -> None:
+        async with bridge("onstep", aligned=False, config={"site_time": "never"}) as own:
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            with pytest.raises(Refused, match="standby: it waits for its date and time"):
+                await own.controller.perform(op.Goto(ra, 20.0))
+            own.sim.feed(b":SL22:00:00#:SC01/15/26#")
+            await own.controller.perform(op.Goto(ra, 20.0))
+
+    run(program())
+
+
+# --- unknown ones, and those that are pushed --------------------------------------------------------------------------
+
+
+def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_not_tell() -> None:
+    async def program() -> None:
+        own = bridge("autostar")
+        own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+        answering(own, {b":GW#": b""})
+        async with own:
+            identity = await own.controller.perform(op.GetIdentity())
+            assert (identity.product, identity.model) == ("OpenAstroTracker", "other")
+            [said] = [one.note for one in own.entries if "is not known here" in (one.note or "")]
+            assert "'OpenAstroTracker'" in said and "it did not tell whether it tracks" in said
+            ra, dec = own.sim.truth()
+            await own.controller.perform(op.Goto(ra, dec - 20.0))
+            await asyncio.sleep(60.0)
+            assert abs(own.sim.truth()[1] - dec + 20.0) < 0.1
+            for order in (op.SetTracking(on=False), op.SetTracking(on=True), op.Park(), op.Home()):
+                with pytest.raises(Fault):
+                    await own.controller.perform(order)
+            assert not {b":AP#", b":AL#", b":AA#", b":hF#", b":hP#"} & set(own.sent())
+
+    run(program())
+
+
+def test_a_meade_of_any_name_stays_a_meade() -> None:
+    async def program() -> None:
+        own = bridge("autostar")
+        own.sim.row = {**own.sim.row, "product": "ETX Autostar"}
+        async with own:
+            assert (await own.controller.perform(op.GetIdentity())).model == "autostar"
+
+    run(program())
+
+
+@pytest.mark.parametrize("product", ["PiFinder", "MyPushTo"])
+def test_one_that_is_pushed_is_told_as_one(product: str) -> None:
+    """Its bars are always there, and its position is that of the hand: never slewing for ever."""
+
+    async def program() -> None:
+        own = bridge("autostar")
+        own.sim.row = {**own.sim.row, "product": product}
+        answering(own, {b":D#": b"|#", b":MS#": b"0", b":GW#": b"AT1", b":Q#": b""})
+        async with own:
+            await own.controller.perform(op.GetIdentity())
+            target = overhead(own.sim)
+            client = own.client()
+            assert any("pushed by hand" in (one.note or "") for one in own.entries)
+            assert not await own.controller.perform(op.Slewing())
+            assert b"pushed by hand" in await client.ask(target + b":MS#", 20.0, until=b"#")
+            assert len(await client.ask(b":GR#")) == len("12:34:56#") and await client.ask(b":D#") == b"#"
+            able = (await own.controller.perform(op.GetAbilities())).can
+            assert not {"Goto", "Move", "Sync", "Park", "Pulse"} & able and "Position" in able
+
+    run(program())
