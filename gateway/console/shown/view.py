@@ -53,11 +53,14 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
 
 
 def _abilities(controller: MountController, status: op.Status | None) -> dict[str, Any]:
-    """Return what the mount can do of what the page offers, and its guide rates; None while it is not known."""
+    """Return what it can do of what the page offers, its guide rates, its speeds by key; None while not known."""
     if not controller.identified.is_set() or status is None:
-        return {"can": None, "guides": None}
+        return {"can": None, "guides": None, "speeds": None}
     able = controller.driver.can_do(status.equatorial)
-    return {"can": [name for name in OFFERED if name in able.can], "guides": [round(rate, 3) for rate in able.guides]}
+    return {
+        "can": [name for name in OFFERED if name in able.can], "guides": [round(rate, 3) for rate in able.guides],
+        "speeds": [round(controller.driver.speed(op.Rate(key=key)), 4) for key in range(1, 10)],
+    }  # fmt: skip
 
 
 def coordinates(controller: MountController, place: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:

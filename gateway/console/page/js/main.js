@@ -1,5 +1,6 @@
 // Starts all parts of the page; each of them manages its own elements.
 
+import * as gamepad from "./control/gamepad.js";
 import * as jog from "./control/jog.js";
 import * as look from "./control/look.js";
 import * as orders from "./control/orders.js";
@@ -22,7 +23,7 @@ import * as readings from "./readings/readings.js";
 import * as talk from "./talk/talk.js";
 
 stop.start(); // first, so that it works even if something below fails
-for (const part of [night, awake, header, mounts, banners, glance, search, place, look, orders, steps, jog, readings, talk, more, views]) part.start();
+for (const part of [night, awake, header, mounts, banners, glance, search, place, look, orders, steps, jog, gamepad, readings, talk, more, views]) part.start();
 socket.on("open", () => state.pin && socket.ask({ do: "pin", pin: state.pin }).then((answer) => (state.act ||= answer.ok)));
 socket.connect();
 chart.startOrSay();

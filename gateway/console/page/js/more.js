@@ -5,6 +5,7 @@ import { angle } from "./core/format.js";
 import { ask } from "./core/socket.js";
 import { mount, state, subscribe } from "./core/store.js";
 import { answered } from "./frame/notices.js";
+import * as gamepad from "./control/gamepad.js";
 import * as awake from "./frame/awake.js";
 import { askForPin } from "./frame/banners.js";
 import { limitsButtons } from "./readings/limits.js";
@@ -66,6 +67,12 @@ function guideGroup() {
   return whole;
 }
 
+function gamepadGroup() {
+  const words = el("p", {});
+  subscribe(() => say(words, gamepad.words()));
+  return group("Gamepad", words);
+}
+
 /** A list of sentences that is updated when it changes. */
 function list(title, lines, none, ...more) {
   const box = el("ul", { class: "lines" });
@@ -85,6 +92,7 @@ export function start() {
     list("Where programs connect", (seen) => seen.surfaces, "nowhere"),
     list("What is allowed", (seen) => seen.allowed, "everything", ...limitsButtons()),
     guideGroup(),
+    gamepadGroup(),
     group("Keys", el("dl", { class: "keys" }, ...KEYS.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
     pageGroup(),
   );

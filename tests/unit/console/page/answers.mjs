@@ -11,6 +11,7 @@ const from = (name) => import(new URL(name, folder));
 const sphere = await from("sphere.js"), { View } = await from("view.js"), { Scene } = await from("scene.js");
 const { Catalogue } = await from("catalogue.js"), { pick } = await from("pick.js"), { Trail } = await from("trail.js");
 const moon = await from("moon.js"), words = await from("words.js"), { project } = await from("paint/stars.js");
+const { Stick } = await from("../control/stick.js");
 const { typedPlace } = await from("../finding/typed.js");
 const { Night, culmination, lookingFrom, tonight, worth } = await from("../finding/tonight.js");
 
@@ -46,6 +47,14 @@ const answers = {
       points: new Float64Array(catalogue.count * 3) };
     if (picture.scene.sky) project(picture, picture.points);
     return pick(picture, x, y, reach);
+  },
+  /** What a gamepad asks for, at each of [milliseconds, right, down, shoulder, other buttons]; the same stick. */
+  stick: (speed, steps) => {
+    const stick = new Stick(), button = (pressed) => ({ pressed, value: Number(pressed) });
+    return steps.map(([now, right, down, shoulder, ...others]) => {
+      const buttons = Array.from({ length: 17 }, (_, index) => button((index === 5 && Boolean(shoulder)) || others.includes(index)));
+      return stick.take({ axes: [right, down, 0, 0], buttons }, now, speed);
+    });
   },
   trail: (steps) => {
     const trail = new Trail();

@@ -14,13 +14,23 @@ import { onTurn, upsideDown } from "./turned.js";
 /** The direction of a key is that of the arrow in the same place of the pad. */
 const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "east", ArrowRight: "west" };
 const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
-/** By direction, what holds it down (a pointer's number or "key"), on which mount, and the number of the press. @type {Map<string, {by: number|string, mount: number, press: number}>} */
+/** By direction, what holds it down (a pointer's number, "key" or "gamepad"), on which mount, and the number of the press. @type {Map<string, {by: number|string, mount: number, press: number}>} */
 const held = new Map();
 let presses = 0;
 let rate = 5;
 let turned = false;
 
 const directionOf = (key) => (turned ? OPPOSITE[KEYS[key]] : KEYS[key]);
+
+/** Press and release the arrow in a place of the pad (`up`, `down`, `left`, `right`), as a gamepad does. */
+const atPlace = (place) => directionOf(`Arrow${place[0].toUpperCase()}${place.slice(1)}`);
+export const pressAt = (place) => press(atPlace(place), "gamepad");
+export function releaseAt(place) {
+  if (held.get(atPlace(place))?.by === "gamepad") letGo(atPlace(place));
+}
+export const changeRate = (by) => setRate(rate + by);
+/** The rate, 1 to 9. */
+export const rateKey = () => rate;
 const buttonOf = (direction) => byId("pad").querySelector(`[data-go="${direction}"]`);
 
 function mark(direction, on) {

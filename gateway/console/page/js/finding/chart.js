@@ -22,7 +22,10 @@ export async function start() {
   byId("chart-out").addEventListener("click", () => sky.enlarge(1 / 1.5));
   new ResizeObserver(() => sky.resize()).observe(byId("chart"));
   onLight(() => sky.setNight(light().night));
-  onPlace((place) => sky.highlight(place));
+  onPlace((place) => {
+    sky.highlight(place);
+    say(byId("sky-says"), place ? `${place.name || "A place"} is chosen.` : "");
+  });
   subscribe(() => mount() && sky.update(mount(), state.hello));
 }
 
