@@ -2,7 +2,7 @@
 
 What is not understood is answered with status 400 and a text: an unknown address, a capital letter in it, a missing or
 misspelt parameter, a number that is none. Everything else is answered with status 200, errors by their number. On a
-line without HTTP the requests are the lines of ``mappings/alpaca/commands.toml``, as in recordings and rehearsals.
+line without HTTP, as in rehearsals, the driver's own conversion stands between its lines and this server.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import math
 from collections.abc import Callable
 from itertools import count
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
+from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
 from gateway.protocols.alpaca.simulator.members import WRITES, read, readable
 from gateway.protocols.alpaca.simulator.telescope import (
     NOT_CONNECTED,
@@ -79,11 +80,11 @@ class SimulatedAlpaca(Telescope):
         return RequestFramer()
 
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
-        if frame.endswith(b"\n") and frame.startswith((b"get ", b"put ")):
-            verb, member, *words = frame.decode("utf-8").split()
-            given = "&".join(words)
-            target = f"{DEVICE}{member}" + (f"?{given}" if verb == "get" else "")
-            reply = _line(*self.request(verb.upper(), target, given.encode()))
+        if frame.startswith((b"get ", b"put ")):
+            method, path, fields = self._lines.request(frame)
+            words = urlencode(fields)
+            status, text = self.request(method, f"{path}?{words}", words.encode())
+            reply = self._lines.reply(status, text.encode())
         else:
             head, _, body = frame.partition(b"\r\n\r\n")
             method, target, *_ = [*head.decode("latin-1").split("\r\n")[0].split(), "", ""]
@@ -101,6 +102,7 @@ class SimulatedAlpaca(Telescope):
         return reply
 
     waits = False
+    _lines = TelescopeHttp("")
     _numbers = count(1)
 
     def request(self, method: str, target: str, body: bytes = b"", kind: str = FORM) -> tuple[int, str]:
@@ -173,13 +175,3 @@ def _value(name: str, text: str, kind: str) -> Any:
     except (KeyError, ValueError):
         pass
     raise NotUnderstood(f"{name} cannot be {text!r}")
-
-
-def _line(status: int, text: str) -> bytes:
-    """Return a response as a line: the value, or the error with its number."""
-    found = json.loads(text) if status == 200 else {"ErrorNumber": NOT_IMPLEMENTED, "ErrorMessage": text}
-    if found["ErrorNumber"]:
-        found = {name: found[name] for name in ("ErrorNumber", "ErrorMessage")}
-    else:
-        found = found.get("Value")
-    return json.dumps(found, separators=(",", ":")).encode() + b"\n"
