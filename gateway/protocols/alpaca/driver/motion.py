@@ -24,8 +24,8 @@ from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps
 LOOK_AFTER, LOOK_AGAIN = 1.0, 0.5
 #: How often that is looked at; a deviation from a speed by more than this fraction is remarked in the log.
 LOOKS, REMARK_FROM = 4, 0.1
-#: The longest guide pulse that is sent at once, milliseconds.
-LONGEST_PULSE = 5000
+#: The longest guide pulse that is sent at once, milliseconds: no request ends one.
+LONGEST_PULSE = 500
 #: ASCOM's numbers of directions and of tracking rates, and these as multiples of sidereal.
 DIRECTIONS = {"n": 0, "s": 1, "e": 2, "w": 3}
 RATES = {"sidereal": 0, "lunar": 1, "solar": 2}
@@ -80,7 +80,8 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate) 
         raise NoAnswer from None  # it may move: the stop that follows must know
     except Fault as fault:
         mount.moving.pop(axis, None)
-        if isinstance(fault, Refused):
+        mount.parked = isinstance(fault, Parked)
+        if isinstance(fault, Refused) and not mount.parked:
             raise Refused(f'The mount refused this. Its server says: "{fault}"') from None
         raise
 

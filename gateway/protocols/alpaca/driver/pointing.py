@@ -102,6 +102,7 @@ def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, 
     except Silence:
         raise NoAnswer from None
     except Parked as fault:
+        mount.parked = True
         raise Parked(_with_text(PARKED, fault)) from None
     except (Refused, Invalid) as fault:
         raise (yield from _reason(mount, fault, goal)) from None
@@ -110,6 +111,7 @@ def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, 
 def _reason(mount: AlpacaDriver, fault: Fault, goal: op.Equatorial | None) -> Steps:
     """Return the refusal of an order with its reason, by what the mount tells of itself now."""
     if (yield from told(mount, "atpark", False)):
+        mount.parked = True
         return Parked(_with_text(PARKED, fault))
     if not (yield from told(mount, "tracking", True)):
         return Refused(_with_text("The mount does not track: turn tracking on first.", fault))

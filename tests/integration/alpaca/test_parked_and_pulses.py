@@ -1,0 +1,56 @@
+"""A parked Alpaca telescope is unparked by LX200 programs, and a stop ends a long guide pulse soon."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.diagnostics.virtual_time import run
+from tests.support.faces import Refusal, face
+from tests.support.in_process_gateway import Bridge
+from tests.support.truth import moving
+
+
+@pytest.mark.parametrize("lacks", [frozenset(), frozenset({"tracking_put"})], ids=["all", "without SetTracking"])
+@pytest.mark.parametrize("order", ["goto", "arrow"])
+@pytest.mark.sampled(2)
+def test_waking_unparks_also_after_a_refused_order(order: str, lacks: frozenset[str]) -> None:
+    async def program() -> None:
+        made: dict[str, Any] = {"parked": True, "lacks": lacks}
+        async with Bridge("german", driven="alpaca", surface="lx200gps", simulated=made) as bridge:
+            one = face("lx200", bridge)
+            if order == "goto":
+                with pytest.raises(Refusal, match="parked"):
+                    await one.leave(60.0, 40.0)
+            else:
+                await one.arrow("n", 0.5)
+            await asyncio.sleep(2.0)
+            assert bridge.sim.at == "park"
+            bridge.client().tell(b":hW#")
+            await asyncio.sleep(3.0)
+            assert bridge.sim.at == "" and bridge.sim.tracking is not bool(lacks)
+
+    run(program())
+
+
+def test_a_stop_ends_a_long_pulse() -> None:
+    """AbortSlew ends no pulse, so a long one is sent in pieces; without a stop it is as long as it should be."""
+
+    async def program() -> None:
+        async with Bridge("german", driven="alpaca", surface="lx200gps", config={"lowest": -90.0}) as bridge:
+            one, ends = face("lx200", bridge), []
+            for stop in (True, False):
+                before = bridge.sim.truth()[1]
+                await one.pulse("n", 3000)
+                await asyncio.sleep(0.5)
+                if stop:
+                    bridge.client().tell(b":Q#")
+                    await asyncio.sleep(0.7)
+                    assert not moving(bridge.sim)
+                await asyncio.sleep(6.0)
+                ends.append(abs(bridge.sim.truth()[1] - before) * 3600.0)
+            assert ends[0] < 10.0 and ends[1] == pytest.approx(3.0 * 7.52, rel=0.02)
+
+    run(program())
