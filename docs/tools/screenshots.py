@@ -35,7 +35,7 @@ from gateway.transport.wires import SimulatedTransport
 PICTURES = Path(__file__).resolve().parent.parent / "pictures"
 EVENING = datetime(2026, 1, 16, 19, 30, tzinfo=UTC).timestamp()
 SITE = (48.1, 11.6)
-PHONE, DESK = (390, 844), (1280, 800)
+PHONE, TALL, DESK = (390, 844), (390, 1000), (1280, 800)
 LARGEST = 250_000
 #: The Crab nebula in the east, and a target in Pegasus in the west: a slew between the two takes half a minute.
 GOALS = (b":Sr05:34:32#:Sd+22*00:52#:MS#", b":Sr23:05:00#:Sd+28*00:00#:MS#")
@@ -47,7 +47,11 @@ SHOTS = (
     ("conversation", DESK, "/talk", False),
     ("phone", PHONE, "/sky", False),
     ("phone-night", PHONE, "/control", True),
+    ("tonight", TALL, "/sky", False),
+    ("target", TALL, "/sky", False),
 )
+#: What is pressed before a picture is taken.
+PRESSED = {"tonight": ["#tonight-button"], "target": ["#tonight-button", "#tonight-rows >> text=M42"]}
 
 
 async def main() -> None:
@@ -133,6 +137,9 @@ async def _shoot(
     await asyncio.sleep(4.0)  # the sky is painted, and the line to the mount has some history
     TASKS.add(asyncio.ensure_future(busy))
     await asyncio.sleep(7.0 if view == "/talk" else 4.0)
+    for selector in PRESSED.get(name, ()):
+        await page.click(selector)
+        await asyncio.sleep(1.5)
     picture = Image.open(io.BytesIO(await page.screenshot())).convert("RGB")
     await page.close()
     PICTURES.mkdir(exist_ok=True)

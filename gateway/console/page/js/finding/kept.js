@@ -1,19 +1,15 @@
 // What this browser keeps for the observer: favourites, what was seen, a list, the telescope's field.
 
-const read = (key, otherwise) => {
+import { keep, kept } from "../core/kept.js";
+
+const write = (key, value) => keep(key, JSON.stringify(value));
+function read(key, otherwise) {
   try {
-    return JSON.parse(localStorage.getItem(key)) ?? otherwise;
+    return JSON.parse(kept(key)) ?? otherwise;
   } catch {
-    return otherwise; // no storage, or not ours
+    return otherwise; // it is not ours
   }
-};
-const write = (key, value) => {
-  try {
-    localStorage.setItem(key, JSON.stringify(value));
-  } catch {
-    // Without storage it is forgotten with the page.
-  }
-};
+}
 
 /** Names that are marked: `favourites` or `seen`. */
 export const isMarked = (mark, name) => read(mark, []).includes(name);
