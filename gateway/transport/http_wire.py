@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 from urllib.parse import urlencode, urlsplit
 
@@ -36,12 +36,12 @@ class Request(NamedTuple):
 class Dialect(Protocol):
     """Converts lines to requests, and answers to lines.
 
-    ``first`` is what is asked when the wire opens; ``opened`` raises OSError if its answer shows the wrong server.
+    ``first`` is asked when the wire opens; ``opened`` raises OSError if an answer shows that it is the wrong server.
     """
 
-    first: Request
-
-    def opened(self, status: int, body: bytes) -> None: ...
+    @property
+    def first(self) -> Sequence[Request]: ...
+    def opened(self, request: Request, status: int, body: bytes) -> None: ...
     def request(self, line: bytes) -> Request: ...
     def reply(self, status: int, body: bytes) -> bytes: ...
 
@@ -67,7 +67,7 @@ class HttpWire:
         self._number = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Ask the server its first question. Raises OSError with a reason in words."""
+        """Ask the server its first questions. Raises OSError with a reason in words."""
         import aiohttp
 
         session = aiohttp.ClientSession(
@@ -77,7 +77,8 @@ class HttpWire:
         session._retry_connection = False  # it would repeat a PUT, and so a guide pulse
         try:
             async with asyncio.timeout(FIRST):
-                self._dialect.opened(*await self._ask(session, self._dialect.first))
+                for request in self._dialect.first:
+                    self._dialect.opened(request, *await self._ask(session, request))
                 found = await asyncio.get_running_loop().getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
         except (aiohttp.ClientError, OSError) as error:
             await session.close()

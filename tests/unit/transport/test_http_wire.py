@@ -21,9 +21,7 @@ Answer = Callable[[bytes, asyncio.StreamWriter], Awaitable[None]]
 
 async def value(writer: asyncio.StreamWriter, value: str, status: str = "200 OK", close: bool = False) -> None:
     body = (
-        value.encode()
-        if status != "200 OK"
-        else b'{"Value": %s, "ErrorNumber": 0, "ErrorMessage": ""}' % value.encode()
+        value.encode() if status != "200 OK" else b'{"Value": %s, "ErrorNumber": 0,"ErrorMessage":""}' % value.encode()
     )
     writer.write(b"HTTP/1.1 %s\r\nContent-Length: %d\r\n\r\n%s" % (status.encode(), len(body), body))
     if close:
@@ -43,6 +41,9 @@ async def server(answer: Answer) -> AsyncIterator[tuple[HttpWire, asyncio.Queue[
                 request = head.split(b" HTTP")[0] + b" " + await reader.readexactly(length)
                 if b"/management/" in request:
                     await value(writer, "no such page", "404 Not Found")
+                    continue
+                if b"/connected" in request:
+                    await value(writer, "true")
                     continue
                 asked.append(request)
                 await answer(request, writer)
@@ -80,7 +81,7 @@ def test_a_line_is_a_request_with_its_names_and_numbers_and_the_answer_is_a_line
             assert await lines.get() == b"null\n"
             assert asked[0].startswith(b"GET /api/v1/telescope/3/canmoveaxis?Axis=1&ClientID=")
             assert asked[1].startswith(b"PUT /api/v1/telescope/3/tracking Tracking=True&ClientID=")
-            assert asked[0].endswith(b"&ClientTransactionID=1 ") and asked[1].endswith(b"&ClientTransactionID=2")
+            assert asked[0].endswith(b"&ClientTransactionID=2 ") and asked[1].endswith(b"&ClientTransactionID=3")
 
     run(program())
 
@@ -148,14 +149,14 @@ def test_a_server_that_cannot_be_reached_says_why() -> None:
 @pytest.mark.parametrize(
     ("status", "body", "line"),
     [
-        (404, b"no  such\nmember", b'{"ErrorNumber": 1024, "ErrorMessage": "HTTP 404: no such member"}\n'),
-        (422, b"Axis", b'{"ErrorNumber": 1024, "ErrorMessage": "HTTP 422: Axis"}\n'),
-        (500, b"", b'{"ErrorNumber": 1280, "ErrorMessage": "HTTP 500: "}\n'),
-        (200, b"<html>", b'{"ErrorNumber": 1280, "ErrorMessage": "The answer is no JSON object of Alpaca."}\n'),
-        (200, b"[1]", b'{"ErrorNumber": 1280, "ErrorMessage": "The answer is no JSON object of Alpaca."}\n'),
-        (200, b'{"ErrorNumber": 1032, "ErrorMessage": "Parked"}', b'{"ErrorNumber": 1032, "ErrorMessage": "Parked"}\n'),
-        (200, b'{"ErrorNumber": -2147220472}', b'{"ErrorNumber": 1032, "ErrorMessage": ""}\n'),
-        (200, b'{"Value": [0, 1]}', b"[0, 1]\n"),
+        (404, b"no  such\nmember", b'{"ErrorNumber":1024,"ErrorMessage":"HTTP 404: no such member"}\n'),
+        (422, b"Axis", b'{"ErrorNumber":1024,"ErrorMessage":"HTTP 422: Axis"}\n'),
+        (500, b"", b'{"ErrorNumber":1280,"ErrorMessage":"HTTP 500: "}\n'),
+        (200, b"<html>", b'{"ErrorNumber":1280,"ErrorMessage":"The answer is no JSON object of Alpaca."}\n'),
+        (200, b"[1]", b'{"ErrorNumber":1280,"ErrorMessage":"The answer is no JSON object of Alpaca."}\n'),
+        (200, b'{"ErrorNumber": 1032,"ErrorMessage":"Parked"}', b'{"ErrorNumber":1032,"ErrorMessage":"Parked"}\n'),
+        (200, b'{"ErrorNumber": -2147220472}', b'{"ErrorNumber":1032,"ErrorMessage":""}\n'),
+        (200, b'{"Value": [0, 1]}', b"[0,1]\n"),
         (200, b'{"ErrorNumber": null}', b"null\n"),
     ],
 )
@@ -165,5 +166,15 @@ def test_an_answer_is_one_line(status: int, body: bytes, line: bytes) -> None:
 
 def test_a_gateway_refuses_to_drive_itself() -> None:
     told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.OWN]}})
+    telescope = TelescopeHttp("http://127.0.0.1:1/7")
+    telescope.opened(telescope.first[0], 404, b"")
     with pytest.raises(OSError, match="this very gateway"):
-        TelescopeHttp("http://127.0.0.1:1").opened(200, told.encode())
+        telescope.opened(telescope.first[0], 200, told.encode())
+
+
+def test_a_server_without_this_telescope_is_not_opened() -> None:
+    telescope = TelescopeHttp("http://127.0.0.1:1/7")
+    for status, body in ((404, b"no"), (200, b"<html>")):
+        with pytest.raises(OSError, match=r"no Alpaca server is there, or it has no telescope 7 \(HTTP status"):
+            telescope.opened(telescope.first[1], status, body)
+    telescope.opened(telescope.first[1], 200, b'{"Value": true}')

@@ -6,6 +6,7 @@ line has a number and the server's own text; a member that HTTP itself refuses i
 
 from __future__ import annotations
 
+import errno
 import json
 import random
 from contextlib import suppress
@@ -18,6 +19,8 @@ from gateway.transport.http_wire import Request
 
 #: What HTTP answers if all is well, and for a member or a parameter that a server does not have.
 OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
+#: Where every server describes itself.
+DESCRIPTION = "/management/v1/description"
 #: ASCOM's numbers for "not implemented" and for everything else.
 NOT_IMPLEMENTED, UNSPECIFIED = 0x400, 0x500
 #: The longest text of an error, letters.
@@ -29,21 +32,24 @@ COM = 0x80040000
 class TelescopeHttp:
     """Converts between lines and HTTP for one telescope, ``http://HOST:PORT[/NUMBER]``."""
 
-    first = Request("GET", "/management/v1/description", {})
-
     def __init__(self, url: str) -> None:
-        self._url = url
-        self._path = f"/api/v1/telescope/{urlsplit(url).path.strip('/') or '0'}/"
+        self._url, self._number = url, urlsplit(url).path.strip("/") or "0"
+        self._path = f"/api/v1/telescope/{self._number}/"
         self._client, self._requests = random.randrange(1, 2**32), count(1)
+        self.first = (Request("GET", DESCRIPTION, {}), self.request(b"get connected\n"))
 
-    def opened(self, status: int, body: bytes) -> None:
-        """Look which gateways are on the way to this telescope. Raises OSError if this one is among them."""
-        described: Any = {}
+    def opened(self, request: Request, status: int, body: bytes) -> None:
+        """Look whether there is a telescope, and which gateways are on the way to it. Raises OSError."""
+        told: Any = None
         if status == OK:
             with suppress(ValueError):
-                described = json.loads(body)
-        value = described.get("Value") if isinstance(described, dict) else None
-        check(self._url, value if isinstance(value, dict) else {})
+                told = json.loads(body)
+        if request.path == DESCRIPTION:  # some servers have none
+            value = told.get("Value") if isinstance(told, dict) else None
+            check(self._url, value if isinstance(value, dict) else {})
+        elif not isinstance(told, dict):
+            which = f"it has no telescope {self._number} (HTTP status {status})"
+            raise OSError(errno.ENODEV, f"no Alpaca server is there, or {which}")
 
     def request(self, line: bytes) -> Request:
         verb, member, *words = line.decode("ascii").split()
@@ -67,9 +73,12 @@ class TelescopeHttp:
             return _error(
                 number & 0xFFF if number & ~0xFFF in (COM, COM - 2**32) else number, answer.get("ErrorMessage")
             )
-        return json.dumps(answer.get("Value")).encode("ascii") + b"\n"
+        return _line(answer.get("Value"))
 
 
 def _error(number: int, text: Any) -> bytes:
-    words = {"ErrorNumber": number, "ErrorMessage": str(text or "")[:LONGEST]}
-    return json.dumps(words).encode("ascii") + b"\n"
+    return _line({"ErrorNumber": number, "ErrorMessage": str(text or "")[:LONGEST]})
+
+
+def _line(value: Any) -> bytes:
+    return json.dumps(value, separators=(",", ":")).encode("ascii") + b"\n"
