@@ -25,7 +25,7 @@ START_GRACE = 2.0
 #: Seconds after a goto at which its equinox is compared, once.
 COMPARE_AFTER = 3.0
 #: What a program is told of a parked mount.
-PARKED = "The mount is parked: unpark it first, or turn tracking on."
+PARKED = "The mount is parked: unpark it first (mount-gateway unpark)."
 
 
 def position(mount: AlpacaDriver, _: op.Position) -> Steps:
