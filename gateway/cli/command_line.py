@@ -35,8 +35,8 @@ WHERE = """\
 PROTOCOL@WHERE, in full PROTOCOL[:MODEL[/VERSION]]@WHERE, names a mount, or a surface: that is where programs connect.
 Without a model a mount is asked what it is, and programs are presented one that fits.
   PROTOCOL  of a mount: lx200 (Meade), nexstar (Celestron) or alpaca (any ASCOM Alpaca telescope)
-            of a surface stellarium (Stellarium's own), too, and any (tcp:// only): every one of them and web browsers, \
-told by what they say first
+            of a surface stellarium (Stellarium's own), too, and any (tcp:// only): every one of them and web \
+browsers, told by what they say first
   VERSION   of the hand control, like 4.21
   WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, http://HOST:PORT (alpaca), \
 or sim (a simulated one)

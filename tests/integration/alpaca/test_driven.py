@@ -9,11 +9,17 @@ import asyncio
 
 import pytest
 
+from gateway.app.bindings import make_surface
+from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import wrap360
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
 from gateway.diagnostics.virtual_time import run
+from gateway.mount.policy import Limits
+from gateway.protocols.base.session import Shared
+from gateway.transport.handler import Connected
 from tests.integration.test_four_by_four import EXACT, NORTH, SOUTH, Program, apart
 from tests.support.in_process_gateway import Bridge
 from tests.support.two_gateways import TwoGateways
@@ -105,5 +111,28 @@ def test_park_unpark_and_tracking(driven: str, model: str, nexstar: bool) -> Non
             if model == "6-8se":
                 with pytest.raises(Unsupported, match="no home position"):
                     await ask(op.Home())
+
+    run(program())
+
+
+def test_an_alpaca_program_at_an_alpaca_mount_gets_reads_of_the_server_and_no_order_that_is_not_checked() -> None:
+    async def program() -> None:
+        inner = Bridge("german", driven="alpaca", presented="lx200", config={"sun": 0.0})
+        inner.sim.tells["aperturediameter"] = 0.2
+        inner.sim.lacks -= {"aperturediameter", "sideofpier_put"}
+        async with inner:
+            face = inner.face.surface
+            made = make_surface(Endpoint("alpaca", "-"), SurfaceConfig(at="alpaca@-"), Limits())
+            made.surface.verbatim = True
+            assert face is not made.surface
+            client = ConnectionAcceptor(inner.controller, made, Shared(), inner.clock)
+            heard: list[bytes] = []
+            one = client.accept(Connected("x", "x", lambda data: heard.append(bytes(data))))
+            for line in (b"put connected Connected=true", b"get aperturediameter", b"put sideofpier SideOfPier=1"):
+                one.feed(line + b"\n")
+                await asyncio.sleep(2.0)
+            assert heard[:2] == [b"null\n", b"0.2\n"] and b"Not available" in heard[2]
+            assert not any(b"put sideofpier" in line for line in inner.sent())
+            one.close()
 
     run(program())

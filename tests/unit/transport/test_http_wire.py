@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -165,7 +166,7 @@ def test_an_answer_is_one_line(status: int, body: bytes, line: bytes) -> None:
 
 
 def test_a_gateway_refuses_to_drive_itself() -> None:
-    told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.OWN]}})
+    told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.own(os.getpid())]}})
     telescope = TelescopeHttp("http://127.0.0.1:1/7")
     telescope.opened(telescope.first[0], 404, b"")
     with pytest.raises(OSError, match="this very gateway"):
