@@ -118,8 +118,7 @@ def test_park_unpark_and_tracking(driven: str, model: str, nexstar: bool) -> Non
 def test_an_alpaca_program_at_an_alpaca_mount_gets_reads_of_the_server_and_no_order_that_is_not_checked() -> None:
     async def program() -> None:
         inner = Bridge("german", driven="alpaca", presented="lx200", config={"sun": 0.0})
-        inner.sim.tells["aperturediameter"] = 0.2
-        inner.sim.lacks -= {"aperturediameter", "sideofpier_put"}
+        inner.sim.lacks -= {"sideofpier_put"}
         async with inner:
             face = inner.face.surface
             made = make_surface(Endpoint("alpaca", "-"), SurfaceConfig(at="alpaca@-"), Limits())
@@ -128,10 +127,10 @@ def test_an_alpaca_program_at_an_alpaca_mount_gets_reads_of_the_server_and_no_or
             client = ConnectionAcceptor(inner.controller, made, Shared(), inner.clock)
             heard: list[bytes] = []
             one = client.accept(Connected("x", "x", lambda data: heard.append(bytes(data))))
-            for line in (b"put connected Connected=true", b"get aperturediameter", b"put sideofpier SideOfPier=1"):
+            for line in (b"put connected Connected=true", b"get doesrefraction", b"put sideofpier SideOfPier=1"):
                 one.feed(line + b"\n")
                 await asyncio.sleep(2.0)
-            assert heard[:2] == [b"null\n", b"0.2\n"] and b"Not available" in heard[2]
+            assert heard[:2] == [b"null\n", b"false\n"] and b"Not available" in heard[2]
             assert not any(b"put sideofpier" in line for line in inner.sent())
             one.close()
 
