@@ -20,15 +20,15 @@ function close() {
   marked = -1;
 }
 
-/** Look up a name, or coordinates that can be meant in one way. */
+/** Look up a name, or coordinates that can be meant in one way; whatever comes of it, the last target is none any more. */
 export function take(text) {
   clearTimeout(timer);
   latest++;
+  forget();
   byId("object").value = text;
   const place = typedPlace(text);
   say(byId("asks"), place?.asks ?? "");
   if (place?.asks) {
-    forget();
     byId("object").focus();
     return offer(place.choices);
   }
