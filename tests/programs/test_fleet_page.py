@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
+import axe_playwright_python
 import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect, sync_playwright
@@ -54,6 +56,13 @@ def test_all_mounts_on_a_page_and_stop_all(workshop: Workshop, page: Page) -> No
 
     page.get_by_role("button", name="Stop east of dome").press("Enter")
     wait_until("one is told", lambda: onlooker.told("mount-gateway/dome/east/command") == [b"stop"])
+    onlooker.say("mount-gateway/dome/availability", "offline", retain=True)  # its network is cut
+    expect(page.locator("#attention")).to_have_text("none moves, 1 not there")
+    page.get_by_role("button", name="STOP ALL").click()
+    expect(page.locator("#attention")).to_contain_text("stop sent, none moves, 1 not there, and not stopped")
+    assert onlooker.told("mount-gateway/all/command") == [b"stop"] * 2
+    page.evaluate((Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text("utf-8"))
+    assert page.evaluate("async () => (await axe.run()).violations.map(one => one.id)") == []
     page.get_by_role("button", name="Red light").click()
     wait_until("by night everything is red", lambda: not _not_red(page.screenshot()))
 

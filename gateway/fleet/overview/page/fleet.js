@@ -78,12 +78,12 @@ function show({ whole, parts }, mount) {
   const place = mount.ra === null ? "" : `RA ${hours(mount.ra)}  Dec ${degrees(mount.dec)}`;
   const over = mount.alt === null ? "" : `  Alt ${mount.alt.toFixed(1)}°  Az ${mount.az.toFixed(1)}°`;
   say(parts.where, place + over);
-  const programs = mount.programs === 1 ? "1 program" : `${mount.programs} programs`;
+  const programs = mount.programs ? `${mount.programs} program${mount.programs === 1 ? "" : "s"}` : "";
   say(parts.more, [mount.model, programs, `told ${age(mount.age)} ago`].filter(Boolean).join(" · "));
   say(parts.said, mount.said && mount.said_age < 60 ? mount.said : "");
 }
 
-function showAll({ mounts, there, why }) {
+function showAll({ mounts, there: connected, why }) {
   const now = new Set();
   mounts.forEach((mount, place) => {
     const key = `${mount.gateway}/${mount.mount}`;
@@ -102,10 +102,11 @@ function showAll({ mounts, there, why }) {
   const away = mounts.filter(lost).length;
   const move = mounts.filter((mount) => mount.moving && !lost(mount)).length;
   say(byId("summary"), mounts.length === 1 ? "1 mount" : `${mounts.length} mounts`);
-  const told = performance.now() - sent < TOLD ? ["stop sent"] : [];
-  say(byId("attention"), [...told, move ? `${move} moving` : "none moves", away ? `${away} not there` : "all there"].join(", "));
-  byId("none").hidden = mounts.length > 0 || !there;
-  trouble(there ? unsent : `The broker is not there (${why}): what is shown is old, and STOP is not sent.`);
+  const told = performance.now() - sent < TOLD;
+  const there = away ? `${away} not there${told ? ", and not stopped: use the keys or the power switch" : ""}` : "all there";
+  say(byId("attention"), [...(told ? ["stop sent"] : []), move ? `${move} moving` : "none moves", there].join(", "));
+  byId("none").hidden = mounts.length > 0 || !connected;
+  trouble(connected ? unsent : `The broker is not there (${why}): what is shown is old, and STOP is not sent.`);
 }
 
 async function follow() {
