@@ -69,6 +69,7 @@ def make_driver(
         park=config.park if isinstance(config.park, tuple) else None,
         aux_home=config.aux_home,
         reversed_axes=config.reversed_axes,
+        rates=tuple(config.rates or ()),
         lowest=config.limits.lowest,
         rules=rules,
     )
@@ -203,6 +204,7 @@ def policy(config: MountConfig, rules: int) -> Policy:
         unaligned=config.unaligned,
         silence=config.dead_man,
         silence_closed=config.dead_man_closed,
+        run_on=config.run_on,
         rules=rules,
     )
 

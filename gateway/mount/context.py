@@ -81,7 +81,9 @@ class Context:
     @property
     def timing(self) -> StopTiming:
         """The stop timing for the present speed of the line."""
-        return StopTiming(self.link.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position])
+        return StopTiming(
+            self.link.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position], self.policy.run_on
+        )
 
     @property
     def fastest(self) -> float:

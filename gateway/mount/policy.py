@@ -70,6 +70,7 @@ class Policy(Struct, frozen=True):
     """The owner's settings. ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that
     is not aligned may be sent to axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed``: for how
     many seconds a client that moves the mount by hand may be silent while connected, and after it has disconnected.
+    ``run_on``: for how many seconds at full speed the mount runs on after a stop.
     ``rules``: the number of the rules that apply, lower than the present one in the replay of an earlier recording.
     """
 
@@ -80,6 +81,7 @@ class Policy(Struct, frozen=True):
     unaligned: str = "refuse"
     silence: float = 30.0
     silence_closed: float = 5.0
+    run_on: float = 0.5
     rules: int = RULES
 
 

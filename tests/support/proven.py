@@ -99,7 +99,7 @@ class Proven:
         self.truths: list[Truth] = []
         self._every = every
         self._sent: list[bytes] = []
-        self.findings = Findings()
+        self.findings, self.told = Findings(), dict[str, object]()
 
     async def __aenter__(self) -> Proven:
         entrance = self.gateway.entrance
@@ -128,7 +128,8 @@ class Proven:
         return self._sent
 
     async def check(self, person: Onlooker) -> Findings:
-        self.findings = await Guide(self.gateway, person, self.findings, lambda findings: None).run()
+        guide = Guide(self.gateway, person, self.findings, lambda findings: None, told=self.told)
+        self.findings = await guide.run()
         return self.findings
 
     def all(self) -> dict[str, Finding]:

@@ -161,6 +161,25 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         Annotated[float, Meta(gt=0.0, le=12.0)] | None,
         key("how far an equatorial mount may go past the meridian (hours; default: no limit)", "HOURS", 1.5),
     ] = None
+    run_on: Annotated[
+        float,
+        key(
+            "how long the mount runs on after a stop, in seconds at its speed before: limits are kept from so much "
+            "farther away. mount-gateway prove measures it",
+            "S",
+            ge=0.5,
+            le=10.0,
+        ),
+    ] = 0.5
+    rates: Annotated[
+        Annotated[list[Annotated[float, Meta(gt=0.0, le=20.0)]], Meta(min_length=9, max_length=9)] | None,
+        key(
+            "how fast the nine arrow rates really move the mount (degrees a second), where that is not as its maker "
+            "says. mount-gateway prove measures it",
+            "RATES",
+            [0.002, 0.004, 0.017, 0.033, 0.067, 0.27, 1.0, 2.0, 4.0],
+        ),
+    ] = None
     dead_man: Annotated[
         float,
         key(

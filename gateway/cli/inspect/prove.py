@@ -12,6 +12,7 @@ import contextlib
 import sys
 import textwrap
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from gateway.app.config import Config
     from gateway.app.gateway import Gateway
     from gateway.diagnostics.prove.findings import Findings
+    from gateway.diagnostics.prove.guide import Stage
 
 #: Columns of a line, and of the progress bar in it.
 COLUMNS, BAR = 60, 14
@@ -58,9 +60,9 @@ def add_prove(commands: Commands) -> None:
 def _prove(arguments: argparse.Namespace) -> int:
     from gateway.cli.serve.serving import serve_mounts, start_watchdog, with_loop
     from gateway.diagnostics.prove.findings import load, save
-    from gateway.diagnostics.prove.guide import Guide
+    from gateway.diagnostics.prove.guide import LOOKING, MOVING, Guide
 
-    config, _ = settings(arguments, served=False)
+    config, source = settings(arguments, served=False)
     if not sys.stdin.isatty():
         raise UserError("prove asks questions: start it in a terminal")
     folder: Path = arguments.folder
@@ -68,21 +70,62 @@ def _prove(arguments: argparse.Namespace) -> int:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}; --folder names another one") from None
-    kept = folder / "findings.json"
-    config = checked(config, folder)
-    watchdog = start_watchdog(config)
+    kept, told, left = folder / "findings.json", dict[str, object](), False
+    for stages in (LOOKING, MOVING):  # apart, because a bundle holds nothing of the first
 
-    async def guest(gateway: Gateway) -> None:
-        with Terminal().open() as terminal:
-            findings = await Guide(gateway, terminal, load(kept), lambda found: save(kept, found)).run()
-            for line in summary(findings):
+        async def guest(gateway: Gateway, stages: tuple[Stage, ...] = stages) -> None:
+            nonlocal left
+            with Terminal().open() as terminal:
+                guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages, told)
+                await guide.run()
+                left = guide.left
+
+        here = checked(config, folder, record=stages is MOVING)
+        if not left:
+            serve = partial(serve_mounts, here, watchdog=start_watchdog(here), guest=guest)
+            code = with_loop(False, serve, stages is MOVING)
+    findings = load(kept)
+    if findings.stages:
+        asyncio.run(_afterwards(findings, Path(source.name) if source.is_file else None, folder))
+    return code
+
+
+async def _afterwards(findings: Findings, file: Path | None, folder: Path) -> None:
+    """Show what was found, and offer what follows from it: lines for gateway.toml, and a file for the authors."""
+    from gateway.diagnostics.prove import bundle
+    from gateway.diagnostics.prove.adapting import adapted, difference, written
+
+    with Terminal().open() as terminal:
+        for line in summary(findings):
+            terminal.say(line)
+        if findings.keys:
+            terminal.say("These lines under [mount] of gateway.toml adapt the gateway to it:")
+            before, after = adapted(file, findings.keys) if file else ("", "\n".join(written(findings.keys)))
+            for line in difference(before, after):
                 terminal.say(line)
+            if file and await terminal.key(f"y: write them to {file}  n: do not", "yn") == "y":
+                file.write_text(after, "utf-8")
+        if await terminal.key("y: make a file for the author of the gateway  n: end", "yn") == "n":
+            return
+        try:
+            files = await asyncio.to_thread(bundle.make, findings, sorted(folder.glob("*.rec")))
+        except UserError as error:
+            terminal.say(f"No file can be made: {error}.")
+            return
+        for name, data in files.items():
+            shown = data.decode("latin-1").splitlines()
+            terminal.say(f"{name}: {len(shown)} lines")
+            for line in shown if name == bundle.VERDICTS else shown[2:6]:
+                terminal.say(line)
+        terminal.say("There is no name, address or site in it; the latitude is rounded, longitude and time are others.")
+        path = Path(bundle.name_of(findings))
+        if await terminal.key(f"y: save it as {path}  n: do not", "yn") == "y":
+            bundle.save(path, files)
+            terminal.say(f"Saved {path}. Please send it to the author.")
 
-    return with_loop(False, lambda: serve_mounts(config, watchdog=watchdog, guest=guest), recorded=True)
 
-
-def checked(config: Config, folder: Path) -> Config:
-    """Return the configuration of the check: one mount, recorded, far from the Sun, with surfaces for its programs.
+def checked(config: Config, folder: Path, record: bool) -> Config:
+    """Return the configuration of the check: one mount, far from the Sun, with surfaces for the programs of the check.
 
     Raises UserError if there are several mounts.
     """
@@ -95,7 +138,8 @@ def checked(config: Config, folder: Path) -> Config:
     if len(config.mount) != 1:
         raise UserError("prove checks one mount: name it with --mount PROTOCOL@WHERE")
     number = 1 + len(list(folder.glob("*.rec")))
-    mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun), record=str(folder / f"{number}.rec"))
+    path = str(folder / f"{number}.rec") if record else None
+    mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun), record=path)
     inside = [SurfaceConfig(at=f"{protocol}@{SERVED}") for protocol in mounts() if protocol in streams()]
     return replace(config, mount=[mount], surface=[*config.surface, *inside], status=False, log=False, wait=False)
 

@@ -31,6 +31,7 @@ GROUPS = {
         "hour-angle-limit",
         "sync-limit",
         "unaligned",
+        "run-on",
         "dead-man",
         "dead-man-closed",
         "watchdog",

@@ -7,6 +7,7 @@ that adapt the gateway to a difference. They are kept in a file from one session
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Protocol
 
 import msgspec
 from msgspec import Struct
@@ -32,12 +33,20 @@ class Finding(Struct, frozen=True):
         return f"{self.verdict}  {self.what}{beside}{f' (assumed: {self.assumed})' if self.assumed else ''}"
 
 
+class Report(Protocol):
+    """Takes the findings of a stage, and how far it has come."""
+
+    def found(self, finding: Finding) -> None: ...
+    def progress(self, done: int, of: int, what: str) -> None: ...
+
+
 class Findings(Struct):
     """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle."""
 
     mount: str = ""
     model: str = ""
     version: str = ""
+    equatorial: bool = False
     stages: dict[str, list[Finding]] = {}
 
     def of(self, verdict: str) -> list[Finding]:
@@ -47,12 +56,6 @@ class Findings(Struct):
     def keys(self) -> dict[str, object]:
         """The keys of [mount] that adapt the gateway to what differs."""
         return {key: value for finding in self.of(DIFFERS) for key, value in finding.keys.items()}
-
-
-def compare(what: str, measured: float, assumed: float, error: float, unit: str, means: str = "") -> Finding:
-    """Compare two numbers; ``error`` is by how much the measured one may be wrong."""
-    verdict = SAME if abs(measured - assumed) <= error else DIFFERS
-    return Finding(what, verdict, f"{measured:.3g}{unit}", f"{assumed:.3g}{unit}", means if verdict == DIFFERS else "")
 
 
 def load(path: Path) -> Findings:

@@ -11,8 +11,7 @@ from math import cos, inf, radians
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding
-from gateway.diagnostics.prove.stage import Report
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, Report
 from gateway.diagnostics.prove.telescope import Ended, Telescope
 from gateway.mount.motion.run_on import Place
 
@@ -22,8 +21,8 @@ LONGEST, CANCELLED = 300.0, 2.0
 FAR, NEAR, RESTS = 5.0, 0.1, 0.1
 #: Degrees from the horizon, the zenith and the pole at which the small motions have room.
 ROOM, POLE = 20.0, 75.0
-#: Hour angles that are tried for a better place, and the part of the latitude that its declination is.
-HOUR_ANGLES, PART = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
+#: Hour angles that are tried for a better place, and the part of the rounded latitude that its declination is.
+HOUR_ANGLES, PART, ROUND = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5, 5.0
 
 
 def cramped(telescope: Telescope) -> str:
@@ -47,7 +46,8 @@ async def to_place(telescope: Telescope, report: Report) -> None:
     if site is None:
         raise Ended("the site is not known, so that no place can be chosen")
     sidereal = telescope.controller.astrometry.sidereal_time()
-    goals = (op.Equatorial((sidereal - away) % 360.0, PART * site.latitude) for away in HOUR_ANGLES)
+    dec = PART * ROUND * round(site.latitude / ROUND)  # which must not tell the latitude to who reads a bundle
+    goals = (op.Equatorial((sidereal - away) % 360.0, dec) for away in HOUR_ANGLES)
     goal, refused = await _allowed(telescope, goals)
     if goal is None:
         raise Ended(f"{why}, and no better place is allowed: {refused}")
@@ -70,13 +70,18 @@ async def _allowed(telescope: Telescope, goals: Iterator[op.Equatorial]) -> tupl
     return None, str(refusal)
 
 
+async def near(telescope: Telescope, here: op.Equatorial) -> tuple[op.Equatorial | None, str]:
+    """Return a goal 5° from here that the rules allow, or None and why there is none."""
+    aside = FAR / max(0.2, cos(radians(here.dec)))
+    ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
+    goals = (op.Equatorial((here.ra + ra) % 360.0, here.dec + dec) for ra, dec in ways if abs(here.dec + dec) < 89.0)
+    return await _allowed(telescope, goals)
+
+
 async def run(telescope: Telescope, report: Report) -> None:
     """Go 5° and back, and go again and cancel it. Raises Ended."""
     start = await telescope.rest()
-    aside = FAR / max(0.2, cos(radians(start.sky.dec)))
-    ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
-    goals = (op.Equatorial((start.sky.ra + ra) % 360.0, start.sky.dec + dec) for ra, dec in ways)
-    goal, refused = await _allowed(telescope, (one for one in goals if abs(one.dec) < 89.0))
+    goal, refused = await near(telescope, start.sky)
     if goal is None:
         report.found(Finding("goto of 5°", NOT_TRIED, refused))
         return

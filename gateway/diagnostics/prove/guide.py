@@ -9,26 +9,46 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Awaitable, Callable
+from typing import NamedTuple, Protocol
 
 from gateway.app.gateway import Gateway
 from gateway.core import operations as op
 from gateway.core import requests
-from gateway.diagnostics.prove import gotos, reads, sky, small_motions
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings
-from gateway.diagnostics.prove.stage import Stage
+from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions, view
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, Report
 from gateway.diagnostics.prove.telescope import WHO, Ended, Telescope
 
 #: Seconds within which a stage that was told to end has ended.
 ENDS = 20.0
-STAGES = (
+
+
+class Stage(NamedTuple):
+    """A part of the check. ``will`` says what comes, in one sentence; ``moves``: whether it moves the mount.
+
+    ``run`` raises Ended. ``why`` says why it is needed; nothing if it is not.
+    """
+
+    name: str
+    will: str
+    moves: bool
+    run: Callable[[Telescope, Report], Awaitable[None]]
+    why: Callable[[Telescope], str] = lambda telescope: "it belongs to every check"
+
+
+LOOKING: tuple[Stage, ...] = (
     Stage("reads", "asks it everything that it can be asked. Nothing moves.", False, reads.run),
     Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run),
+)
+MOVING: tuple[Stage, ...] = (
     Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.cramped),
     Stage("motions", "moves a little in all directions, at all rates.", True, small_motions.run),
     Stage("goto", "goes 5° and back, and stops a goto on its way.", True, gotos.run),
+    Stage("guiding", "sends short pulses in all directions.", True, guiding.run),
+    Stage("program", "goes 5° and back as a program of another protocol.", True, view.run),
+    Stage("settings", "asks whether its settings are as they were.", False, reads.settings),
 )  # fmt: skip
+STAGES = LOOKING + MOVING
 
 
 class Person(Protocol):
@@ -44,8 +64,19 @@ class Person(Protocol):
 class Guide:
     """One session. ``keep`` is called with the findings after every stage."""
 
-    def __init__(self, gateway: Gateway, person: Person, findings: Findings, keep: Callable[[Findings], None]) -> None:
+    def __init__(
+        self,
+        gateway: Gateway,
+        person: Person,
+        findings: Findings,
+        keep: Callable[[Findings], None],
+        stages: tuple[Stage, ...] = STAGES,
+        told: dict[str, object] | None = None,
+    ) -> None:
+        """``told`` is what the mount has told of its settings, which a later session compares."""
         self._telescope, self._person, self._findings, self._keep = Telescope(gateway), person, findings, keep
+        self._stages, self.left = stages, False
+        self._telescope.settings = {} if told is None else told
         self._here: list[Finding] = []
         self._tracked = op.Tracking.OFF
 
@@ -62,10 +93,12 @@ class Guide:
         try:
             await telescope.look()
             self._tracked = telescope.status.tracking
+            self._findings.equatorial = telescope.status.equatorial
         except Ended as ended:
             person.say(f"{str(ended).capitalize()}.")
             return self._findings
-        for number, stage in enumerate(STAGES, 1):
+        for stage in self._stages:
+            number = STAGES.index(stage) + 1
             if stage.name in self._findings.stages:
                 person.say(f"{number}/{len(STAGES)} {stage.name}: done before.")
                 continue
@@ -76,9 +109,8 @@ class Guide:
                 person.say(f"Not now: {why}.")
                 continue
             key = await self._answer("y: yes  s: skip it  q: leave", "ysq")
-            if key == "q":
-                break
-            if key == "y" and not await self._stage(stage):
+            self.left = key == "q" or (key == "y" and not await self._stage(stage))
+            if self.left:
                 break
         return self._findings
 

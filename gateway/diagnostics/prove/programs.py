@@ -19,13 +19,13 @@ PATIENCE, LOOK = 6.0, 0.02
 class Program:
     """A connection to the surface of this protocol. Raises Ended if the gateway has none."""
 
-    def __init__(self, gateway: Gateway, protocol: str) -> None:
+    def __init__(self, gateway: Gateway, protocol: str, name: str = "program") -> None:
         self.protocol, self._heard, self._side = protocol, b"", Side(protocol)
         endpoints = zip(gateway.endpoints, gateway.acceptors, strict=True)
         found = [acceptor for endpoint, acceptor in endpoints if endpoint.protocol == protocol]
         if not found:
             raise Ended(f"this gateway has no surface for {protocol} programs")
-        self._handler = gateway.entrance.accept(found[-1])(Connected(f"prove:{protocol}", WHO, self._hear))
+        self._handler = gateway.entrance.accept(found[-1])(Connected(f"prove:{name}", WHO, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self._heard += data

@@ -10,15 +10,16 @@ import statistics
 from gateway.core import operations as op
 from gateway.core.wire_log import MOUNT, Entry
 from gateway.diagnostics.log.conversation import Side
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
 from gateway.diagnostics.prove.programs import Program, readable
-from gateway.diagnostics.prove.stage import Report
 from gateway.diagnostics.prove.telescope import Telescope
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.registry import streams
 
 #: Questions that are not asked: names that people have given to sites, and lists that a question leafs through.
 LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-"))
+#: Answers that are of their moment only: the target, motion, dates.
+PASSING = frozenset(("Gr", "Gd", "D", "L", "GC", "h?"))
 #: In the words for a reply that has no form of its command; a refusal has one.
 GARBLED = "garbled"
 #: Seconds: a usual line answers sooner; and one that takes so much longer than its usual time is busy.
@@ -67,13 +68,38 @@ async def run(telescope: Telescope, report: Report) -> None:
     try:
         for number, name in enumerate(names):
             report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
-            await program.ask(name)
+            heard = await program.ask(name)
             telescope.check()
+            if heard is not None and heard.values and name not in PASSING:
+                telescope.settings[name] = heard.values
     finally:
         gateway.wire_log.remove(line.put)
         program.close()
     report.found(_forms(line))
     report.found(_times(line))
+
+
+async def settings(telescope: Telescope, report: Report) -> None:
+    """Ask again what the mount keeps, and compare it with what it told at first. Raises Ended."""
+    if not telescope.settings:
+        report.found(Finding("settings", NOT_TRIED, "they are compared within one session"))
+        return
+    program = Program(telescope.gateway, telescope.driver.protocol.name, "settings")
+    try:
+        after = {name: await program.ask(name) for name in telescope.settings}
+    finally:
+        program.close()
+    helps = telescope.driver.protocol.commands
+    changed = [
+        f"{name} ({helps[name].help})"
+        for name, values in telescope.settings.items()
+        if (heard := after[name]) is not None and heard.values != values
+    ]
+    means = "Set it back at the hand control, and tell the author of the gateway."
+    if changed:
+        report.found(Finding("settings", DIFFERS, "; ".join(changed), "as before", means))
+    else:
+        report.found(Finding("settings", SAME, f"{len(after)} are as they were"))
 
 
 def _identity(identity: op.Identity | None, driver: Driver) -> Finding:

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import Fault
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, Report
 from gateway.diagnostics.prove.programs import Program
-from gateway.diagnostics.prove.stage import Report
 from gateway.diagnostics.prove.telescope import Telescope
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 from gateway.core import operations as op
 from gateway.core.operations import Direction
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding
-from gateway.diagnostics.prove.stage import Report
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
 from gateway.diagnostics.prove.telescope import FARTHEST, LONGEST, Motion, Telescope
 from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
@@ -29,6 +28,7 @@ STEPS = 10.0
 MORE = 0.3
 #: Degrees an hour by which tracking may be off.
 DRIFT = 3.0 / 3600.0
+MEANS = "Arrows of programs move your mount at another speed than they show; rates in gateway.toml corrects that."
 PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
 
 
@@ -66,53 +66,55 @@ def velocity(telescope: Telescope, motion: Motion, axis: int) -> Velocity | None
 async def run(telescope: Telescope, report: Report) -> None:
     """Raises Ended."""
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
-    speeds = {telescope.driver.speed(op.Rate(key=key)): key for key in KEYS}
+    speeds = {telescope.speed(key): key for key in KEYS}
     tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in PAIRS]
+    if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
+        await telescope.press(Direction.WEST, 1, 1.0)
     turned_round: dict[int, list[bool]] = {1: [], 2: []}
     run_ons: list[tuple[float, float]] = []
+    real = dict[float, float]()
     for number, (speed, key, pair) in enumerate(tried):
-        found: list[Velocity | None] = []
-        axis = pair[0].axis
-        what = f"rate {key} {pair[0].word}/{pair[1].word}"
+        axis, what = pair[0].axis, f"rate {key} {pair[0].word}/{pair[1].word}"
         report.progress(number, len(tried), what)
-        refused = ""
-        for direction in pair:
-            motion = await telescope.press(direction, key, min(LONGEST, FARTHEST / speed))
-            refused = refused or motion.refused
-            found.append(velocity(telescope, motion, axis))
-        onwards, back = found
+        motions = [await telescope.press(one, key, min(LONGEST, FARTHEST / speed)) for one in pair]
+        onwards, back = (velocity(telescope, motion, axis) for motion in motions)
         if onwards is None or back is None:
-            report.found(Finding(what, NOT_TRIED, refused))
+            report.found(Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused))
             continue
         rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
-        report.found(judged(what, key, rate, error, speed, onwards, back, STEPS * telescope.ticks[axis - 1]))
-        if max(onwards.way, back.way) > STEPS * telescope.ticks[axis - 1]:
+        least = STEPS * telescope.ticks[axis - 1]
+        finding = judged(what, abs(rate), error, speed, onwards, max(onwards.way, back.way), least)
+        report.found(finding)
+        if max(onwards.way, back.way) > least:
             turned_round[axis].append(rate < 0.0)
             run_ons += [(abs(rate), one.run_on) for one in (onwards, back)]
+            if finding.verdict == DIFFERS:
+                real[speed] = abs(rate)
     for axis, pair in enumerate(PAIRS, 1):
         report.found(directions(pair, turned_round[axis]))
     report.found(ran_on(run_ons, telescope.controller.line.typical_rtt))
     report.found(await tracking(telescope))
+    if real:
+        speeds_of = [telescope.speed(key) for key in range(1, 10)]
+        rates = [round(real.get(speed, speed), 5) for speed in speeds_of]
+        report.found(Finding("rates of all keys", DIFFERS, "measured", "its maker's", MEANS, {"rates": rates}))
 
 
-def judged(
-    what: str, key: int, rate: float, error: float, speed: float, one: Velocity, other: Velocity, least: float
-) -> Finding:
-    """Return the finding on one rate."""
-    measured, assumed, rate = _words(rate), _words(speed), abs(rate)
-    if max(one.way, other.way) <= least:
-        if speed * LONGEST > 2.0 * least and speed * LONGEST > error * LONGEST * 2.0:
+def judged(what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float) -> Finding:
+    """Return the finding on one rate; ``way`` is how far it went, ``least`` what that must be to show anything."""
+    measured, assumed = rate_words(rate), rate_words(speed)
+    if way <= least:
+        if speed * LONGEST > 2.0 * least:
             return Finding(what, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", assumed)
     if abs(rate - speed) <= max(error, EVEN * speed):
         return Finding(what, SAME, measured, assumed)
     if one.short and rate < speed and FARTHEST / speed < 2.0 * RUN_UP and rate > (1.0 - SHORT) ** 2 * speed:
         return Finding(what, NOT_MEASURABLE, f"{measured}, still speeding up", assumed)
-    means = "Arrows of programs move your mount at another speed than they show."
-    return Finding(what, DIFFERS, measured, assumed, means, {f"rates {key}": round(rate, 6)})
+    return Finding(what, DIFFERS, measured, assumed, MEANS)
 
 
-def _words(rate: float) -> str:
+def rate_words(rate: float) -> str:
     return f"{abs(rate):.2f}°/s" if abs(rate) >= 0.1 else f'{abs(rate) * 3600.0:.1f}"/s'
 
 
@@ -134,7 +136,7 @@ def ran_on(run_ons: list[tuple[float, float]], exchange: float) -> Finding:
         return Finding(what, NOT_TRIED)
     rate, most = max(run_ons, key=lambda pair: pair[1] - pair[0] * RUN_ON)
     allowed = rate * (RUN_ON + 2.0 * exchange)
-    measured, assumed = f"{max(0.0, most):.1f}° from {_words(rate)}", f"{rate * RUN_ON:.1f}°"
+    measured, assumed = f"{max(0.0, most):.1f}° from {rate_words(rate)}", f"{rate * RUN_ON:.1f}°"
     if most <= 1.5 * allowed + MORE:
         return Finding(what, SAME, measured, assumed)
     means = "Limits are to be kept from so much farther away; run-on in gateway.toml does that."
@@ -152,4 +154,4 @@ async def tracking(telescope: Telescope) -> Finding:
     if rate <= DRIFT:
         return Finding(what, SAME)
     words = "It says that it tracks, and does not." if tracks else "It says that it rests, and follows the sky."
-    return Finding(what, DIFFERS, f"it drifts {_words(rate)}", "", words)
+    return Finding(what, DIFFERS, f"it drifts {rate_words(rate)}", "", words)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from math import inf
 from typing import NamedTuple
 
 from gateway.app.control.orders import STOPPED, stopped
@@ -61,7 +62,9 @@ class Telescope:
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.controller = gateway, gateway.controller
         self.now, self.driver = self.controller.now, self.controller.driver
-        self._stops, self._places, self._mine = self.controller.stops, list[Place](), False
+        self._stops, self._places = self.controller.stops, list[Place]()
+        #: Whether a motion of the check is under way; what the mount had told of its settings at first.
+        self.mine, self.settings = False, dict[str, object]()
         self._epoch: Pair | None = None
         self.controller.reader.position.connect(lambda _: self._places.extend(filter(None, [self.latest])))
 
@@ -94,12 +97,12 @@ class Telescope:
             by = controller.wanted.stopped_by
             raise Ended(f"the mount was stopped{f' by {by}' if by else f' ({words})' * bool(words)}")
         if controller.line.state not in ("up", "busy"):
-            still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self._mine)
+            still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self.mine)
             raise Ended(f"the mount does not answer ({controller.line.reason}){still}")
         for other in self._movers():
             if other is not None and other.who != WHO:
                 raise Ended(f"another program moves the mount ({other.who})")
-        if controller.watch.moved_by_others and not self._mine and controller.context.run_on.value is None:
+        if controller.watch.moved_by_others and not self.mine and controller.context.run_on.value is None:
             raise Ended("the mount is moved at its keys, or by itself")
 
     def _movers(self) -> Iterator[HostActivity | None]:
@@ -153,16 +156,16 @@ class Telescope:
             await asyncio.sleep(APART)
             before, here = here, await self.look()
             if self.drift(before, here) <= max(self.ticks) + 5.0 / 3600.0:
-                self._mine = False
+                self.mine = False
                 return here
         raise Ended("the mount does not come to rest")
 
     async def press(self, direction: op.Direction, key: int, longest: float) -> Motion:
         """Move by hand, and wait until it rests. Raises Ended."""
         before = await self.rest()
-        speed, number = self.driver.speed(op.Rate(key=key)), requests.new_number()
+        speed, number = self.speed(key), requests.new_number()
         self._places.clear()
-        self._mine = True
+        self.mine = True
         answer = await self.ask(requests.Press(direction=direction, key=key, number=number, who=WHO))
         if not answer.done:
             self.check()
@@ -193,7 +196,7 @@ class Telescope:
         """Go to a position, and cancel that after so many seconds. Return why it was refused. Raises Ended."""
         number = requests.new_number()
         where = requests.Spot(goal.ra % 360.0, goal.dec)
-        self._mine = True
+        self.mine = True
         answer = await self.ask(requests.Goto(where=where, number=number, who=WHO))
         if not answer.done:
             self.check()
@@ -205,6 +208,10 @@ class Telescope:
             if not over:
                 await self.ask(requests.End(number))
         return ""
+
+    def speed(self, key: int) -> float:
+        """Return how fast a rate is for this model; the limits count with the fastest of all."""
+        return min(self.driver.speed(op.Rate(key=key)), float(getattr(self.driver, "facts", {}).get("max_rate", inf)))
 
     # --- what a position means ----------------------------------------------------------------------------------------
 

@@ -41,11 +41,14 @@ NEARER = 0.05
 
 
 class StopTiming(Struct, frozen=True):
-    """Timing of one mount: ``exchange`` seconds each, ``reads`` per position, ``period`` seconds between positions."""
+    """Timing of one mount: ``exchange`` seconds each, ``reads`` per position, ``period`` seconds between positions;
+    after a stop it runs on for ``run_on`` seconds at full speed.
+    """
 
     exchange: float
     reads: int
     period: float
+    run_on: float = RUN_ON
 
     @property
     def lag(self) -> float:
@@ -60,7 +63,7 @@ class StopTiming(Struct, frozen=True):
     @property
     def to_stop(self) -> float:
         """Seconds from the moment at which a position was true until the stop that it triggers has ended the motion."""
-        return (EXCHANGES + self.reads - 1) * self.exchange + RUN_ON
+        return (EXCHANGES + self.reads - 1) * self.exchange + self.run_on
 
     @property
     def reaction(self) -> float:
@@ -69,7 +72,7 @@ class StopTiming(Struct, frozen=True):
 
     def overdue(self, elapsed: float) -> float:
         """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next one may be as late."""
-        return max(self.reaction, elapsed + EXCHANGES * self.exchange + RUN_ON)
+        return max(self.reaction, elapsed + EXCHANGES * self.exchange + self.run_on)
 
     def between_axes(self, axes: int) -> float:
         """Seconds between stopping one axis and stopping the other; 0 if at most one moves."""

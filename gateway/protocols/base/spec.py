@@ -64,6 +64,7 @@ class DriverSettings(Struct, frozen=True):
     park: tuple[float, float] | None = None
     aux_home: bool = False  # home is at the motors' own switches
     reversed_axes: str | None = None  # those that count the other way: none, first, second, both
+    rates: tuple[float, ...] = ()  # of the nine keys, as measured, degrees a second
     lowest: float = 0.0  # the default park position is not below this altitude, degrees
     rules: int = RULES  # those of the time of a recording that is replayed
 

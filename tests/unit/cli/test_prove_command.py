@@ -46,15 +46,15 @@ def test_a_key_is_an_answer_and_the_space_bar_a_stop() -> None:
 
 
 def test_the_gateway_of_the_check_keeps_far_from_the_sun_and_records(tmp_path: Path) -> None:
-    config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0)]), tmp_path)
+    config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0)]), tmp_path, True)
     [mount] = config.mount
     assert (mount.sun, mount.lowest, mount.record) == (40.0, 15.0, str(tmp_path / "1.rec"))
     assert {surface.at for surface in config.surface} == {"lx200@web", "nexstar@web"}
     assert not config.status
     (tmp_path / "1.rec").touch()
-    assert checked(config, tmp_path).mount[0].record == str(tmp_path / "2.rec")
+    assert checked(config, tmp_path, True).mount[0].record == str(tmp_path / "2.rec")
     with pytest.raises(UserError, match="one mount"):
-        checked(Config([mount, mount]), tmp_path)
+        checked(Config([mount, mount]), tmp_path, True)
 
 
 def test_the_summary_names_what_differs() -> None:

@@ -87,7 +87,7 @@ class Lx200Driver(Driver):
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(handlers)
-        self.now, self.rules = now, settings.rules
+        self.now, self.rules, self.measured = now, settings.rules, settings.rates
         self.named_model = settings.model
         self.take_for(settings.model)
         self.product, self.firmware = "", ""
@@ -276,7 +276,7 @@ class Lx200Driver(Driver):
         if rate.name is None and rate.degrees is not None:
             speed = nearest(self.abilities, rate.degrees).degrees
             return max(min(rate.degrees, max(self.speeds.values())), speed) if rate.key is None else speed
-        return self.speeds[rate_command(self, rate)]
+        return self.measured[rate.key - 1] if self.measured and rate.key else self.speeds[rate_command(self, rate)]
 
     @property
     def speeds(self) -> Mapping[str, float]:

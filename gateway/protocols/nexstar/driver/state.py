@@ -375,7 +375,7 @@ class NexStar(Driver):
 
     def key_speed(self, key: int) -> float:
         """Return the speed of a hand-control key (1-9), degrees a second."""
-        return key_speed(self.rates, key)
+        return self.settings.rates[key - 1] if self.settings.rates else key_speed(self.rates, key)
 
 
 def rate_zero(axis: int) -> Send:

@@ -1,0 +1,248 @@
+"""Makes a recording anonymous: nobody may find out from it where the mount stands, or whose it is.
+
+Longitude and every clock are shifted together by whole hours of sidereal time, so that the sky over the mount stays as
+it was; the latitude is rounded to 5 degrees. Altitudes and azimuths are those of the same hour angle and declination at
+that site. Only the check's own connections are kept, no name, path, address or note; what cannot be hidden is refused.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from datetime import datetime, timedelta
+from random import Random, SystemRandom
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from gateway.app.bindings import framer_and_replies
+from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.app.recording.format import FORMAT, MARK, RECORDER, Event, Recording, escape
+from gateway.app.state.file import SavedState
+from gateway.app.state.store import PreviousRun
+from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, wrap180
+from gateway.core import requests
+from gateway.core.errors import UserError
+from gateway.core.operations import Values
+from gateway.core.wire_log import MOUNT, SKY_READY
+from gateway.diagnostics.log.conversation import Side
+from gateway.diagnostics.prove.telescope import WHO
+from gateway.protocols.base.driver import Send
+from gateway.protocols.wireformat.command_set import load
+
+#: Seconds in which the sky turns by 15 degrees; to how many degrees a latitude is rounded.
+HOUR, ROUND = 86164.0905 / 24.0, 5.0
+#: The least step in which a mount tells an angle.
+TICK = 360.0 / 2**24
+#: Fields of commands that would tell the site, the time or a name, and questions that are left out with their answers.
+PRIVATE = frozenset(("latitude", "longitude", "date", "time", "hour", "month", "year", "offset", "name", "text"))
+LEFT_OUT = ("gps", "GM", "GN", "GO", "GP", "ED", "LI")
+#: Settings of a mount that a bundle keeps.
+KEPT = ("baud", "mode", "equinox", "site_time", "computer_clock", "lowest", "highest", "sync_limit", "guide_rate",
+        "guide_directions", "unaligned", "sun", "hour_angle_limit", "dead_man", "dead_man_closed", "run_on", "rates",
+        "speed")  # fmt: skip
+
+
+class Elsewhere(Struct, frozen=True):
+    """Where and when a bundle says that it was: ``hours`` east of the true site, and as much earlier. ``true`` is the
+    latitude of that.
+    """
+
+    true: float
+    latitude: float
+    longitude: float
+    hours: int
+
+    @property
+    def seconds(self) -> int:
+        return round(self.hours * HOUR)
+
+    def moved(self, command: str, told: Values, overhead: Values) -> Values:
+        """Return the fields of a reply as the mount would tell them there; ``overhead`` is where it points here."""
+        local = self.hours * 3600 - self.seconds
+        if "latitude" in told:
+            told = told | {"latitude": self.latitude}
+        if "longitude" in told:
+            told = told | {"longitude": -self.longitude if command == "Gg" else self.longitude}
+        if "az" in told or "alt" in told:
+            sky = horizon_to_hour_angle(overhead["az"], overhead["alt"], self.true)
+            place = dict(zip(("az", "alt"), hour_angle_to_horizon(*sky, self.latitude), strict=True))
+            told = told | {name: TICK * round(place[name] / TICK) for name in place if name in told}
+        if "offset" in told:
+            told = told | {"offset": told["offset"] - self.hours}
+        if command in ("GL", "Ga"):
+            told = told | {"time": (told["time"] + local) % 86400}
+        if "hour" in told and "day" not in told:  # UTC; its date stays
+            seconds = (told["hour"] * 3600 + told["minute"] * 60 + told["second"] - self.seconds) % 86400
+            told = told | {"hour": seconds // 3600, "minute": seconds // 60 % 60, "second": seconds % 60}
+        elif "hour" in told:
+            when = datetime(2000 + told["year"], *(told[name] for name in ("month", "day", "hour", "minute", "second")))
+            when += timedelta(seconds=local)
+            names = ("month", "day", "hour", "minute", "second")
+            told = told | {name: getattr(when, name) for name in names} | {"year": when.year - 2000}
+            zone, unit = ("zone", 1) if "zone" in told else ("quarters", 4)
+            told |= {zone: told[zone] + self.hours * unit}
+        return told
+
+
+def elsewhere(site: tuple[float, float] | None, zone: float, began: float, random: Random | None = None) -> Elsewhere:
+    """Choose another site for a true one, by chance; ``zone`` is local time minus UTC there, hours. The date stays."""
+    latitude, longitude = site or (45.0, 0.0)
+    today = [
+        n
+        for n in range(-23, 24)
+        if n and (began - n * HOUR) // 86400 == (began + 7200.0 - n * HOUR) // 86400 == began // 86400
+    ]
+    allowed = [n for n in today if -180 <= longitude + 15.0 * n < 180 and -12 <= zone + n <= 12]
+    hours = (random or SystemRandom()).choice(allowed or [-1, 1])
+    return Elsewhere(latitude, ROUND * round(latitude / ROUND), wrap180(longitude + 15.0 * hours), hours)
+
+
+class _Line:
+    """The line to the mount, on which each reply answers the last command."""
+
+    def __init__(self, protocol: str) -> None:
+        self._side, self._replies = Side(protocol), framer_and_replies(protocol)[1]
+        self._bytes, self.command = b"", ""
+
+    def asked(self, data: bytes) -> str:
+        """Take a command and return its name."""
+        self._bytes, self.command = b"", self._side.command(data).command
+        return self.command
+
+    def told(self, data: bytes) -> tuple[bytes, Values] | None:
+        """Take bytes of a reply; return it and its fields once it is complete, nothing of what is no reply to that."""
+        self._bytes += data
+        try:
+            taken = self._replies.take(Send(self.command), self._bytes) if self.command else None
+        except ValueError:
+            taken = None
+        if taken is None:
+            return None
+        answer, reply = taken[0], self._bytes[: taken[1]]
+        self._bytes = self._bytes[taken[1] :]
+        fields = answer if isinstance(answer, dict) else {}
+        return reply, {name: value for name, value in fields.items() if name != "length"}
+
+
+def _exchanges(recording: Recording, protocol: str) -> Iterator[tuple[str, Values]]:
+    line = _Line(protocol)
+    for event in recording:
+        if event.side == MOUNT and event.arrow == ">":
+            line.asked(event.data)
+        elif event.side == MOUNT and event.arrow == "<" and (told := line.told(event.data)) is not None:
+            yield line.command, told[1]
+
+
+def site_of(recording: Recording) -> tuple[tuple[float, float] | None, float]:
+    """Return the site that a recording tells, and the zone of its clock."""
+    config: dict[str, Any] = recording.settings["config"]["mount"]
+    told: dict[str, float] = {}
+    for command, values in _exchanges(recording, parse_endpoint(config["at"]).protocol):
+        east = -1.0 if command == "Gg" else 1.0
+        told |= {"latitude": values["latitude"]} if "latitude" in values else {}
+        told |= {"longitude": east * values["longitude"]} if "longitude" in values else {}
+        told |= {"zone": -values["offset"]} if "offset" in values else {}
+        told |= {"zone": values["zone"]} if "zone" in values else {}
+        told |= {"zone": values["quarters"] / 4.0} if "quarters" in values else {}
+    site = (told["latitude"], told["longitude"]) if {"latitude", "longitude"} <= told.keys() else config.get("site")
+    return (tuple(site) if site else None), told.get("zone", 0.0)
+
+
+def header(settings: dict[str, Any], there: Elsewhere) -> dict[str, Any]:
+    """Return the settings of the anonymous recording: nothing that names a place, a computer or a file."""
+    mount = settings["config"]["mount"]
+    kept = {name: value for name, value in mount.items() if name.replace("-", "_") in KEPT}
+    kept |= {"at": f"{str(parse_endpoint(mount['at'])).partition('@')[0]}@sim"}
+    kept |= {"site": [there.latitude, there.longitude]} if mount.get("site") else {}
+    surfaces = [SurfaceConfig(at=f"{parse_endpoint(one['at']).protocol}@web") for one in settings["config"]["surface"]]
+    shown = {name: settings[name] for name in ("version", "commit", "rules", "python", "exchanges", "elapsed", "from")}
+    shown |= {"began": settings["began"] - there.seconds, "past": PreviousRun(SavedState(1))}
+    shown["config"] = {"mount": msgspec.convert(kept, MountConfig), "surface": surfaces}
+    found: dict[str, Any] = msgspec.to_builtins(shown)
+    return found
+
+
+def anonymous(recording: Recording, there: Elsewhere, equatorial: bool) -> list[Event]:
+    """Return the events of the anonymous recording. Raises UserError if something in it cannot be hidden."""
+    protocol = parse_endpoint(recording.settings["config"]["mount"]["at"]).protocol
+    return list(_Hiding(protocol, there, equatorial).events(recording))
+
+
+def written(settings: dict[str, Any], events: Iterable[Event]) -> bytes:
+    """Return a recording as the bytes of its file."""
+    lines = [f"{MARK}{FORMAT}", f"# {json.dumps(settings)}"]
+    for event in events:
+        text = escape(event.data) if event.arrow in "<>" else event.data.decode("latin-1")
+        lines.append(f"{event.at:.6f} {event.side} {event.arrow} {text}".rstrip(" "))
+    return ("\n".join(lines) + "\n").encode("latin-1")
+
+
+class _Hiding:
+    def __init__(self, protocol: str, there: Elsewhere, equatorial: bool) -> None:
+        self._protocol, self._there, self._equatorial = protocol, there, equatorial
+        self._line, self._commands = _Line(protocol), load(protocol).commands
+        self._overhead: Values = {"az": 0.0, "alt": 0.0}
+        #: Whether the answer that comes belongs to a question that is left out.
+        self._skips = False
+
+    def events(self, recording: Recording) -> Iterator[Event]:
+        last = 0.0
+        for event in recording:
+            if event.arrow == "+" and event.side.startswith("prove:settings"):
+                break  # the last stage, which asks everything
+            last = event.at
+            if event.side == RECORDER:
+                if event.arrow == "t":
+                    yield event
+            elif event.side == MOUNT:
+                yield from self._of_mount(event)
+            elif event.side.startswith("prove:") and event.arrow in "+-<>e":
+                yield event
+        yield Event(last, RECORDER, "!", b"ends here: the rest is left out")
+
+    def _of_mount(self, event: Event) -> Iterator[Event]:
+        match event.arrow:
+            case ">":
+                name = self._line.asked(event.data)
+                command = self._commands.get(name)
+                if command is not None and not command.question and PRIVATE & command.request.fields.keys():
+                    raise UserError(f"somebody has set the mount's {command.help} meanwhile: check it again, alone")
+                self._skips = name in LEFT_OUT
+                if not self._skips:
+                    yield event
+            case "<" if not self._skips and (told := self._line.told(event.data)) is not None:
+                yield event._replace(data=self._reply(self._line.command, *told))
+            case "k":
+                yield event._replace(data=repr(float(event.data) - self._there.seconds).encode())
+            case "g":
+                number, _, failure = event.data.partition(b" ")
+                yield event._replace(data=number + b" failed" * bool(failure))
+            case "c":
+                request = requests.decode(event.data.decode("latin-1"))
+                if isinstance(request, requests.TellSite | requests.TellTime):
+                    raise UserError("somebody has set the mount's site or time meanwhile: check it again, alone")
+                if isinstance(request, requests.Base):
+                    request = msgspec.structs.replace(request, who=WHO)
+                yield event._replace(data=requests.encode(request).encode())
+            case "l" | "w":
+                yield event._replace(data=b"lost")
+            case "!" if event.data == SKY_READY.encode():
+                yield event
+            case "b" | "s" | "q" | "d" | "o" | "h" | "u":
+                yield event._replace(data=b"")
+
+    def _reply(self, command: str, data: bytes, told: Values) -> bytes:
+        """Return a reply as it would be there."""
+        self._overhead |= {name: told[name] for name in ("az", "alt") if name in told}
+        if self._equatorial and self._protocol == "nexstar" and "az" in told:
+            return data  # the axes of an equatorial mount, which tell no more than right ascension and declination
+        moved = self._there.moved(command, told, self._overhead)
+        if moved == told:
+            return data
+        forms = [form for _, form in self._commands[command].replies if form.fields.keys() == moved.keys()]
+        if forms:
+            hidden = [form.encode(moved) for form in forms]
+            return next((one for one in hidden if len(one) == len(data)), hidden[0])
+        raise UserError(f"the mount's answer to {command} cannot be hidden")

@@ -1,0 +1,131 @@
+"""The bundle of a check: one file that anybody may have, with its verdicts and its anonymous recordings."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import zipfile
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from math import inf
+from pathlib import Path
+from random import Random
+
+import msgspec
+from msgspec import Struct
+from msgspec.structs import replace
+
+from gateway.app.config import Endpoint, parse_endpoint
+from gateway.app.recording.format import RECORDER, Event, read, unescape
+from gateway.core.wire_log import MOUNT
+from gateway.diagnostics.log.conversation import Side
+from gateway.diagnostics.prove.anonymous import anonymous, elsewhere, header, site_of, written
+from gateway.diagnostics.prove.findings import NOT_TRIED, Finding, Findings
+from gateway.diagnostics.replay.replaying import outputs, replay
+
+#: The name of the verdicts in a bundle, and the date of its files.
+VERDICTS, DATE = "verdicts.json", (1980, 1, 1, 0, 0, 0)
+
+
+class Played(Struct, frozen=True):
+    """What a recording gave when it was replayed: connections, replies, requests; how many of these differed."""
+
+    clients: int
+    replies: int
+    requests: int
+    differences: int
+    strayed: int
+
+
+class Bundle(Struct, frozen=True):
+    """``month`` is when the check was; ``by`` a name that the owner has allowed to be told, or ``simulated``."""
+
+    findings: Findings
+    month: str
+    version: str
+    by: str = ""
+    played: dict[str, Played] = {}
+
+
+def played(path: Path) -> Played:
+    """Replay a recording. Raises UserError."""
+    outcome = replay(read(path))
+    return Played(outcome.clients, outcome.replies, outcome.requests, len(outcome.differences), len(outcome.strayed))
+
+
+def public(findings: Findings) -> Findings:
+    """Return the findings without what may tell a place or a name: all words of the sky, and why something ended."""
+
+    def shown(stage: str, finding: Finding) -> Finding:
+        hidden = stage == "sky" or finding.verdict == NOT_TRIED
+        return Finding(finding.what, finding.verdict) if hidden else finding
+
+    stages = {stage: [shown(stage, one) for one in found] for stage, found in findings.stages.items()}
+    return replace(findings, stages=stages)
+
+
+def name_of(findings: Findings) -> str:
+    """Return ``prove-MODEL-VERSION.zip``."""
+    return re.sub(r"[^\w.-]+", "_", f"prove-{findings.model or 'unknown'}-{findings.version or 'unknown'}") + ".zip"
+
+
+def make(
+    findings: Findings, recordings: Sequence[Path], by: str = "", random: Random | None = None
+) -> dict[str, bytes]:
+    """Return the files of a bundle by name, in their order. Raises UserError if something cannot be hidden."""
+    files: dict[str, bytes] = {}
+    outcomes: dict[str, Played] = {}
+    month = version = ""
+    with tempfile.TemporaryDirectory() as folder:
+        for number, path in enumerate(recordings, 1):
+            recording, hidden = read(path), Path(folder) / f"{number}.rec"
+            there = elsewhere(*site_of(recording), recording.settings["began"], random)
+            settings = header(recording.settings, there)
+            events = anonymous(recording, there, findings.equatorial)
+            hidden.write_bytes(written(settings, events))
+            end = _goes_another_way(replay(read(hidden)).strayed, parse_endpoint(settings["config"]["mount"]["at"]))
+            events = [event for event in events if event.at < end or (event.side, event.arrow) == (RECORDER, "!")]
+            hidden.write_bytes(written(settings, events))
+            files[hidden.name] = written(settings, _with_outputs(events, outputs(read(hidden))))
+            hidden.write_bytes(files[hidden.name])
+            outcomes[hidden.name] = played(hidden)
+            month, version = f"{datetime.fromtimestamp(settings['began'], UTC):%Y-%m}", str(settings["version"])
+    bundle = Bundle(public(findings), month, version, by, outcomes)
+    return {VERDICTS: msgspec.json.format(msgspec.json.encode(bundle), indent=1), **files}
+
+
+def _goes_another_way(strayed: Sequence[str], mount: Endpoint) -> float:
+    """Return when the gateway sends another command than it did at the true latitude, not only another value."""
+    side = Side(mount.protocol)
+    for line in strayed:
+        at, now, then = re.fullmatch(r"([\d.]+) s: asked '(.*)', then '(.*)'", line, re.DOTALL).groups()  # type: ignore[union-attr]
+        if side.command(unescape(now)).command != side.command(unescape(then)).command:
+            return float(at)
+    return inf
+
+
+def _with_outputs(events: Sequence[Event], after: dict[int, list[Event]]) -> Iterator[Event]:
+    """Yield the inputs of a recording, each turn followed by what the gateway now sends."""
+    turns = sorted(after)
+    for event in events:
+        if event.arrow == "t" or (event.side, event.arrow) == (RECORDER, "!"):
+            while turns and (event.arrow != "t" or turns[0] < int(event.data)):
+                yield from after[turns.pop(0)]
+        if event.arrow != (">" if event.side == MOUNT else "<"):
+            yield event
+
+
+def save(path: Path, files: dict[str, bytes]) -> None:
+    """Write a bundle; its files bear no date. Raises OSError."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(zipfile.ZipInfo(name, DATE), data, zipfile.ZIP_DEFLATED)
+
+
+def load(path: Path, folder: Path) -> Bundle:
+    """Unpack a bundle into a folder and return its verdicts."""
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            if name == VERDICTS or re.fullmatch(r"\d+\.rec", name):
+                (folder / name).write_bytes(archive.read(name))
+    return msgspec.json.decode((folder / VERDICTS).read_bytes(), type=Bundle)

@@ -1,0 +1,53 @@
+"""Guiding: short pulses, summed, as a program of the LX200 protocol sends them."""
+
+from __future__ import annotations
+
+import asyncio
+
+from gateway.astro.spherical import SIDEREAL_RATE
+from gateway.core import operations as op
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
+from gateway.diagnostics.prove.programs import Program
+from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_words
+from gateway.diagnostics.prove.telescope import Telescope
+
+#: Pulses in each direction, seconds of each, and seconds from one to the next.
+PULSES, LASTS, EVERY = 20, 0.2, 0.5
+#: The part of the guide rate by which it may be off.
+OFF = 0.25
+
+
+async def run(telescope: Telescope, report: Report) -> None:
+    """Raises Ended."""
+    abilities = telescope.driver.can_do(telescope.status.equatorial)
+    if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
+        report.found(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
+        return
+    program = Program(telescope.gateway, "lx200")
+    telescope.mine = True
+    try:
+        for axis, pair in enumerate(PAIRS, 1):
+            ways = []
+            for direction in pair:
+                before = await telescope.rest()
+                for number in range(PULSES):
+                    report.progress(number, PULSES, f"pulses {direction.word}")
+                    await program.ask("Mg", direction=direction.value, ms=int(LASTS * 1000.0))
+                    await asyncio.sleep(EVERY)
+                    telescope.check()
+                ways.append(telescope.turned(before, await telescope.rest())[axis - 1])
+            rate = (ways[0] - ways[1]) / 2.0 / (PULSES * LASTS)
+            assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
+            report.found(_judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, tick))
+    finally:
+        program.close()
+
+
+def _judged(what: str, rate: float, assumed: float, tick: float) -> Finding:
+    words = rate_words(rate), rate_words(assumed)
+    if max(abs(rate), assumed) * PULSES * LASTS < STEPS * tick:
+        return Finding(what, NOT_MEASURABLE, "too few steps of its reading", words[1])
+    if abs(rate - assumed) <= OFF * assumed + 2.0 * tick / (PULSES * LASTS):
+        return Finding(what, SAME, *words)
+    means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets what a NexStar is sent."
+    return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + words[0], words[1], means)

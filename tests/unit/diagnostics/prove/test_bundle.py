@@ -1,0 +1,152 @@
+"""A bundle tells neither where its mount stands nor whose it is, and replays as a recorded mount."""
+
+from __future__ import annotations
+
+import functools
+import json
+import tempfile
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+from unittest.mock import patch
+
+import pytest
+
+from gateway.app.recording.format import read
+from gateway.astro.ephemeris.closed_forms import sidereal_time
+from gateway.astro.spherical import separation, wrap180
+from gateway.core.requests import Goto, Spot, decode
+from gateway.diagnostics.prove import bundle, small_motions
+from gateway.diagnostics.prove.anonymous import elsewhere, site_of
+from gateway.diagnostics.prove.findings import Findings
+from gateway.diagnostics.prove.gotos import HOUR_ANGLES
+from tests.support.proven import EVENING, Onlooker, Proven, run_calm
+from tests.support.sampling import as_a_rule
+
+SITE = (47.3, 11.6)
+#: Names that are planted wherever a person can write one.
+PLANTED = ("obs-pier", "meier", "10.11.12.13", "usb-Prolific", "secret")
+MOUNTS = as_a_rule(["nexstar:6-8se"], whole=["nexstar:6-8se", "lx200:lx200", "nexstar:cgem", "nexstar:cpc"])
+
+
+class Made(NamedTuple):
+    findings: Findings
+    original: bytes
+    files: dict[str, bytes]
+
+
+@functools.cache
+def made(mount: str, latitude: float = SITE[0], seed: int = 1) -> Made:
+    """A check of a simulated mount with names planted in it, and its bundle."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "secret-meier.rec"
+
+        async def check() -> Findings:
+            config = {"name": "obs-pier", "site": (latitude, SITE[1]), "state": "/home/meier/secret"}
+            async with Proven(mount, record=path, site=(latitude, SITE[1]), config=config, every=9.0) as proven:
+                proven.gateway.wire_log.note("mount", "usb-Prolific_secret was lost at 10.11.12.13")
+                with patch.object(small_motions, "KEYS", (9, 5)):
+                    return await proven.check(Onlooker("ss"))
+
+        findings: Findings = run_calm(check())
+        original = path.read_bytes()
+        return Made(findings, original, bundle.make(findings, [path], random=Random(seed)))
+
+
+def _recording(made: Made, folder: Path, original: bool = False) -> Path:
+    (path := folder / "1.rec").write_bytes(made.original if original else made.files["1.rec"])
+    return path
+
+
+def _recovered(path: Path) -> list[tuple[float, float]]:
+    """Every site that a reader of the recording can think of: what is told, and what the goals of gotos tell."""
+    recording = read(path)
+    config = recording.settings["config"]["mount"]
+    found = [tuple(config["site"])] if config.get("site") else []
+    told, _ = site_of(recording)
+    found += [told] if told else []
+    began = recording.settings["began"]
+    for event in recording:
+        if (
+            event.arrow == "c"
+            and isinstance(goto := decode(event.data.decode()), Goto)
+            and isinstance(goto.where, Spot)
+        ):
+            for hour_angle in HOUR_ANGLES:  # the first goto may have been to a place that was chosen by the site
+                longitude = goto.where.ra + hour_angle - sidereal_time(began + event.at, 0.0)
+                found.append((2.0 * goto.where.dec, wrap180(longitude)))
+    return [(latitude, longitude) for latitude, longitude in found if abs(latitude) <= 90.0]
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_nobody_recovers_the_site_from_a_bundle(mount: str, tmp_path: Path) -> None:
+    one = made(mount)
+    true = _recovered(_recording(one, tmp_path, original=True))
+    assert min(separation(lon, lat, SITE[1], SITE[0]) for lat, lon in true) < 0.1  # the reader is no fool
+    guessed = _recovered(_recording(one, tmp_path))
+    assert guessed
+    assert min(separation(lon, lat, SITE[1], SITE[0]) for lat, lon in guessed) >= 2.0
+    told, zone = site_of(read(_recording(one, tmp_path)))
+    assert told is not None and told[0] == 45.0
+    assert abs(wrap180(told[1] - SITE[1]) - 15.0 * round(wrap180(told[1] - SITE[1]) / 15.0)) < 0.02
+    before = site_of(read(_recording(one, tmp_path, original=True)))[1]
+    assert zone - before in {hours + round((told[1] - SITE[1]) / 15.0) for hours in (-24, 0, 24)}
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_no_reply_tells_the_true_latitude_or_time(mount: str, tmp_path: Path) -> None:
+    one = made(mount)
+    latitude, minutes = f"{int(SITE[0]):02d}", f"{round(SITE[0] % 1 * 60):02d}"
+    text = one.files["1.rec"].decode("latin-1")
+    assert f"+{latitude}\\xdf{minutes}" not in text and f"+{latitude}*{minutes}" not in text
+    before = read(_recording(one, tmp_path, original=True)).settings["began"]
+    after = read(_recording(one, tmp_path)).settings["began"]
+    assert abs(after - before) > 3500.0
+    # the sky over the mount is the same
+    told, _ = site_of(read(_recording(one, tmp_path)))
+    assert told is not None
+    assert abs(wrap180(sidereal_time(after, told[1]) - sidereal_time(before, SITE[1]))) < 0.02
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_planted_names_are_gone(mount: str) -> None:
+    one = made(mount)
+    assert all(name.encode() in one.original for name in PLANTED[:4])
+    for name, data in one.files.items():
+        assert not [word for word in PLANTED if word.lower() in data.decode("latin-1").lower()], name
+    verdicts = json.loads(one.files[bundle.VERDICTS])
+    assert all(not finding["measured"] for finding in verdicts["findings"]["stages"].get("sky", []))
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_bundle_replays_as_a_recorded_mount(mount: str, tmp_path: Path) -> None:
+    one = made(mount)
+    bundle.save(tmp_path / bundle.name_of(one.findings), one.files)
+    loaded = bundle.load(tmp_path / bundle.name_of(one.findings), tmp_path)
+    assert loaded.played["1.rec"] == bundle.played(tmp_path / "1.rec")
+    assert loaded.played["1.rec"].requests > 300
+    assert (loaded.played["1.rec"].differences, loaded.played["1.rec"].strayed) == (0, 0)
+
+
+def test_every_shift_is_of_whole_hours_and_none_is_no_shift() -> None:
+    for seed in range(200):
+        there = elsewhere((-33.9, 151.2), 10.0, EVENING, Random(seed))
+        assert there.hours != 0 and there.latitude == -35.0 and -180.0 <= there.longitude < 180.0
+        assert -12 <= 10.0 + there.hours <= 12
+        away = separation(there.longitude, there.latitude, 151.2, -33.9)
+        assert away > 12.0
+
+
+def test_what_cannot_be_hidden_makes_no_bundle(tmp_path: Path) -> None:
+    one = made(MOUNTS[0])
+    path = _recording(one, tmp_path, original=True)
+    lines = one.original.split(b"\n")
+    lines.insert(40, b'0.000040 mount c {"type":"site","latitude":47.3,"longitude":11.6,"number":"1","who":""}')
+    path.write_bytes(b"\n".join(lines))
+    with pytest.raises(Exception, match="somebody has set the mount's site"):
+        bundle.make(one.findings, [path], random=Random(1))
+
+
+def test_the_name_of_a_bundle_is_a_file_name() -> None:
+    assert bundle.name_of(Findings("x", "6-8se", "4.21")) == "prove-6-8se-4.21.zip"
+    assert bundle.name_of(Findings("x", "a/../b", "?")) == "prove-a_.._b-_.zip"
