@@ -42,7 +42,7 @@ parts = ("constants", "coordinates", "time", "units", "utils")
 hiddenimports = ["numpy.lib.recfunctions"]
 for part in parts:
     hiddenimports += collect_submodules(f"astropy.{part}", filter=lambda name: ".tests" not in name)
-datas = collect_data_files("astropy", includes=[f"{part}/**" for part in ("CITATION", *parts)], excludes=["**/tests"])
+datas = collect_data_files("astropy", includes=["CITATION", *(f"{part}/**" for part in parts)], excludes=["**/tests"])
 datas += [
     (file, folder)
     for file, folder in collect_data_files("astropy", include_py_files=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import stat
@@ -63,12 +64,17 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     """
     beside = path.with_name(f".{path.name}.new")
     number = plain_file(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    with open(number, "wb") as file:
-        file.write(data)
-        if flush:
-            file.flush()
-            os.fsync(file.fileno())
-    os.replace(beside, path)
+    try:
+        with open(number, "wb") as file:
+            file.write(data)
+            if flush:
+                file.flush()
+                os.fsync(file.fileno())
+        os.replace(beside, path)
+    except OSError:  # on a full disk, what is there of it takes the last room
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        raise
     if flush:
         flush_folder(path.parent)
 

@@ -17,6 +17,7 @@ finite arguments.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -57,8 +58,6 @@ class DayTables:
         #: The days that were needed and have no tables; ``ask`` is called when there is one more.
         self.missing: set[int] = set()
         self.ask: Callable[[], object] = lambda: None
-        self.failure = ""
-        """Why astropy could not be loaded, in words; otherwise empty."""
 
     @property
     def ready(self) -> bool:
@@ -71,16 +70,13 @@ class DayTables:
         self.missing.difference_update(almanac.days)
 
     def load(self) -> None:
-        """Load astropy in this process. Never raises: sets `ready`, or `failure`."""
-        try:
+        """Load astropy in this process; where that is not possible, the closed formulas remain."""
+        with contextlib.suppress(Exception):  # anything that a broken installation can raise
             go_offline()
             from gateway.astro.ephemeris.by_astropy import day_table
 
-            for part in PARTS:  # so that an error shows here and not in a command
-                day_table(part, 0)
+            day_table("Moon", 0)  # so that an error shows here and not in a command
             self._make = day_table
-        except Exception as fault:  # anything that a broken installation can raise; the closed formulas remain
-            self.failure = f"astronomy stays approximate: {type(fault).__name__}: {fault}"
 
     def table(self, part: str, unix: float) -> DayTable | None:
         """Return the table of the day of a moment; None if there is none, or none yet."""

@@ -1,6 +1,6 @@
 """``almanac``: calculates the tables of the sky with astropy, for a file, or for the gateway that has started this.
 
-It gives way to everything else on this computer, and ends by itself whatever happens.
+It gives way to everything else on this computer, and ends with the gateway that has started it, however that ends.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import signal
 import sys
 import threading
 import time
@@ -17,9 +16,6 @@ from pathlib import Path
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError, about_file
 from gateway.system.files import replace_file
-
-#: Seconds after which it ends, if the gateway that started it has not ended it before.
-LONGEST = 130
 
 
 def add_almanac(commands: Commands) -> None:
@@ -44,7 +40,6 @@ def _almanac(arguments: argparse.Namespace) -> int:
     if asked:
         with contextlib.suppress(OSError, AttributeError):  # not on Windows
             os.nice(19)
-            signal.alarm(LONGEST)
         threading.Thread(target=_end_with_gateway, daemon=True).start()
         days = [int(day) for day in arguments.dates.split(",") if day]
     else:

@@ -23,7 +23,7 @@ SITES = [(48.2, 16.4), (-33.9, 18.5), (0.3, -78.5), (64.1, -21.9), (-45.9, 170.5
 def sky() -> Sky:
     exact = Sky()
     exact.load()
-    assert exact.ready, exact.failure
+    assert exact.ready
     return exact
 
 

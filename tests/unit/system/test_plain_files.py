@@ -53,3 +53,16 @@ def test_a_pipe_beside_a_state_file_does_not_keep_it_waiting(folder: Path) -> No
 
 def test_a_marker_that_is_none_counts_as_an_unknown_mount_that_moves(folder: Path) -> None:
     assert [read_marker(folder / name) for name in ("pipe", "zero", "folder")] == [MarkerContent("", 9600)] * 3
+
+
+def test_on_a_full_disk_nothing_is_left_of_what_could_not_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(number: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "state").write_bytes(b"before")
+    monkeypatch.setattr("gateway.system.files.os.fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        replace_file(tmp_path / "state", b"after")
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"before"]
