@@ -12,6 +12,14 @@ from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator import answers, motion, settings, tracking
 from gateway.protocols.lx200.simulator.controllers import ACK, ARROW_ENDS, HOME, TEEN_RATES, Controller
 from gateway.protocols.mechanics.simulated import Later
+from gateway.protocols.wireformat import sexagesimal
+
+#: What an OnStepX tells of its setup, as it is delivered.
+CONSTANTS = {
+    "GM": b"None#", "%BD": b"0#", "%BR": b"0#", "GX92": b"20.000#", "GX93": b"20.000#", "GX95": b"0#", "GX96": b"B#",
+    "GX98": b"N#", "GX9A": b"+10.0#", "GX9B": b"1010.0#", "GX9C": b"70.0#", "GX9E": b"+4.7#", "GXE9": b"15#",
+    "GXEA": b"15#",
+}  # fmt: skip
 
 
 def _slew(sim: Controller, name: str, _: Values) -> bytes:
@@ -125,6 +133,18 @@ def _own_rate(sim: Controller, number: int) -> bytes:
     return b"0" if sim.onstep else f"{TEEN_RATES[number]:.2f}#".encode()
 
 
+def _constant(sim: Controller, word: str) -> bytes:
+    return CONSTANTS[word] if sim.onstep else b"#" if word[0] == "G" else b""
+
+
+def _fine(sim: Controller, name: str) -> bytes:
+    """:GtH :GgH - with seconds and their thousandths."""
+    if not sim.onstep:
+        return b"#"
+    text = sexagesimal.signed(sim.site[0]) if name == "GtH" else "+" + sexagesimal.azimuth(-sim.site[1] % 360.0)
+    return text.encode() + b".000#"
+
+
 def _set_park(sim: Controller) -> bytes:
     sim.park_place = sim.mechanics.axes(sim.now)
     return b"1"
@@ -140,6 +160,8 @@ WORDS: dict[str, Callable[[Controller], bytes]] = {
     "GXRX": lambda sim: b"0" if sim.onstep else f"{sim.times(4):.0f}#".encode(),
     "GX97": lambda sim: f"{sim.mechanics.fastest:.1f}#".encode() if sim.onstep else b"#",
     "GX90": lambda sim: f"{sim.times(sim.pulse_rate):.2f}#".encode() if sim.onstep else b"#",
+    **{word: partial(_constant, word=word) for word in CONSTANTS},
+    **{name: partial(_fine, name=name) for name in ("GtH", "GgH")},
     "GVM": lambda sim: f"{sim.row['full_name']}#".encode() if sim.onstep else b"#",
     "Gh": lambda sim: f"{sim.kept['lowest']:+03.0f}*#".encode(),
     "Go": lambda sim: f"{sim.kept['highest']:02.0f}*#".encode(),

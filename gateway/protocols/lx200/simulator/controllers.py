@@ -160,7 +160,7 @@ class Controller(SimulatedLx200):
             "N": not self.mechanics.slewing(self.now),
             "p": not (self.parked or self.parking), "I": self.parking, "P": self.parked, "H": self.at_home,
             "h": self.homing, "G": any(self.mechanics.pulsing(self.now, axis) for axis in (1, 2)), "g": bool(self.ends),
-            "(": self.kept.get("hertz") == 57.9, "O": self.kept.get("hertz") == 60.0, "/E": True,
+            "(": self.kept.get("hertz") == 57.9, "O": self.kept.get("hertz") == 60.0, "E": True,
             "o": self.at_home, "W": not self.at_home and self.mechanics.flipped,
             "T": not self.at_home and not self.mechanics.flipped,
         }  # fmt: skip
