@@ -216,7 +216,8 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
-    """:GW or ACK -> Status."""
+    """:GW, :GU or ACK -> Status."""
+    mount.told = None
     try:
         yield from read_status(mount)
     except Fault:

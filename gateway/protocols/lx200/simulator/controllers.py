@@ -23,10 +23,10 @@ ONSTEP_NAMES, TEEN_NAMES = {"G": 2, "C": 5, "M": 6, "F": 7, "S": 8}, {"G": 0, "C
 
 
 class FrameCutter:
-    """Cuts frames as these controllers do; ``longest`` is how many bytes a frame may have."""
+    """Cuts frames of up to ``longest`` bytes as they do; an OnStep takes ``any_first`` byte for a colon."""
 
-    def __init__(self, longest: int) -> None:
-        self._longest, self._frame = longest, bytearray()
+    def __init__(self, longest: int, any_first: bool) -> None:
+        self._longest, self._any_first, self._frame = longest, any_first, bytearray()
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         frames = []
@@ -36,7 +36,8 @@ class FrameCutter:
             elif byte not in IGNORED:
                 self._frame = self._frame[: self._longest - 1] + bytes((byte,))
             if byte == HASH:
-                if len(self._frame) > 2 and self._frame[:1] == b":":
+                first = self._frame[:1]
+                if len(self._frame) > 2 if first == b":" else self._any_first and first != b"#":
                     frames.append(bytes(self._frame))
                 self._frame.clear()
         return frames
@@ -63,7 +64,7 @@ class Controller(SimulatedLx200):
         self.kept.update(lowest=-10.0, highest=90.0)
 
     def framer(self) -> Framer:  # type: ignore[override]
-        return FrameCutter(79 if self.onstep else 28)
+        return FrameCutter(79 if self.onstep else 28, self.onstep)
 
     def times(self, number: int) -> float:
         """Return a rate in multiples of the sidereal one."""

@@ -175,6 +175,18 @@ def test_a_controller_that_reads_the_k_as_a_command_is_found() -> None:
         assert finding.mount is not None, finding
 
 
+@each("model, rate, status", [("onstep", 9600, ":GU#"), ("teenastro", 57600, ":GW#")])
+def test_controllers_of_other_makers_are_found_and_what_they_answered_is_listed(
+    model: str, rate: int, status: str
+) -> None:
+    """An OnStep refuses the K as a command (0) before it answers ACK."""
+    finding, wire = seen(lambda: mount(f"lx200:{model}").feed, rate)
+    assert finding.mount is not None and (finding.mount.model, finding.baud) == (model, rate)
+    assert finding.mount.answers["alignment and tracking"] == status
+    assert not [data for data in wire.sent() if data[:3] in (b":U#", b":AP", b":hF", b":AA")]
+    assert f"model {model}" in block(finding)
+
+
 def test_a_slow_hand_control_is_waited_for() -> None:
     finding, wire = seen(lambda: mount("nexstar:gt/101.0").feed, latency=2.5)
     assert finding.mount is not None
