@@ -7,6 +7,8 @@ gives None, and similar names are suggested.
 
 from __future__ import annotations
 
+from functools import cache
+
 from gateway.astro.catalog import supplied
 from gateway.astro.catalog.objects import Entry
 from gateway.astro.catalog.supplied import normalized
@@ -28,19 +30,14 @@ _STARS = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (
 
 def star(name: str) -> int | None:
     """Return the Hipparcos number of a star by its name or letter, or None."""
-    found = _STARS.get(normalized(name)) or supplied.star_by_letter(name)
-    if found is None:
-        doubles = {normalized(known): number for known, number in supplied.names_of_doubles().items()}
-        found = doubles.get(normalized(name))
-    return found
+    doubles = {normalized(known): number for known, number in supplied.names_of_doubles().items()}
+    return (_STARS | doubles).get(normalized(name)) or supplied.star_by_letter(name)
 
 
 def look_up(name: str, year: float) -> Entry | None:
     """Return the star or deep sky object with this name, or None."""
     number = star(name)
-    if number is not None:
-        return of_star(number, year)
-    return supplied.look_up(name)
+    return supplied.look_up(name) if number is None else of_star(number, year)
 
 
 def of_star(number: int, year: float) -> Entry:
@@ -56,7 +53,7 @@ def beginning(text: str, most: int) -> list[str]:
     typed = normalized(text)
     if not typed:
         return []
-    spelled = {normalized(known): known for known in _known()}
+    spelled = _spelled()
     begin = [known for spelling, known in spelled.items() if spelling.startswith(typed)]
     words = [known for known in spelled.values() if any(normalized(word).startswith(typed) for word in known.split())]
     return list(dict.fromkeys((*sorted(begin, key=_rank), *sorted(words, key=_rank))))[:most]
@@ -69,7 +66,7 @@ def _rank(known: str) -> tuple[bool, float, int]:
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     """Return known names that begin with an unknown one or are similar to it; ``more`` are additional known names."""
-    spelled = {normalized(known): known for known in (*_known(), *more)}
+    spelled = _spelled() | {normalized(known): known for known in more}
     spelled = {supplied.shortened(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
@@ -78,7 +75,8 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     return [one for one in known if OTHER_NAMES.get(one) not in known][:SUGGESTED]
 
 
-def _known() -> list[str]:
-    """Return all names, without the numbers of catalogues; those that are known everywhere stand last."""
-    supplied_names = [name for name in supplied.deep_sky() if not name[-1].isdecimal() or " " in name]
-    return [*supplied_names, *supplied.names_of_doubles(), *OTHER_NAMES, *HIPPARCOS]
+@cache
+def _spelled() -> dict[str, str]:
+    """Return all names by their normalized spellings, without the numbers of catalogues; the last of two counts."""
+    names = [name for name in supplied.deep_sky() if not name[-1].isdecimal() or " " in name]
+    return {normalized(name): name for name in (*names, *supplied.names_of_doubles(), *OTHER_NAMES, *HIPPARCOS)}

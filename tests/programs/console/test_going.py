@@ -115,6 +115,10 @@ def test_what_is_up_tonight(visit: Callable[..., Visit]) -> None:
     assert "CC-BY-SA" in page.text("#tonight") and page.text("#tonight-says").startswith("Now and within two hours")
     page.page.click("#tonight-kinds >> text=Galaxies")
     page.until("galaxies", lambda: page.text("#tonight-rows li b") == "M31")
+    page.page.evaluate("document.getElementById('tonight').scrollTop = 700")
+    page.page.click("#tonight-button")
+    page.page.click("#tonight-button")
+    page.until("where it was left", lambda: page.page.evaluate("document.getElementById('tonight').scrollTop") == 700)
     page.page.locator("#tonight-rows li button").first.click()
     page.until("its card", lambda: page.text("#place h3") == "M31")
     page.until("its night", lambda: page.page.locator("#place .curve").is_visible())
@@ -133,3 +137,5 @@ def test_what_is_up_tonight(visit: Callable[..., Visit]) -> None:
     assert "★ M31" in rows.nth(0).text_content() and "✓ seen" in rows.nth(0).text_content()  # type: ignore[operator]
     rows.nth(2).locator("button").click()
     page.until("the place of the list", lambda: "05h 34m 32s" in page.text("#place .equinox"))
+    page.page.click("#tonight-button")
+    page.find("Capella")  # what is found by name is seen, too

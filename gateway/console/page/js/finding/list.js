@@ -7,6 +7,7 @@ import { gatewayNow, mount, skyAt } from "../core/store.js";
 import { angles, turned, vector } from "../sky/sphere.js";
 import { isMarked, keepList, marked, ownList } from "./kept.js";
 import { nightNow } from "./night.js";
+import { onPlace } from "./place.js";
 import { lookingFrom, tonight } from "./tonight.js";
 import { typedPlace } from "./typed.js";
 import { sizeOf } from "./details.js";
@@ -22,6 +23,8 @@ const BELONGS = {
 };
 let shown = "all";
 let catalogue = null;
+/** How far down the list was left. */
+let left = 0;
 /** Looks up what was tapped, as if it were typed. */
 let look = (_name) => {};
 
@@ -62,11 +65,7 @@ function row({ object, altitude, unix }) {
     el("span", { class: "called" }, [called, isMarked("seen", name) ? "✓ seen" : ""].filter(Boolean).join(" · ")),
     el("span", { class: "figures" }, figures),
   ];
-  const choose = () => {
-    open(false);
-    look(name);
-  };
-  const line = button("", choose, { class: "row" });
+  const line = button("", () => look(name), { class: "row" });
   line.append(...parts);
   return el("li", {}, line);
 }
@@ -114,13 +113,14 @@ async function draw() {
   const { best, words } = content([...planets(), ...catalogue], night);
   say(says, words);
   rows.replaceChildren(...best.map(row));
+  byId("tonight").scrollTop = left;
 }
 
 /** Build the panel, once. */
 function build() {
   const kinds = KINDS.map(([kind, label]) => button(label, () => {
     shown = kind;
-    byId("tonight").scrollTop = 0;
+    left = 0;
     draw();
   }, { "data-kind": kind, class: "chip" }));
   const licence = el("a", { href: data("LICENSE-CC-BY-SA-4.0.txt"), target: "_blank" }, "CC-BY-SA 4.0");
@@ -128,6 +128,7 @@ function build() {
     el("div", { id: "tonight-kinds", class: "kinds", role: "group", "aria-label": "Which objects" }, ...kinds),
     el("p", { id: "tonight-says", class: "hint", role: "status" }, "Loading…"), ownForm(), el("ol", { id: "tonight-rows" }),
     el("p", { class: "hint" }, "Nebulae, clusters and galaxies: a part of OpenNGC by Mattia Verga, ", licence, ".")));
+  onPlace((place) => place && open(false)); // its card stands where the list does
 }
 
 /** Open the list, where it was left, or close it; `take` looks up what is tapped. */
@@ -138,6 +139,7 @@ export function toggle(take) {
 
 function open(on) {
   if (!byId("tonight")) build();
+  if (!on) left = byId("tonight").scrollTop;
   byId("tonight").hidden = !on;
   document.body.classList.toggle("has-tonight", on);
   byId("tonight-button").setAttribute("aria-pressed", String(on));
