@@ -55,6 +55,36 @@ def test_a_phone_on_its_side_shows_sky_and_control_whole(visit: Callable[..., Vi
         assert hidden == [], view
 
 
+@pytest.mark.parametrize("size", [(320, 568), PHONE, (844, 390), (1024, 768)])
+def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(
+    visit: Callable[..., Visit], size: tuple[int, int]
+) -> None:
+    page = visit(size)
+    needed = "#does, #stop, #go, #sync, #search, .views a, [data-go], #rate, #orders button, #chart-up"
+    covered = (
+        "([one, needed]) => { const at = document.querySelector(one).getBoundingClientRect(); return "
+        "[...document.querySelectorAll(needed)].filter(other => { const box = other.getBoundingClientRect(); "
+        "const low = Math.min(box.bottom, other.closest('main')?.getBoundingClientRect().bottom ?? 9999); return "
+        "other.checkVisibility() && at.left < box.right && box.left < at.right && at.top < low && box.top < at.bottom"
+        "}).map(other => other.id || other.textContent) }"
+    )
+    page.find("Aldebaran")
+    page.page.evaluate("document.getElementById('banners').hidden = true")  # the mount's clock is of another night
+    page.page.fill("#object", "Xyzzyx")
+    page.page.press("#object", "Enter")
+    page.until("it is refused", lambda: page.page.locator(".notice.refused").is_visible())
+    assert page.page.evaluate(covered, [".notice.refused", needed]) == []
+    page.page.click("#stop")
+    page.until("a success is told", lambda: page.page.locator(".notice.done").is_visible())
+    assert page.page.evaluate(covered, [".notice.done", needed]) == []
+    if size == (1024, 768):
+        chart, pad, orders, stop = (
+            page.page.locator(one).bounding_box() for one in ("#chart", "#pad", "#orders", "#stop")
+        )
+        assert chart and pad and orders and stop
+        assert chart["x"] + chart["width"] <= pad["x"] and orders["y"] + orders["height"] <= stop["y"]
+
+
 @pytest.mark.parametrize("size", [PHONE, TABLET, DESK])
 def test_everything_is_reached_with_the_keyboard(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     page = visit(size)

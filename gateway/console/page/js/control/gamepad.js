@@ -19,7 +19,7 @@ let number = -1;
 const pads = () => [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad?.mapping === "standard");
 
 export const words = () => !isSecureContext
-  ? "A gamepad can be used on https and on the gateway's own computer only."
+  ? "Most browsers give a gamepad on https, and on the gateway's own computer, only."
   : `A gamepad moves the mount with its left stick while a shoulder button is held; B is STOP, up and down of the cross change the rate.${pads().length ? " One is connected." : ""}`;
 
 function end() {
