@@ -74,7 +74,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         Literal["unaligned", "always", "never"],
         key(
             "when to pass site and time from programs on to the mount (unaligned: to a NexStar only until it is "
-            "aligned, to a Meade always)"
+            "aligned, to a Meade always, to an Alpaca server not)"
         ),
     ] = "unaligned"
     computer_clock: Annotated[

@@ -289,7 +289,7 @@ async def judged(presented: str, kind: str, *, south: bool = False, **made: Any)
     surface = {"lx200": "lx200gps", "nexstar": "cge" if kind == "german" else "cpc"}.get(presented)
     bridge = Bridge(
         kind, driven="alpaca", presented=presented, surface=surface, latency=0.02, site=SOUTH if south else NORTH,
-        config={"lowest": LOWEST, "sun": 0.0, "park": "mount"}, simulated=made,
+        config={"lowest": LOWEST, "sun": 0.0, "park": "mount", "site_time": "always"}, simulated=made,
     )  # fmt: skip
     found: dict[str, str] = {}
     async with bridge:

@@ -213,7 +213,7 @@ def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_it_doe
 
 def test_a_clock_that_the_server_accepts_and_does_not_set_is_refused() -> None:
     async def program() -> None:
-        async with server(keeps_clock=True) as one:
+        async with server(config={"site_time": "always"}, keeps_clock=True) as one:
             with pytest.raises(Refused, match="keeps its own"):
                 await one.controller.perform(op.SetClock(one.clock() + 3600.0, 0.0, heard=True))
 

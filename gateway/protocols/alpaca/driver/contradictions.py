@@ -75,7 +75,8 @@ def observe(mount: AlpacaDriver, place: op.Equatorial, horizon: tuple[float, ...
             mount.expected[axis] = (sense, side, here)
         elif abs(way := wrap180(here[axis - 1] - since[axis - 1]) * sense) > MOVED:
             del mount.expected[axis]
-            mount.proven.add((axis, side))
+            if side or axis == 1 or not mount.german:  # on an unknown side of the pier the next arrow may differ
+                mount.proven.add((axis, side))
             if way < 0.0:
                 mount.senses[axis, side] = -mount.senses.get((axis, side), 1)
                 words = (

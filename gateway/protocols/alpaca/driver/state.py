@@ -55,7 +55,6 @@ class AlpacaDriver(Driver):
     """A telescope of an Alpaca server. ``now`` is a monotonic clock, seconds."""
 
     protocol = load("alpaca")
-    takes_site_aligned = True
     default_equinox = "auto"
 
     def __init__(

@@ -1,4 +1,4 @@
-"""A parked Alpaca telescope is unparked by LX200 programs, and a stop ends a long guide pulse soon."""
+"""What the attacks, other servers and the judge of faces have found on Alpaca telescopes."""
 
 from __future__ import annotations
 
@@ -54,3 +54,41 @@ def test_a_stop_ends_a_long_pulse() -> None:
             assert ends[0] < 10.0 and ends[1] == pytest.approx(3.0 * 7.52, rel=0.02)
 
     run(program())
+
+
+def test_arrows_of_a_german_mount_that_does_not_tell_its_side() -> None:
+    """Only the first arrow after each change of the side goes the wrong way, and it is told."""
+
+    async def program() -> None:
+        made: dict[str, Any] = {"lacks": frozenset({"sideofpier", "destinationsideofpier"})}
+        config = {"lowest": 0.0, "sun": 0.0}
+        async with Bridge("german", driven="alpaca", surface="lx200gps", config=config, simulated=made) as bridge:
+            one = face("lx200", bridge)
+            for east in (25.0, -25.0, 25.0):
+                await one.goto((bridge.sim.sky.sidereal(bridge.clock()) + east) % 360.0, 30.0)
+                await asyncio.sleep(3.0)
+                went = []
+                for _ in range(3):
+                    before = bridge.sim.truth()[1]
+                    await one.arrow("n", 1.0)
+                    await asyncio.sleep(3.0)
+                    went.append(bridge.sim.truth()[1] > before)
+                assert went == [False, True, True]
+            assert any("moved the tube to the south" in entry.note for entry in bridge.entries)
+
+    run(program())
+
+
+def test_one_programs_site_and_clock_are_not_everybodys() -> None:
+    """The server has its own, which other programs use too; ``site-time`` passes them on."""
+
+    async def site(**more: str) -> tuple[float, float, float]:
+        config = {"lowest": -90.0, **more}
+        async with Bridge("altaz", driven="alpaca", surface="lx200gps", config=config) as bridge:
+            said = b":St+10*00#:Sg120*00#:SG+08#:SL10:00:00#:SC01/15/26#"
+            await bridge.client().ask(said, 5.0, until=b"#")
+            await asyncio.sleep(10.0)
+            return tuple(bridge.sim.sky)  # type: ignore[return-value]
+
+    assert run(site()) == (45.0, 10.0, 0.0)
+    assert run(site(site_time="always"))[:2] == (10.0, -120.0)
