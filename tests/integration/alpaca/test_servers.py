@@ -252,3 +252,17 @@ def test_a_mount_without_motion_by_hand_says_so_to_a_program() -> None:
             assert "MoveAxis" not in (await one.controller.perform(op.GetAbilities())).can
 
     run(program())
+
+
+def test_a_stop_that_one_request_refuses_is_still_a_stop() -> None:
+    async def program() -> None:
+        async with server(lacks=frozenset({"abortslew"})) as one:
+            await one.controller.perform(op.Move(op.Direction.SOUTH, op.Rate(degrees=1.0)))
+            await asyncio.sleep(1.0)
+            await one.controller.stop()
+            await asyncio.sleep(1.0)
+            stood = one.sim.truth()
+            await asyncio.sleep(2.0)
+            assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
+
+    run(program())

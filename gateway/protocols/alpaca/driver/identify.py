@@ -17,6 +17,8 @@ from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 #: The version of the interface from which a telescope is connected in two steps; seconds between two looks whether it
 #: is, and how often.
 TWO_STEPS, LOOK_AGAIN, LOOKS = 4, 0.5, 120
+#: A guide rate that no mount has, as a multiple of sidereal: some servers tell percents.
+IMPOSSIBLE = 4.0
 #: ASCOM's numbers of equinoxes.
 EQUINOXES = {1: "jnow", 2: "j2000"}
 
@@ -56,9 +58,9 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
         mount.equinox = fits or "jnow"
         yield Remark(f"the server does not tell an equinox of its coordinates that is known here: {mount.equinox}")
     mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount)).keys()
-    east = yield from told(mount, "guideraterightascension", 0.5 * SIDEREAL)
-    north = yield from told(mount, "guideratedeclination", 0.5 * SIDEREAL)
-    mount.rates = (east / SIDEREAL or 0.5, north / SIDEREAL or 0.5)
+    east = (yield from told(mount, "guideraterightascension", 0.0)) / SIDEREAL
+    north = (yield from told(mount, "guideratedeclination", 0.0)) / SIDEREAL
+    mount.rates = (east if 0.0 < east < IMPOSSIBLE else 0.5, north if 0.0 < north < IMPOSSIBLE else 0.5)
     yield from read_status(mount)
     name, version = (yield from told(mount, "name", "")), (yield from told(mount, "driverversion", ""))
     return op.Identity(product=str(name or "Alpaca telescope"), version=str(version or "?"), model=mount.model)

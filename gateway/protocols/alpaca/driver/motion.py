@@ -96,25 +96,30 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
 
 
 def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
-    """End everything. A parked mount stands still, whatever its server answers."""
+    """End everything. A parked mount stands still, whatever its server answers; so may one that refuses to be stopped:
+    it is asked then whether it slews.
+    """
     mount.give_up_goto()
-    refused: Fault | None = None
-    try:
-        yield Send("abortslew")
-    except (Parked, Unsupported):
-        pass
-    except NoAnswer:
-        raise
-    except Fault as fault:
-        refused = fault
-    for axis in (1, 2):
-        if mount.ranges.get(axis, True):
-            with suppress(Parked, Unsupported):
-                yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})
+    orders = {0: Send("abortslew", patience=ORDER)}
+    orders |= {axis: _at_rest(axis) for axis in (1, 2) if mount.ranges.get(axis, True)}
+    failed: dict[int, Fault] = {}
+    for axis, send in orders.items():
+        try:
+            yield send
             mount.moving.pop(axis, None)
-    if refused is not None and (yield from told(mount, "slewing", True)):
-        raise Refused(f'The stop was refused. The server says: "{refused}"')
+        except (Parked, Unsupported):
+            mount.moving.pop(axis, None)
+        except Fault as fault:
+            failed[axis] = fault
+    if any(isinstance(fault, NoAnswer | Silence) for fault in failed.values()):
+        raise NoAnswer
+    if failed and (failed.keys() & mount.moving.keys() or (yield from told(mount, "slewing", True))):
+        raise Refused(f'The stop was refused. The server says: "{next(iter(failed.values()))}"')
     yield Schedule(LOOK_AFTER, KeepTracking(), not_while_busy=True)
+
+
+def _at_rest(axis: int) -> Send:
+    return Send("moveaxis", {"axis": axis - 1, "rate": 0.0}, patience=ORDER)
 
 
 class KeepTracking(op.Operation, frozen=True):
@@ -162,7 +167,6 @@ def _pulse(mount: AlpacaDriver, direction: op.Direction, ms: int) -> Steps:
     if ms <= 0:
         return None
     piece = min(ms, LONGEST_PULSE)
-    mount.pulses_until = mount.now() + piece / 1000.0
     with suppress(Silence):  # some servers answer when the pulse has ended
         values = {"direction": DIRECTIONS[direction.value], "ms": piece}
         yield Send("pulseguide", values, patience=max(ORDER, piece / 1000.0), prompt=True)

@@ -74,8 +74,6 @@ class AlpacaDriver(Driver):
         self.tracks = True
         #: Axis -> the rate at which it moves by hand, degrees a second, signed as it was sent.
         self.moving: dict[int, float] = {}
-        #: When the last guide pulse ends.
-        self.pulses_until = -math.inf
         #: The axes whose MoveAxis counts the other way, as the user says; None: as motions show.
         self.reversed = REVERSED.get(settings.reversed_axes or "")
         #: (axis, side of the pier) -> -1 where a motion has shown that; where one has shown the sense at all; and axis
