@@ -9,7 +9,6 @@ import contextlib
 import json
 import socket
 from collections.abc import Sequence
-from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -17,6 +16,7 @@ from gateway.protocols.alpaca.http.chain import SERVER
 from gateway.protocols.alpaca.http.discovery import PORT, QUESTION, Place
 from gateway.protocols.base.spec import OfferedMount
 from gateway.system.own_names import ipv4_networks
+from gateway.transport.listening import in_brackets
 
 if TYPE_CHECKING:
     from aiohttp import ClientSession
@@ -30,6 +30,8 @@ USUAL = 80
 
 async def find(urls: Sequence[str] | None, port: int = PORT) -> list[OfferedMount]:
     """Return the telescopes of the servers at these addresses, or of all that answer; each once, by its identifier."""
+    if urls is not None and not urls:
+        return []
     from aiohttp import ClientSession, ClientTimeout
 
     places = await _discover(port) if urls is None else [_place(url) for url in urls]
@@ -43,7 +45,8 @@ async def find(urls: Sequence[str] | None, port: int = PORT) -> list[OfferedMoun
 
 def _local_first(mount: OfferedMount) -> tuple[bool, str]:
     """A loopback address does not change with the network."""
-    return not ip_address(urlsplit(mount.where).hostname or "").is_loopback, mount.where
+    host = urlsplit(mount.where).hostname or ""
+    return not (host in ("localhost", "::1") or host.startswith("127.")), mount.where
 
 
 def _place(url: str) -> Place:
@@ -92,7 +95,7 @@ async def _discover(port: int) -> list[Place]:
 
 async def _telescopes(session: ClientSession, host: str, port: int) -> list[OfferedMount]:
     """Return the telescopes of one server; none if it does not answer as ASCOM defines."""
-    server, now = f"http://{host}:{port}", asyncio.get_running_loop().time
+    server, now = f"http://{in_brackets(host)}:{port}", asyncio.get_running_loop().time
     began = now()
     devices = await _value(session, f"{server}/management/v1/configureddevices")
     seconds = now() - began

@@ -86,6 +86,18 @@ def test_the_line_to_type() -> None:
     assert f'at = "alpaca@{where}"' in toml(finding_there)
 
 
+def test_a_server_may_have_a_name() -> None:
+    sim = SimulatedAlpaca(clock=lambda: EVENING)
+
+    async def look(where: list[str]) -> list[OfferedMount]:
+        return await finding.find(
+            [where[0].replace("127.0.0.1", "localhost"), "http://[::1]:9", "http://nowhere.invalid"]
+        )
+
+    [found] = served(look, sim)
+    assert found.where.startswith("http://localhost:") and found.product == "Simulated german"
+
+
 @pytest.mark.parametrize(
     "told", [None, [], {"Value": "nothing"}, {"Value": [{"DeviceType": "Camera", "DeviceNumber": 0}, 7]}]
 )
