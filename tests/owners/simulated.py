@@ -12,7 +12,7 @@ from gateway.diagnostics.prove.findings import Findings
 from tests.support.proven import Onlooker, Proven, run_calm
 
 FOLDER = Path(__file__).parent
-#: One mount of each kind: forks and German mounts of Celestron, old and new hand controls, SynScan, the four Meades.
+#: One mount of each kind: Celestrons with old and new hand controls, SynScan and the four Meades.
 KINDS = (
     "nexstar:6-8se",
     "nexstar:nexstar-gps/2.2",

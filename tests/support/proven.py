@@ -84,6 +84,7 @@ class Proven:
         start: float = EVENING,
         config: dict[str, Any] | None = None,
         every: float = 0.5,
+        change: Callable[[Proven], None] = lambda proven: None,
         **simulated: Any,
     ) -> None:
         self.loop = asyncio.get_running_loop()
@@ -97,7 +98,7 @@ class Proven:
         self.wire = SimulatedTransport("sim", self.sim.connection, latency)
         self.recorder = None if record is None else record_whole(record, self.gateway)
         self.truths: list[Truth] = []
-        self._every = every
+        self._every, self._change = every, change
         self._sent: list[bytes] = []
         self.findings, self.told = Findings(), dict[str, object]()
 
@@ -108,6 +109,7 @@ class Proven:
         self.gateway.wire_log.sinks.append(
             lambda entry: self._sent.append(entry.data) if (entry.side, entry.arrow) == ("mount", ">") else None
         )
+        self._change(self)
         await entrance.begin(self.gateway.begin)
         await self.gateway.fitted.wait()
         await self.controller.settled.wait()

@@ -13,6 +13,8 @@ from gateway.diagnostics.prove.telescope import Telescope
 
 #: Pulses in each direction, seconds of each, and seconds from one to the next.
 PULSES, LASTS, EVERY = 20, 0.2, 0.5
+#: Exchanges that a pulse takes on an alt-az mount; seconds of one with which pulses are timed well enough.
+EXCHANGES, SOON = 8, 0.15
 #: The part of the guide rate by which it may be off.
 OFF = 0.25
 
@@ -22,6 +24,11 @@ async def run(telescope: Telescope, report: Report) -> None:
     abilities = telescope.driver.can_do(telescope.status.equatorial)
     if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
         report.found(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
+        return
+    telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
+    if (exchange := telescope.controller.line.typical_rtt) > SOON:
+        words = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
+        report.found(Finding("guiding", NOT_MEASURABLE, words))
         return
     program = Program(telescope.gateway, "lx200")
     telescope.mine = True
@@ -33,7 +40,7 @@ async def run(telescope: Telescope, report: Report) -> None:
                 for number in range(PULSES):
                     report.progress(number, PULSES, f"pulses {direction.word}")
                     await program.ask("Mg", direction=direction.value, ms=int(LASTS * 1000.0))
-                    await asyncio.sleep(EVERY)
+                    await asyncio.sleep(max(EVERY, EXCHANGES * exchange))
                     telescope.check()
                 ways.append(telescope.turned(before, await telescope.rest())[axis - 1])
             rate = (ways[0] - ways[1]) / 2.0 / (PULSES * LASTS)

@@ -8,6 +8,7 @@ run-up of the motors, so that it shows a rate only roughly. Angles are degrees, 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import copysign, inf
 from typing import NamedTuple
 
 from gateway.core import operations as op
@@ -42,25 +43,27 @@ class Velocity(NamedTuple):
     short: bool
 
 
-def velocity(telescope: Telescope, motion: Motion, axis: int) -> Velocity | None:
-    """Return how an axis (1 or 2) moved; None without a position before and after."""
+def velocity(telescope: Telescope, motion: Motion, axis: int, speed: float) -> Velocity | None:
+    """Return how an axis (1 or 2) moved that was to turn at this speed; None without a position before and after."""
     if motion.before is None or motion.after is None:
         return None
-    number, tick = axis - 1, telescope.ticks[axis - 1]
+    number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended - motion.began
     way = telescope.turned(motion.before, motion.after)[number]
     even = [place for place in motion.places if place.at > motion.began + RUN_UP]
     span = even[-1].at - even[0].at if even else 0.0
-    if short := span < SPAN:
-        lasted = motion.ended - motion.began
+    last = motion.places[-1] if motion.places else motion.before
+    rest, left = abs(telescope.turned(last, motion.after)[number]), motion.ended - last.at
+    long = rest > (left + 2.0 * RUN_ON) * speed + MORE  # then the whole way does not show the rate
+    if (short := span < SPAN) and not long:
         rate = way / lasted
         error = SHORT * abs(rate) + 2.0 * tick / lasted
+    elif len(two := even[:1] + even[-1:] if not short else list(motion.places[-2:])) == 2:
+        span = two[1].at - two[0].at
+        rate = telescope.turned(*two)[number] / span
+        error = (SHORT if short else EVEN) * abs(rate) + 2.0 * tick / span
     else:
-        rate = telescope.turned(even[0], even[-1])[number] / span
-        error = EVEN * abs(rate) + 2.0 * tick / span
-    last = motion.places[-1] if motion.places else motion.before
-    rest = telescope.turned(last, motion.after)[number]
-    run_on = abs(rest) - abs(rate) * (motion.ended - last.at)
-    return Velocity(rate, error, abs(way), run_on, short)
+        rate, error = copysign(speed, way), inf
+    return Velocity(rate, error, abs(way), rest - abs(rate) * left, short)
 
 
 async def run(telescope: Telescope, report: Report) -> None:
@@ -77,7 +80,7 @@ async def run(telescope: Telescope, report: Report) -> None:
         axis, what = pair[0].axis, f"rate {key} {pair[0].word}/{pair[1].word}"
         report.progress(number, len(tried), what)
         motions = [await telescope.press(one, key, min(LONGEST, FARTHEST / speed)) for one in pair]
-        onwards, back = (velocity(telescope, motion, axis) for motion in motions)
+        onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
         if onwards is None or back is None:
             report.found(Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused))
             continue
@@ -107,6 +110,8 @@ def judged(what: str, rate: float, error: float, speed: float, one: Velocity, wa
         if speed * LONGEST > 2.0 * least:
             return Finding(what, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", assumed)
+    if error == inf:
+        return Finding(what, NOT_MEASURABLE, "it runs on for too long", assumed)
     if abs(rate - speed) <= max(error, EVEN * speed):
         return Finding(what, SAME, measured, assumed)
     if one.short and rate < speed and FARTHEST / speed < 2.0 * RUN_UP and rate > (1.0 - SHORT) ** 2 * speed:

@@ -147,6 +147,7 @@ class Telescope:
 
         def rests() -> bool:
             ends = controller.wanted.ending or controller.context.run_on.value is not None
+            ends = ends or (self.mine and controller.watch.moved_by_others)  # what runs on longer looks like that
             return not (ends or controller.moving or controller.wanted.goto_waits)
 
         if not await self.until(rests, TO_REST):

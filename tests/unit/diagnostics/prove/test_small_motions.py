@@ -1,0 +1,102 @@
+"""Mounts that differ on purpose: what differs is found and named, or told as not measurable."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+from unittest.mock import patch
+
+import pytest
+
+from gateway.diagnostics.prove import small_motions
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Findings
+from tests.support.proven import Onlooker, Proven, run_calm
+
+
+def _moves(proven: Proven, change: Callable[[int, float], float]) -> None:
+    """Let the motors turn at other rates than they are told."""
+    mechanics = proven.sim.mechanics
+    move = mechanics.move
+    mechanics.move = lambda now, axis, rate, **more: move(now, axis, change(axis, rate), **more)  # type: ignore[method-assign]
+
+
+def other_rates(proven: Proven) -> None:
+    _moves(proven, lambda axis, rate: 0.7 * rate)
+
+
+def north_reversed(proven: Proven) -> None:
+    _moves(proven, lambda axis, rate: -rate if axis == 2 else rate)
+
+
+def _late(proven: Proven, which: Callable[[bytes], bool], seconds: float) -> None:
+    """Let some commands reach the mount later."""
+    write, loop = proven.wire.write, asyncio.get_running_loop()
+
+    def late(data: bytes) -> None:
+        if which(data):
+            loop.call_later(seconds, write, data)
+        else:
+            write(data)
+
+    proven.wire.write = late  # type: ignore[method-assign]
+
+
+def runs_on(proven: Proven) -> None:
+    """A stop takes effect after 2.5 s, in which the mount has moved five degrees at 2 degrees a second."""
+    _late(proven, lambda data: data.startswith(b":Q"), 2.5)
+
+
+def clock_wrong(proven: Proven) -> None:
+    proven.sim.mechanics.sky = proven.sim.mechanics.sky._replace(ahead=5400.0)
+
+
+def site_wrong(proven: Proven) -> None:
+    proven.sim.mechanics.sky = proven.sim.mechanics.sky._replace(longitude=-110.0)
+
+
+def nothing(proven: Proven) -> None:
+    pass
+
+
+def busy_classic(proven: Proven) -> None:
+    """It takes two seconds for each tenth answer."""
+    count = iter(range(1, 10**6))
+    _late(proven, lambda data: data.startswith(b":G") and next(count) % 10 == 0, 2.0)
+
+
+#: By difference: the mount, its change, further settings, the answers, what is found with which verdict, and its keys.
+DIFFERENCES: dict[str, tuple[str, Callable[[Proven], None], dict[str, Any], str, dict[str, str], set[str]]] = {
+    "other rates": ("nexstar:6-8se", other_rates, {}, "ssyssss", {"rate 6 north/south": DIFFERS}, {"rates"}),
+    "north reversed": (
+        "nexstar:cgem", north_reversed, {}, "ssyyssss",
+        {"direction of north and south": DIFFERS, "direction of west and east": SAME}, set()),
+    "a run-on of 5 degrees": ("lx200:autostar", runs_on, {}, "ssyssss", {"run-on after a stop": DIFFERS}, {"run-on"}),
+    "a slow line": (
+        "nexstar:6-8se", nothing, {"latency": 0.5}, "ysysy",
+        {"reply times": DIFFERS, "guiding": NOT_MEASURABLE, "direction of north and south": SAME}, set()),
+    "a wrong clock": ("nexstar:6-8se", clock_wrong, {}, "sysssss", {"the mount and this computer": DIFFERS}, set()),
+    "a wrong site": (
+        "lx200:lx200gps", site_wrong, {}, "sysssss", {"altitude and azimuth against RA and Dec": DIFFERS}, set()),
+    "a busy classic": ("lx200:lx200", busy_classic, {}, "yssssss",
+        {"reply times": DIFFERS, "answers to its protocol's questions": DIFFERS}, set()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", DIFFERENCES)
+def test_a_difference_is_found_and_named(what: str) -> None:
+    mount, change, settings, answers, expected, keys = DIFFERENCES[what]
+
+    async def play() -> tuple[Findings, dict[str, str]]:
+        async with Proven(mount, every=9.0, change=change, **settings) as proven:
+            with patch.object(small_motions, "KEYS", (9, 6)):
+                found = await proven.check(person := Onlooker(answers))
+            print(*person.said, sep="\n")
+            return found, {one.what: one.verdict for stage in found.stages.values() for one in stage}
+
+    found, verdicts = run_calm(play())
+    assert {name: verdicts.get(name) for name in expected} == expected, verdicts
+    assert found.keys.keys() == keys
+    differs = {one.what for one in found.of(DIFFERS)}
+    assert differs <= {*expected, "rate 6 west/east", "rates of all keys"}, differs
+    assert all(one.means for one in found.of(DIFFERS))
