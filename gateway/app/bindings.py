@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.programs import as_fields, first_bytes, hold, open_needs, programs, stops_arrows, with_needs
 from gateway.app.config.tables import ConsoleConfig
-from gateway.app.simulated import simulated_transport
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, Networks, networks
-from gateway.clients.any_protocol.acceptor import AnyAcceptor
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.core.about import RULES
 from gateway.core.errors import UserError
@@ -36,6 +34,9 @@ from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import SharedWebPort, WebDevice, WebPort
 from gateway.transport.wires import SerialTransport, Transport, on_the_wire
+
+if TYPE_CHECKING:
+    from gateway.clients.any_protocol.acceptor import AnyAcceptor
 
 MakeFramer = Callable[[], Framer]
 
@@ -161,6 +162,8 @@ class AcceptorFactory:
         for protocol in spoken(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
             speaking[protocol] = self._one(number, Endpoint(protocol, endpoint.where), part, titles)
+        from gateway.clients.any_protocol.acceptor import AnyAcceptor
+
         return AnyAcceptor(speaking, self._web)
 
     def _one(self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = "") -> ConnectionAcceptor:
@@ -282,6 +285,8 @@ def configure_binding(controller: MountController, binding: SurfaceBinding) -> N
 def make_transport(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
     """Make the transport to a mount; the watchdog process may use the same port."""
     if mount.where == "sim":
+        from gateway.app.simulated import simulated_transport
+
         return simulated_transport(mount, config)
     if (over_http := PROTOCOLS[mount.protocol].over_http) is not None:
         return HttpWire(mount.where, over_http(mount.where), watched)
