@@ -205,6 +205,26 @@ def test_one_that_waits_for_its_clock_says_so_and_goes_when_it_is_set() -> None:
     run(program())
 
 
+def test_an_arrow_that_is_pressed_again_ends_when_it_is_released() -> None:
+    """OnStep ends it after 10 s; the gateway looks at 9.5 and 11.5 s: the release falls before, between and after."""
+
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            for late in (9.4, 9.52, 9.54, 10.5, 11.48, 11.5, 11.52, 11.56, 11.6):
+                await own.controller.perform(op.Goto(ra, 0.0))
+                await asyncio.sleep(60.0)
+                await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+                await asyncio.sleep(late)
+                await own.controller.perform(op.StopAxis(2) if late < 11.0 else op.AbortMotion())
+                await asyncio.sleep(3.0)
+                stood = own.sim.truth()[1]
+                await asyncio.sleep(4.0)
+                assert abs(own.sim.truth()[1] - stood) < 0.01, late
+
+    run(program())
+
+
 # --- unknown ones, and those that are pushed --------------------------------------------------------------------------
 
 

@@ -15,8 +15,8 @@ from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.lx200.driver.speeds import SPEEDS
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Told, ask
 
-#: Seconds for which a reply serves all questions of the state.
-SHARED = 0.4
+#: Seconds for which a reply serves further questions; an order makes it stale at once.
+SHARED = 2.5
 #: Seconds from an arrow to the look whether it moves the mount, and between two further looks.
 LOOK_FIRST, LOOK_AGAIN = 1.5, 2.0
 
@@ -51,14 +51,8 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
         home=has("home"),
         build=next((letter for name, letter in builds.items() if has(name)), None),
         side=next((letter for name, letter in sides.items() if has(name)), None),
-        goes=not has("goes-not") or has("parking") or has("homing"),
         moves=has("moves"),
     )
-
-
-def tells_gotos(mount: Lx200Driver) -> bool:
-    """Whether its state shows a goto; otherwise its bars do."""
-    return mount.tells_status and "goes-not" in mount.dialect.get("status", {})
 
 
 def told_side(mount: Lx200Driver) -> Steps:
@@ -116,8 +110,10 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
     letter = mount.moving.get(operation.axis)
     if not letter:
         return
+    mount.told = None
     moves = (yield from tell(mount)).moves
     if not moves and mount.moving.get(operation.axis) == letter and mount.arrow_rate is not None:
         yield from ask(mount, mount.arrow_rate)
-        yield from ask(mount, f"M{letter}")
+        if mount.moving.get(operation.axis) == letter:  # nobody has released it meanwhile
+            yield from ask(mount, f"M{letter}")
     yield Schedule(LOOK_AGAIN, operation)

@@ -14,7 +14,7 @@ from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Garbled, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
-from gateway.protocols.lx200.driver.dialect import tell, tells_gotos, told_side
+from gateway.protocols.lx200.driver.dialect import tell, told_side
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200Driver, ask
@@ -111,6 +111,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     mount.goto = None
     mount.parked = state.then == "park"
     if mount.parked and mount.dialect and mount.tells_status:
+        mount.told = None
         told = yield from tell(mount)
         mount.parked = told.parked
         if not told.parked:
@@ -163,9 +164,7 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
 
 
 def _bars(mount: Lx200Driver) -> Steps:
-    """:D -> whether its bars show that a goto is under way; or its state, if that tells it."""
-    if tells_gotos(mount):
-        return (yield from tell(mount)).goes
+    """:D -> whether its bars show that a goto is under way."""
     return bool((yield from ask(mount, "D"))["bars"].strip())
 
 

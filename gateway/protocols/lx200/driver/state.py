@@ -58,8 +58,8 @@ class GotoState(GotoUnderWay):
 
 
 class Told(Struct, frozen=True):
-    """What a mount of another maker tells of itself. ``goes``: a goto, parking or the way home is under way;
-    ``moves``: an arrow or a pulse. ``build`` is a Meade's letter for the mounting, ``side`` that of the pier, or None.
+    """What a mount of another maker tells of itself. ``moves``: an arrow or a pulse. ``build`` is a Meade's letter for
+    the mounting, ``side`` that of the pier, or None.
     """
 
     tracks: bool
@@ -67,7 +67,6 @@ class Told(Struct, frozen=True):
     home: bool
     build: str | None
     side: str | None = None
-    goes: bool = False
     moves: bool = False
 
 

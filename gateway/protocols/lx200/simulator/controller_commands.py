@@ -10,16 +10,9 @@ from functools import partial
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator import answers, motion, settings, tracking
-from gateway.protocols.lx200.simulator.controllers import ACK, ARROW_ENDS, HOME, TEEN_RATES, Controller
+from gateway.protocols.lx200.simulator.controllers import ACK, ARROW_ENDS, HOME, Controller
 from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.wireformat import sexagesimal
-
-#: What an OnStepX tells of its setup, as it is delivered.
-CONSTANTS = {
-    "GM": b"None#", "%BD": b"0#", "%BR": b"0#", "GX92": b"20.000#", "GX93": b"20.000#", "GX95": b"0#", "GX96": b"B#",
-    "GX98": b"N#", "GX9A": b"+10.0#", "GX9B": b"1010.0#", "GX9C": b"70.0#", "GX9E": b"+4.7#", "GXE9": b"15#",
-    "GXEA": b"15#",
-}  # fmt: skip
 
 
 def _slew(sim: Controller, name: str, _: Values) -> bytes:
@@ -129,18 +122,8 @@ def _horizon(sim: Controller, name: str, _: Values) -> bytes:
     return answers.horizon(sim, name, _).replace(b":", b"'")
 
 
-def _own_rate(sim: Controller, number: int) -> bytes:
-    return b"0" if sim.onstep else f"{TEEN_RATES[number]:.2f}#".encode()
-
-
-def _constant(sim: Controller, word: str) -> bytes:
-    return CONSTANTS[word] if sim.onstep else b"#" if word[0] == "G" else b""
-
-
 def _fine(sim: Controller, name: str) -> bytes:
     """:GtH :GgH - with seconds and their thousandths."""
-    if not sim.onstep:
-        return b"#"
     text = sexagesimal.signed(sim.site[0]) if name == "GtH" else "+" + sexagesimal.azimuth(-sim.site[1] % 360.0)
     return text.encode() + b".000#"
 
@@ -150,23 +133,21 @@ def _set_park(sim: Controller) -> bytes:
     return b"1"
 
 
+#: Those of the next ones that only one of the two has.
+OF_ONSTEP, OF_TEENASTRO = {"GU", "GX90", "GX97", "GtH", "GgH"}, {"GXT2", "GXRX"}
 #: Commands without an argument, for which the driver has no row or which it answers by its state.
 WORDS: dict[str, Callable[[Controller], bytes]] = {
     "GU": Controller.letters, "GW": Controller.state, "Gm": Controller.side,
     "GT": Controller.hertz, "Te": lambda sim: sim.switch(True), "Td": lambda sim: sim.switch(False),
     "hQ": _set_park, "hP": lambda sim: sim.leave(sim.park_place, True), "hR": Controller.unpark,
     "hC": lambda sim: b"" if sim.leave(HOME, False) and sim.onstep else b"1", "hF": Controller.declare_home,
-    "GXT2": lambda sim: b"#" if sim.onstep else f"{sim.utc():.0f}#".encode(),
-    "GXRX": lambda sim: b"0" if sim.onstep else f"{sim.times(4):.0f}#".encode(),
-    "GX97": lambda sim: f"{sim.mechanics.fastest:.1f}#".encode() if sim.onstep else b"#",
-    "GX90": lambda sim: f"{sim.times(sim.pulse_rate):.2f}#".encode() if sim.onstep else b"#",
-    **{word: partial(_constant, word=word) for word in CONSTANTS},
+    "GXT2": lambda sim: f"{sim.utc():.0f}#".encode(), "GXRX": lambda sim: f"{sim.times(4):.0f}#".encode(),
+    "GX97": lambda sim: f"{sim.mechanics.fastest:.1f}#".encode(),
+    "GX90": lambda sim: f"{sim.times(sim.pulse_rate):.2f}#".encode(),
     **{name: partial(_fine, name=name) for name in ("GtH", "GgH")},
-    "GVM": lambda sim: f"{sim.row['full_name']}#".encode() if sim.onstep else b"#",
     "Gh": lambda sim: f"{sim.kept['lowest']:+03.0f}*#".encode(),
     "Go": lambda sim: f"{sim.kept['highest']:02.0f}*#".encode(),
     **{f"R{letter}": partial(Controller.select, letter=letter) for letter in "GCMFS0123456789"},
-    **{f"GXR{number}": partial(_own_rate, number=number) for number in range(4)},
 }  # fmt: skip
 HANDLERS: dict[str, Callable[[Controller, str, Values], bytes | None]] = {
     **{name: answers.HANDLERS[name] for name in ("D", "GD", "GR", "Gd", "Gr", "GVD", "GVN", "GVP", "GVT")},
@@ -186,7 +167,10 @@ class SimulatedController(Controller):
         if frame == ACK:
             return b"P" if self.onstep else b"G"
         word = frame[1:-1].decode("latin-1")
-        if (answer := WORDS.get(word)) is not None:
+        assert self.protocol.other is not None
+        if (fixed := self.protocol.other.facts["simulated"].get(word)) is not None:
+            return str(fixed).encode()
+        if (answer := WORDS.get(word)) is not None and word not in (OF_TEENASTRO if self.onstep else OF_ONSTEP):
             return answer(self)
         found = self.protocol.find(frame)
         handler = HANDLERS.get(found[0].name) if found is not None else None

@@ -23,7 +23,9 @@ ONSTEP_NAMES, TEEN_NAMES = {"G": 2, "C": 5, "M": 6, "F": 7, "S": 8}, {"G": 0, "C
 
 
 class FrameCutter:
-    """Cuts frames of up to ``longest`` bytes as they do; an OnStep takes ``any_first`` byte for a colon."""
+    """Cuts frames as they do. An OnStep takes ``any_first`` byte for a colon, and cuts short what is too long; a
+    TeenAstro drops that.
+    """
 
     def __init__(self, longest: int, any_first: bool) -> None:
         self._longest, self._any_first, self._frame = longest, any_first, bytearray()
@@ -37,7 +39,11 @@ class FrameCutter:
                 self._frame = self._frame[: self._longest - 1] + bytes((byte,))
             if byte == HASH:
                 first = self._frame[:1]
-                if len(self._frame) > 2 if first == b":" else self._any_first and first != b"#":
+                if first == b":":
+                    whole = len(self._frame) > 2 and (self._any_first or len(self._frame) < self._longest)
+                else:
+                    whole = self._any_first and first != b"#"
+                if whole:
                     frames.append(bytes(self._frame))
                 self._frame.clear()
         return frames
@@ -154,8 +160,6 @@ class Controller(SimulatedLx200):
 
     def letters(self) -> bytes:
         """:GU"""
-        if not self.onstep:
-            return b"#"
         told = {
             "n": not self.mechanics.tracking(self.now) and not self.mechanics.slewing(self.now),
             "N": not self.mechanics.slewing(self.now),
