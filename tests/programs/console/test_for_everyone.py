@@ -8,8 +8,11 @@ from pathlib import Path
 import axe_playwright_python
 import pytest
 
+from tests.support.sampling import as_a_rule
+
 from .page import DESK, PHONE, VIEWS, Visit
 
+GRID = [("day", PHONE), ("night", DESK), ("forced", PHONE), ("day", DESK), ("night", PHONE), ("forced", DESK)]
 AXE = (Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text("utf-8")
 FOUND = """async () => (await axe.run()).violations.map(one => `${one.id}: ${one.nodes.map(node =>
   `${node.target} ${node.any[0]?.message ?? ''}`).slice(0, 4).join(' | ')}`)"""
@@ -28,7 +31,7 @@ def test_arrow_keys_choose_in_a_group(visit: Callable[..., Visit]) -> None:
     assert stops == [-1, -1, 0], "Tab reaches the chosen one"
 
 
-@pytest.mark.parametrize(("mode", "size"), [("day", PHONE), ("day", DESK), ("night", PHONE), ("forced", PHONE)])
+@pytest.mark.parametrize(("mode", "size"), GRID[: as_a_rule(3, whole=6)])
 def test_axe_finds_nothing(visit: Callable[..., Visit], mode: str, size: tuple[int, int]) -> None:
     light = "night" if mode == "night" else "day"
     page = visit(size, light_mode=light, light_shown=light, light_step="4")
