@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from gateway.protocols.alpaca.driver.reply_rules import AlpacaReplyRules
 from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
 from gateway.protocols.alpaca.http import chain
 from gateway.transport.http_wire import HttpWire
@@ -179,3 +180,9 @@ def test_a_server_without_this_telescope_is_not_opened() -> None:
         with pytest.raises(OSError, match=r"no Alpaca server is there, or it has no telescope 7 \(HTTP status"):
             telescope.opened(telescope.first[1], status, body)
     telescope.opened(telescope.first[1], 200, b'{"Value": true}')
+
+
+def test_a_stop_after_a_lost_connection_waits_for_nothing() -> None:
+    """The line writes ``closing`` before the first stop of a reopened line, else it waits 3.5 s."""
+    stop = AlpacaReplyRules.closing + b"put abortslew\n"
+    assert AlpacaReplyRules.closing and TelescopeHttp("http://a:1").request(stop).path.endswith("/0/abortslew")
