@@ -84,13 +84,6 @@ class Jog(Struct, frozen=True, tag="jog"):
     press: Annotated[int, Meta(ge=0)] = 0
 
 
-class Pulse(Struct, frozen=True, tag="pulse"):
-    """Guide in a direction for some milliseconds."""
-
-    direction: Arrow
-    ms: Annotated[int, Meta(ge=1, le=5000)]
-
-
 class LetGo(Struct, frozen=True, tag="let_go"):
     """Release one direction key, or all of them; with ``press``, only if that press is the one that is held."""
 
@@ -102,10 +95,10 @@ class LetGo(Struct, frozen=True, tag="let_go"):
 Looks = Beat | Talk | Pin | LookUp | Search | Night | Explain | LetGo | requests.Look
 #: What of the common requests a page may ask for.
 Common = (
-    requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Home | requests.Track
+    requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Home | requests.Track | requests.Guide
     | requests.TellTime | requests.TellSite | requests.TellGuideRate | requests.Narrow | requests.Halt
 )  # fmt: skip
-Wish = Looks | Record | Jog | Pulse | Common
+Wish = Looks | Record | Jog | Common
 #: What a page calls otherwise than ``core/requests.py``.
 _NAMES = {"wake": "unpark", "ask": "look_up", "guide_rate": "guide rate"}
 

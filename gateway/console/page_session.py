@@ -22,7 +22,7 @@ from gateway.console.shown.publisher import PageFrame, talk
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
-from gateway.core.requests import Answer, Guide, Stop
+from gateway.core.requests import Answer, Stop
 from gateway.core.waiting import BackgroundTasks
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
@@ -201,9 +201,6 @@ class PageSession:
                 await self._answer(message.id, done, "" if done else text, {"text": text} if done else {})
             case messages.Record():
                 await self._record(message, wish.on)
-            case messages.Pulse():
-                guide = Guide(_direction(wish.direction), wish.ms, who=self._who)
-                await self._tell(message, await gateway.request_handler.take(guide))
             case messages.Beat():
                 pass  # ``take`` has done it
             case _:

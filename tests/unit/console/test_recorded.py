@@ -39,7 +39,7 @@ ASKED: tuple[dict[str, Any], ...] = (
     {"do": "narrow", "lowest": 30.0},
     {"do": "narrow"},
     {"do": "look"},
-    {"do": "pulse", "direction": "west", "ms": 300},
+    {"do": "guide", "direction": "w", "ms": 300},
     {"do": "guide_rate", "rate": 0.25},
     {"do": "unpark"},
     {"do": "beat"},

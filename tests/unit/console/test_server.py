@@ -363,8 +363,8 @@ def test_a_german_mount_tells_its_pier_and_is_guided(tmp_path: Path) -> None:
             await page.until(lambda: page.mount["pier"] == told["pier"])
             assert (await page.ask("guide_rate", rate=0.75))["ok"]
             await page.until(lambda: page.mount["guides"] == [0.75, 0.75])
-            assert (await page.ask("pulse", direction="north", ms=500))["ok"]
-            assert not (await page.ask("pulse", direction="north", ms=99999))["ok"]
+            assert (await page.ask("guide", direction="n", ms=500))["ok"]
+            assert not (await page.ask("guide", direction="n", ms=99999))["ok"]
 
     play(work())
 

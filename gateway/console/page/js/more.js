@@ -48,7 +48,7 @@ function pageGroup() {
     pin.hidden = state.act || !state.hello?.pin;
   });
   const screen = el("p", { class: "hint" });
-  subscribe(() => say(screen, awake.words()));
+  subscribe(() => say(screen, `${awake.words()} ${gamepad.words()}`));
   return group("This page", words, version, screen, pin);
 }
 
@@ -65,12 +65,6 @@ function guideGroup() {
     for (const one of box.children) one.disabled = !state.act;
   });
   return whole;
-}
-
-function gamepadGroup() {
-  const words = el("p", {});
-  subscribe(() => say(words, gamepad.words()));
-  return group("Gamepad", words);
 }
 
 /** A list of sentences that is updated when it changes. */
@@ -92,7 +86,6 @@ export function start() {
     list("Where programs connect", (seen) => seen.surfaces, "nowhere"),
     list("What is allowed", (seen) => seen.allowed, "everything", ...limitsButtons()),
     guideGroup(),
-    gamepadGroup(),
     group("Keys", el("dl", { class: "keys" }, ...KEYS.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
     pageGroup(),
   );

@@ -60,7 +60,7 @@ async function go(goal, words) {
 
 /** Make one step in a direction. */
 export async function take(direction) {
-  if (mode === "pulse") return answered(await ask({ do: "pulse", direction, ms: PULSE }));
+  if (mode === "pulse") return answered(await ask({ do: "guide", direction: direction[0], ms: PULSE }));
   const why = refuse();
   if (why) return notice(why, "refused");
   const minutes = mode === "field" ? await asked() : Number(mode);
