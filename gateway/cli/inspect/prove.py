@@ -79,6 +79,9 @@ def _prove(arguments: argparse.Namespace) -> int:
                 guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages, told)
                 await guide.run()
                 left = guide.left
+            if (found := load(kept)).stages and gateway.config.record:
+                found.recordings.append(Path(gateway.config.record).name)
+                save(kept, found)
 
         here = checked(config, folder, record=stages is MOVING)
         if not left:
@@ -108,15 +111,18 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path) -> No
         if await terminal.key("y: make a file for the author of the gateway  n: end", "yn") == "n":
             return
         try:
-            files = await asyncio.to_thread(bundle.make, findings, sorted(folder.glob("*.rec")))
+            files = await asyncio.to_thread(bundle.make, findings, [folder / name for name in findings.recordings])
         except UserError as error:
             terminal.say(f"No file can be made: {error}.")
             return
-        for name, data in files.items():
+        for stage, found in bundle.public(findings).stages.items():
+            for finding in found:
+                terminal.say(f"{stage}: {finding.line}")
+        for name, data in list(files.items())[1:]:
             shown = data.decode("latin-1").splitlines()
-            terminal.say(f"{name}: {len(shown)} lines")
-            for line in shown if name == bundle.VERDICTS else shown[2:6]:
-                terminal.say(line)
+            terminal.say(f"{name}: {len(shown)} lines, which begin with")
+            for line in shown[2:6]:
+                terminal.say(f"  {line}")
         terminal.say("There is no name, address or site in it; the latitude is rounded, longitude and time are others.")
         path = Path(bundle.name_of(findings))
         if await terminal.key(f"y: save it as {path}  n: do not", "yn") == "y":

@@ -19,7 +19,7 @@ from gateway.app.config import Endpoint, parse_endpoint
 from gateway.app.recording.format import RECORDER, Event, read, unescape
 from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Side
-from gateway.diagnostics.prove.anonymous import anonymous, elsewhere, header, site_of, written
+from gateway.diagnostics.prove.anonymous import Elsewhere, anonymous, elsewhere, header, site_of, written
 from gateway.diagnostics.prove.findings import NOT_TRIED, Finding, Findings
 from gateway.diagnostics.replay.replaying import outputs, replay
 
@@ -76,10 +76,11 @@ def make(
     files: dict[str, bytes] = {}
     outcomes: dict[str, Played] = {}
     month = version = ""
+    there: Elsewhere | None = None
     with tempfile.TemporaryDirectory() as folder:
         for number, path in enumerate(recordings, 1):
             recording, hidden = read(path), Path(folder) / f"{number}.rec"
-            there = elsewhere(*site_of(recording), recording.settings["began"], random)
+            there = there or elsewhere(*site_of(recording), recording.settings["began"], random)
             settings = header(recording.settings, there)
             events = anonymous(recording, there, findings.equatorial)
             hidden.write_bytes(written(settings, events))

@@ -41,12 +41,15 @@ class Report(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle."""
+    """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle, and
+    ``recordings`` the files of its sessions.
+    """
 
     mount: str = ""
     model: str = ""
     version: str = ""
     equatorial: bool = False
+    recordings: list[str] = []
     stages: dict[str, list[Finding]] = {}
 
     def of(self, verdict: str) -> list[Finding]:

@@ -95,7 +95,7 @@ async def run(telescope: Telescope, report: Report) -> None:
                 real[speed] = abs(rate)
     for axis, pair in enumerate(PAIRS, 1):
         report.found(directions(pair, turned_round[axis]))
-    report.found(ran_on(run_ons, telescope.controller.line.typical_rtt))
+    report.found(ran_on(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
     report.found(await tracking(telescope))
     if real:
         speeds_of = [telescope.speed(key) for key in range(1, 10)]
@@ -134,14 +134,14 @@ def directions(pair: tuple[Direction, Direction], turned_round: list[bool]) -> F
     return Finding(what, DIFFERS, "reversed" if all(turned_round) else "reversed at some rates", "", means)
 
 
-def ran_on(run_ons: list[tuple[float, float]], exchange: float) -> Finding:
-    """Return the finding on how far the tube runs on after a stop; pairs of a rate and degrees."""
+def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) -> Finding:
+    """Return the finding on how far the tube runs on after a stop, by rates and degrees; it should for ``lasts`` s."""
     what = "run-on after a stop"
     if not run_ons:
         return Finding(what, NOT_TRIED)
-    rate, most = max(run_ons, key=lambda pair: pair[1] - pair[0] * RUN_ON)
-    allowed = rate * (RUN_ON + 2.0 * exchange)
-    measured, assumed = f"{max(0.0, most):.1f}° from {rate_words(rate)}", f"{rate * RUN_ON:.1f}°"
+    rate, most = max(run_ons, key=lambda pair: pair[1] - pair[0] * lasts)
+    allowed = rate * (lasts + 2.0 * exchange)
+    measured, assumed = f"{max(0.0, most):.1f}° from {rate_words(rate)}", f"{rate * lasts:.1f}°"
     if most <= 1.5 * allowed + MORE:
         return Finding(what, SAME, measured, assumed)
     means = "Limits are to be kept from so much farther away; run-on in gateway.toml does that."

@@ -83,20 +83,34 @@ DIFFERENCES: dict[str, tuple[str, Callable[[Proven], None], dict[str, Any], str,
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", DIFFERENCES)
-def test_a_difference_is_found_and_named(what: str) -> None:
-    mount, change, settings, answers, expected, keys = DIFFERENCES[what]
+def _checked(what: str, **config: object) -> tuple[Findings, dict[str, str]]:
+    mount, change, settings, answers, _, _ = DIFFERENCES[what]
 
     async def play() -> tuple[Findings, dict[str, str]]:
-        async with Proven(mount, every=9.0, change=change, **settings) as proven:
+        async with Proven(mount, every=9.0, change=change, config=config, **settings) as proven:
             with patch.object(small_motions, "KEYS", (9, 6)):
                 found = await proven.check(person := Onlooker(answers))
             print(*person.said, sep="\n")
             return found, {one.what: one.verdict for stage in found.stages.values() for one in stage}
 
-    found, verdicts = run_calm(play())
+    result: tuple[Findings, dict[str, str]] = run_calm(play())
+    return result
+
+
+@pytest.mark.parametrize("what", DIFFERENCES)
+def test_a_difference_is_found_and_named(what: str) -> None:
+    *_, expected, keys = DIFFERENCES[what]
+    found, verdicts = _checked(what)
     assert {name: verdicts.get(name) for name in expected} == expected, verdicts
     assert found.keys.keys() == keys
     differs = {one.what for one in found.of(DIFFERS)}
     assert differs <= {*expected, "rate 6 west/east", "rates of all keys"}, differs
     assert all(one.means for one in found.of(DIFFERS))
+
+
+@pytest.mark.parametrize("what", ["other rates", "a run-on of 5 degrees"])
+def test_a_gateway_that_is_adapted_finds_no_difference(what: str) -> None:
+    found, _ = _checked(what)
+    again, verdicts = _checked(what, **{key.replace("-", "_"): value for key, value in found.keys.items()})
+    assert not again.keys and verdicts["run-on after a stop"] == SAME
+    assert not again.of(DIFFERS)

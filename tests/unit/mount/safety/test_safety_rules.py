@@ -166,3 +166,9 @@ def test_axis_readings_need_an_alignment_unless_the_owner_allows_them() -> None:
     assert needs_alignment(op.Sync(1.0, 2.0), sync_aligns=False, unaligned="allow")
     assert not needs_alignment(op.Sync(1.0, 2.0), sync_aligns=True, unaligned="refuse")
     assert not needs_alignment(op.Move(op.Direction.SOUTH, op.Rate(key=1)), sync_aligns=False, unaligned="refuse")
+
+
+def test_a_mount_that_runs_on_longer_is_stopped_earlier() -> None:
+    longer = StopTiming(0.05, 1, 0.4, run_on=2.5)
+    assert longer.to_stop - TIMING.to_stop == pytest.approx(2.0)
+    assert longer.overdue(9.0) - TIMING.overdue(9.0) == pytest.approx(2.0)
