@@ -19,7 +19,7 @@ DRIVER, DEVICE = "indi_lx200_OnStep", "LX200 OnStep"
 def test_night(workshop: Workshop) -> None:
     """Connect, read, goto, sync, abort, park, unpark, and what it shows of its state."""
     requires("indiserver", DRIVER)
-    wire, truth = start_meade(workshop, "onstep", NORTH, speed=3.0)
+    wire, truth = start_meade(workshop, "onstep", NORTH, speed=2.0)
     telescope = Telescope(workshop, DRIVER, DEVICE, wire)
     client = telescope.client
     assert same_site(telescope.site(), NORTH, ARCMINUTE), telescope.site()

@@ -193,6 +193,20 @@ def test_a_pulse_is_sent_at_a_guide_rate() -> None:
     run(program())
 
 
+@pytest.mark.parametrize(("firmware", "times"), [("10.28g", 957.0), ("4.24s", 60.0), ("3.16o", 60.0)])
+def test_the_speeds_of_the_arrows_are_those_of_its_version(firmware: str, times: float) -> None:
+    """An OnStepX is as fast as its gotos, which it is asked for: 4 degrees a second here."""
+
+    async def program() -> None:
+        own = bridge("onstep")
+        own.sim.row = {**own.sim.row, "firmware": firmware}
+        async with own:
+            await own.controller.perform(op.GetIdentity())
+            assert own.driver.speed(op.Rate(name="max")) * 3600.0 / 15.041 == pytest.approx(times, rel=0.01)
+
+    run(program())
+
+
 def test_one_that_waits_for_its_clock_says_so_and_goes_when_it_is_set() -> None:
     async def program() -> None:
         async with bridge("onstep", aligned=False, config={"site_time": "never"}) as own:

@@ -76,6 +76,9 @@ def learn_speeds(mount: Lx200Driver) -> Steps:
                 said[command] = yield from _number(mount, command)
             if (number := said[command]) is not None:
                 mount.own_speeds[name] = number * times * SPEEDS["RG"]
+    older = mount.dialect.get("older", {})
+    if mount.firmware.startswith(tuple(older.get("versions", ()))):
+        mount.own_speeds |= {name: times * SPEEDS["RG"] for name, times in older["speeds"].items()}
     rates = mount.dialect["pulses"]["rates"]
     if not mount.guide_rate_chosen:
         own = mount.pulse_rate if mount.pulse_rate in rates else str(rates[-1])
