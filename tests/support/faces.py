@@ -112,7 +112,8 @@ class Stellarium(Face):
 
     async def goto(self, ra: float, dec: float) -> None:
         await self.leave(ra, dec)
-        await asyncio.sleep(120.0)
+        while self.bridge.sim.slewing:
+            await asyncio.sleep(1.0)
 
 
 class Alpaca(Face):

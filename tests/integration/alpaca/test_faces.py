@@ -344,7 +344,7 @@ SERVERS: dict[str, tuple[dict[str, Any], set[str]]] = {
 }
 
 
-@pytest.mark.sampled(1, every=3)
+@pytest.mark.sampled(1, every=4)
 @pytest.mark.parametrize("server", SERVERS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_other_servers(kind: str, server: str) -> None:
