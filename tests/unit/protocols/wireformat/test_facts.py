@@ -132,7 +132,7 @@ def test_a_surface_row_that_cannot_be_is_named(tmp_path: Path, row: str, says: s
         _ = CommandSet("lx200", tmp_path).surface
 
 
-def test_one_more_command_changes_one_line_of_the_generated_table(
+def test_one_more_command_changes_one_line_of_the_table_of_each_mount(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two files by hand: what it looks like, and what is done with it."""
@@ -146,5 +146,8 @@ def test_one_more_command_changes_one_line_of_the_generated_table(
     monkeypatch.setattr(command_tables, "load", sets.__getitem__)
     old, new = before.splitlines(), command_tables.text().splitlines()
     assert isinstance(sets["lx200"].commands["ZZ"], Command)
-    assert [line for line in new if line not in old] == ["| `:ZZ#` | trial | translated | `e`, `E` |  |"]
-    assert len(new) == len(old) + 1
+    assert [line for line in new if line not in old] == [
+        "| `:ZZ#` | trial | translated | `e`, `E` |  |",
+        "| `:ZZ#` | trial | translated | `devicestate`, `rightascension`, `declination` |  |",
+    ]
+    assert len(new) == len(old) + 2
