@@ -65,6 +65,7 @@ class CommandSet:
                 self._by_prefix.setdefault(template.prefix, []).append((command, template))
         self._longest = max(map(len, self._by_prefix), default=0)
         self._extra: dict[str, dict[str, Model]] = {}
+        self._spoken: dict[str, CommandSet] = {}
         for model, facts in () if dialect else self.models.items():
             listed = frozenset(facts.get("commands", self.commands))
             if unknown := listed - self.commands.keys():
@@ -82,11 +83,10 @@ class CommandSet:
             raise MappingError(self._where(f"{dialect}.toml"), dialect, str(error)) from None
 
     @cached_property
-    def dialects(self) -> dict[str, CommandSet]:
-        """Model -> the tables in its dialect, for the models of a dialect that has a file."""
+    def dialects(self) -> dict[str, str]:
+        """Model -> its dialect, for the models of a dialect that has a file."""
         spoken = {model: row.get("dialect", "") for model, row in self.models.items()}
-        made = {name: CommandSet(self.name, self.folder, name) for name in {*spoken.values()} if self._has_file(name)}
-        return {model: made[name] for model, name in spoken.items() if name in made}
+        return {model: name for model, name in spoken.items() if self._has_file(name)}
 
     def _has_file(self, dialect: str) -> bool:
         return bool(dialect) and (self.folder / f"{dialect}.toml").exists()
@@ -102,8 +102,13 @@ class CommandSet:
         return next((model for model, name in named.items() if name and product.startswith(name)), None)
 
     def of(self, model: str | None) -> CommandSet:
-        """Return the tables in the dialect of this model."""
-        return self.dialects.get(model or "", self)
+        """Return the tables in the dialect of this model, which are loaded with the first mount that speaks it."""
+        dialect = self.dialects.get(model or "")
+        if dialect is None:
+            return self
+        if dialect not in self._spoken:
+            self._spoken[dialect] = CommandSet(self.name, self.folder, dialect)
+        return self._spoken[dialect]
 
     def _read(self, file: str, form: type[_T]) -> dict[str, _T]:
         """Convert one TOML file row by row, so that an error can name its row; an optional file may be missing."""
@@ -219,7 +224,7 @@ class CommandSet:
         if file == "surface":
             called = [(key, row.call) for key, row in self.surface.items()]
         else:
-            sets = (self, *self.dialects.values())
+            sets = (self, *dict.fromkeys(map(self.of, self.dialects)))
             called = [(key, row.call) for one in sets for key, rows in one.driver.items() for row in rows]
         for key, name in called:
             if name is not None and name not in found:
