@@ -77,7 +77,9 @@ def _called_and_there(spec: ProtocolSpec) -> Iterator[tuple[set[str], set[str]]]
         yield {row.call for row in spec.commands.surface.values() if row.call}, set(made.surface.handlers)
     if spec.make_driver is not None:
         driver = spec.make_driver(DriverSettings(), float).driver
-        yield {way.call for ways in spec.commands.driver.values() for way in ways if way.call}, set(driver.handlers)
+        sets = (spec.commands, *map(spec.commands.of, spec.commands.dialects))
+        ways = [way for one in sets for ways in one.driver.values() for way in ways]
+        yield {way.call for way in ways if way.call}, set(driver.handlers)
 
 
 @pytest.mark.parametrize("spec", SPECS.values(), ids=SPECS)
