@@ -261,7 +261,7 @@ class CommandSet:
         facts = self.models.get(model, {}) if facts is None else facts
         flags = (key for key, value in facts.items() if value is True)
         build = facts.get("mount", "")
-        moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, "")
+        moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, build)
         return frozenset((model, build, moves, facts.get("dialect", ""), *facts.get("has", ()), *flags))
 
     def extra(self, file: str) -> dict[str, Model]:

@@ -17,7 +17,7 @@ from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, sent, t
 from gateway.diagnostics.rehearsal.play import Play
 from gateway.diagnostics.rehearsal.shown import changes, is_no, no_form
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.surface import Surface
+from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import SurfaceRow
@@ -123,7 +123,8 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
         yield "missing"
     elif said == "refused":
         if any(reply.fault for reply, _ in command.replies) or no_form(surface, play.frame):
-            if not no:
+            acknowledged = play.reply == ACKNOWLEDGED and notes and row is not None and "#" in row.why
+            if not no and not acknowledged:  # where only the log tells it, the remark says so
                 yield f"refused, and the reply '{show(play.reply)}' is no no"
         elif not notes:
             yield "refused, and neither the reply nor the log says so"

@@ -30,7 +30,7 @@ MISSING = {
     "Park": "it cannot be parked", "Unpark": "it cannot be unparked", "Home": "it has no home position",
     "SetTracking": "its tracking cannot be turned on or off", "Pulse": "it cannot be guided",
     "PulseAxis": "it cannot be guided", "Move": "it has no arrows", "MoveAxis": "it has no arrows",
-    "SetGuideRate": "its guide rates cannot be set",
+    "SetGuideRate": "its guide rates cannot be set", "Focus": "it has no focuser of its own",
 }  # fmt: skip
 #: The sidereal rate, degrees a second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
@@ -128,15 +128,20 @@ class AlpacaDriver(Driver):
 
     def perform(self, operation: op.Operation[Any]) -> Generator[Step, Any, Any]:
         """Carry out an operation. Raises Unsupported with what the mount lacks, and other Faults."""
-        missing = MISSING.get(type(operation).__name__)
-        if missing is not None and self.implementation(type(operation)) is None:
-            raise Unsupported(f"The server of this mount reports that {missing}.")
+        if (missing := self._missing(operation)) is not None:
+            raise missing
         return (yield from super().perform(operation))
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         if self.goto is not None and isinstance(operation, op.Pulse | op.PulseAxis):
             return Refused(SLEWING)
-        return None
+        return self._missing(operation)
+
+    def _missing(self, operation: op.Operation) -> Fault | None:
+        missing = MISSING.get(type(operation).__name__)
+        if missing is None or self.implementation(type(operation)) is not None:
+            return None
+        return Unsupported(f"The server of this mount reports that {missing}.")
 
     def tube_side(self, told: str) -> str | None:
         return (told or None) if self.german else None
