@@ -16,7 +16,7 @@ import pytest
 
 from gateway.core.tables import mappings_folder
 from gateway.protocols.wireformat.command_set import CommandSet
-from tests.support.process import PATIENCE, Running, ask
+from tests.support.process import EAGER, PATIENCE, Running, ask
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Only the process that calculates the almanac imports these; PyYAML is astropy's own need.
@@ -78,7 +78,8 @@ def tell(number, frame):
 signal.signal(signal.SIGUSR1, tell)
 from gateway.astro.ephemeris import keeper
 from gateway.cli import main
-sys.exit(main(sys.argv[2:]))
+keeper.gateway_argv = lambda: sys.argv[2].split("|")
+sys.exit(main(sys.argv[3:]))
 """
 #: What every gateway may import that others have made, what a page and programs over HTTP need, and what a broker does.
 ALWAYS = {"msgspec", "platformdirs", "serial", "tomli", "typing_extensions", "uvloop"}
@@ -97,7 +98,7 @@ class Weighed(Running):
     def __init__(self, place: Path, *more: str) -> None:
         self.list = place / "modules"
         words = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", *more]
-        super().__init__(*words, by=[sys.executable, "-bb", "-c", PROGRAM, str(self.list)])
+        super().__init__(*words, by=[sys.executable, "-bb", "-c", PROGRAM, str(self.list), "|".join(EAGER)])
 
     def console(self) -> str:
         assert self.process.stdout is not None

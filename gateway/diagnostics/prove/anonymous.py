@@ -181,7 +181,9 @@ def written(settings: dict[str, Any], events: Iterable[Event]) -> bytes:
 
 class _Hiding:
     def __init__(self, protocol: str, there: Elsewhere, equatorial: bool) -> None:
-        self._protocol, self._there, self._equatorial = protocol, there, equatorial
+        self._there = there
+        #: Whether azimuth and altitude are the axes of an equatorial mount, which tell no more than its position does.
+        self._axes = equatorial and "axes_of" in load(protocol).extra("prove.toml").get("overhead", {})
         self._line, self._commands = _Line(protocol), load(protocol).commands
         self._overhead: Values = {"az": 0.0, "alt": 0.0}
         #: Whether the answer that comes belongs to a question that is left out.
@@ -236,8 +238,8 @@ class _Hiding:
     def _reply(self, command: str, data: bytes, told: Values) -> bytes:
         """Return a reply as it would be there."""
         self._overhead |= {name: told[name] for name in ("az", "alt") if name in told}
-        if self._equatorial and self._protocol == "nexstar" and "az" in told:
-            return data  # the axes of an equatorial mount, which tell no more than right ascension and declination
+        if self._axes and "az" in told:
+            return data
         moved = self._there.moved(command, told, self._overhead)
         if moved == told:
             return data

@@ -1,4 +1,4 @@
-"""Guiding: short pulses, summed, as a program of the LX200 protocol sends them."""
+"""Guiding: short pulses, summed, as a guiding program sends them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIE
 from gateway.diagnostics.prove.programs import Program
 from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_words
 from gateway.diagnostics.prove.telescope import Telescope
+from gateway.protocols.registry import surfaces
+from gateway.protocols.wireformat.command_set import load
 
 #: Pulses in each direction, seconds of each, and seconds from one to the next.
 PULSES, LASTS, EVERY = 20, 0.2, 0.5
@@ -30,7 +32,8 @@ async def run(telescope: Telescope, report: Report) -> None:
         words = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
         report.found(Finding("guiding", NOT_MEASURABLE, words))
         return
-    program = Program(telescope.gateway, "lx200")
+    presented = next(name for name in surfaces() if "guiding" in load(name).extra("prove.toml"))
+    program, pulse = Program(telescope.gateway, presented), load(presented).extra("prove.toml")["guiding"]["pulse"]
     telescope.mine = True
     try:
         for axis, pair in enumerate(PAIRS, 1):
@@ -39,7 +42,7 @@ async def run(telescope: Telescope, report: Report) -> None:
                 before = await telescope.rest()
                 for number in range(PULSES):
                     report.progress(number, PULSES, f"pulses {direction.word}")
-                    await program.ask("Mg", direction=direction.value, ms=int(LASTS * 1000.0))
+                    await program.ask(pulse, direction=direction.value, ms=int(LASTS * 1000.0))
                     await asyncio.sleep(max(EVERY, EXCHANGES * exchange))
                     telescope.check()
                 ways.append(telescope.turned(before, await telescope.rest())[axis - 1])
@@ -56,5 +59,5 @@ def _judged(what: str, rate: float, assumed: float, tick: float) -> Finding:
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", words[1])
     if abs(rate - assumed) <= OFF * assumed + 2.0 * tick / (PULSES * LASTS):
         return Finding(what, SAME, *words)
-    means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets what a NexStar is sent."
+    means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets it where it can be set."
     return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + words[0], words[1], means)

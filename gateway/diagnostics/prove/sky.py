@@ -20,8 +20,6 @@ from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site
 AGREES = 0.5
 #: Seconds by which the clocks may differ; degrees by which a longitude may differ from that of the mount's zone.
 CLOCK, ZONE = 120.0, 45.0
-#: By protocol, the commands that tell altitude and azimuth.
-OVERHEAD = {"nexstar": ("z", "Z"), "lx200": ("GZ", "GA")}
 
 
 async def run(telescope: Telescope, report: Report) -> None:
@@ -61,14 +59,14 @@ def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
 async def _overhead(telescope: Telescope) -> Finding:
     """Compare altitude and azimuth, as the mount tells them, with those of its right ascension and declination."""
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
-    if telescope.status.equatorial and driver.protocol.name == "nexstar":
+    overhead = driver.protocol.extra("prove.toml").get("overhead", {})
+    if telescope.status.equatorial and "axes_of" in overhead:
         return Finding(what, NOT_MEASURABLE, "an equatorial mount tells its axes instead")
-    names = OVERHEAD.get(driver.protocol.name, ())
-    if not names:
+    if not overhead:
         return Finding(what, NOT_MEASURABLE, "nothing to compare it with")
     program = Program(telescope.gateway, driver.protocol.name)
     try:
-        told = await program.values(*(name for name in names if driver.supports(name)))
+        told = await program.values(*(name for name in overhead["asks"] if driver.supports(name)))
     finally:
         program.close()
     here = await telescope.look()

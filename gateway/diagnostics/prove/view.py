@@ -8,17 +8,13 @@ from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding
 from gateway.diagnostics.prove.gotos import LONGEST, NEAR, near
 from gateway.diagnostics.prove.programs import Program
 from gateway.diagnostics.prove.telescope import Telescope
-
-#: By protocol: the commands of a goto, the one that tells its end, its answer then, and those that tell the position.
-WORDS: dict[str, tuple[tuple[str, ...], str, tuple[object, ...], tuple[str, ...]]] = {
-    "lx200": (("Sr", "Sd", "MS"), "D", ("", ), ("GR", "GD")),
-    "nexstar": (("r",), "L", (False, 0, "0"), ("e",)),
-}  # fmt: skip
+from gateway.protocols.registry import other_surface
+from gateway.protocols.wireformat.command_set import load
 
 
 async def run(telescope: Telescope, report: Report) -> None:
     """Raises Ended."""
-    presented = "nexstar" if telescope.driver.protocol.name == "lx200" else "lx200"
+    presented = other_surface(telescope.driver.protocol.name)
     start = await telescope.rest()
     goal, refused = await near(telescope, start.sky)
     if goal is None:
@@ -34,20 +30,20 @@ async def run(telescope: Telescope, report: Report) -> None:
 
 
 async def _goto(telescope: Telescope, program: Program, goal: op.Equatorial) -> Finding:
-    what, (orders, tells, over, places) = f"goto of a program ({program.protocol})", WORDS[program.protocol]
+    what, commands = f"goto of a program ({program.protocol})", load(program.protocol).extra("prove.toml")["goto"]
     telescope.mine = True
-    for order in orders:
+    for order in commands["orders"]:
         heard = await program.ask(order, ra=goal.ra, dec=goal.dec)
         telescope.check()
         if heard is None or heard.fails:
             return Finding(what, NOT_TRIED, heard.words if heard else "no reply")
     end = telescope.now() + LONGEST
     while telescope.now() < end:
-        heard = await program.ask(tells)
-        if heard is not None and set(heard.fields.values()) & set(over):
+        heard = await program.ask(commands["tells"])
+        if heard is not None and set(heard.fields.values()) & set(commands["over"]):
             break
         await telescope.until(lambda: False, 0.5)
-    told = await program.values(*places)
+    told = await program.values(*commands["position"])
     here = await telescope.rest()
     off = separation(told["ra"], told["dec"], goal.ra, goal.dec) if told.keys() >= {"ra", "dec"} else 180.0
     moved = telescope.drift(here, await telescope.look())

@@ -26,6 +26,7 @@ from gateway.cli import main
 from gateway.core.errors import UserError
 from gateway.diagnostics.rehearsal.samples import START
 from tests.support.each import each
+from tests.support.process import EAGER
 
 TODAY = 20780
 WHOLE_DAY = bytes(8 * 333)
@@ -241,7 +242,10 @@ def calculates(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return be
 
 
-def test_the_process_calculates_days_and_sites_and_leaves_nothing_here(exact: Almanac) -> None:
+def test_the_process_calculates_days_and_sites_and_leaves_nothing_here(
+    exact: Almanac, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(keeper, "gateway_argv", lambda: EAGER)
     almanac = REAL([TODAY, TODAY + 1], ["48°30'N,11°30'E", "north,x", "1"])
     assert almanac == Almanac(exact.by, exact.days, {"48°30'N,11°30'E": (48.5, 11.5)})
 

@@ -113,7 +113,7 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
         (["sim", "nexstar:cge", "--speed", "0"], "--speed"),
         (["sim", "nexstar:cge", "--at", "pty:/does/not/exist/x"], "/does/not/exist/x"),
         (["explain", "lx200", "nexstar", ":XY#"], "no command"),
-        (["explain", "lx200", "telescope", ":GR#"], "'telescope' is no protocol (lx200, nexstar) and no model"),
+        (["explain", "lx200", "telescope", ":GR#"], "'telescope' is no protocol (lx200, nexstar, alpaca) and no model"),
     ],
 )
 def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:

@@ -31,7 +31,7 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         (["run", "none/lost.toml"], "none/lost.toml: there is no folder none; make it first, or name another one"),
         (
             ["run", "--mount", "foo@sim", "--surface", "lx200@tcp://127.0.0.1:0"],
-            "--mount 'foo' is no protocol (lx200, nexstar) and no model; write nexstar for a Celestron",
+            "--mount 'foo' is no protocol (lx200, nexstar, alpaca) and no model; write nexstar for a Celestron",
         ),
         (
             ["run", "--mount", "nexstar@sim", "--surface", "foo@tcp://127.0.0.1:0"],
@@ -39,7 +39,7 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         ),
         (
             ["run", "--mount", "alpac@sim"],
-            "--mount 'alpac' is no protocol (lx200, nexstar) and no model; write nexstar for",
+            "--mount 'alpac' is no protocol (lx200, nexstar, alpaca) and no model; did you mean 'alpaca'?",
         ),
         (["--json"], "--json: write a command before it: mount-gateway detect --json; mount-gateway --help lists"),
         (["--run"], "there is no flag --run; did you mean mount-gateway run?"),

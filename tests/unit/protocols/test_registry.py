@@ -31,6 +31,7 @@ SAID_TO_PEOPLE = {
     "app/config/tables.py",
     "cli/command_line.py",
     "cli/inspect/detect.py",
+    "cli/inspect/prove.py",
     "cli/inspect/tables.py",
     "cli/serve/demo.py",
     "cli/serve/run.py",
@@ -38,6 +39,7 @@ SAID_TO_PEOPLE = {
     "cli/serve/settings.py",
     "cli/serve/sim.py",
     "diagnostics/command_tables.py",
+    "diagnostics/doctor/checks.py",
     "transport/__init__.py",
 }
 SENTENCE = re.compile(r"[ @]")

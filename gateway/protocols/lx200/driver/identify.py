@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gateway.astro.spherical import fold_declination, wrap180
-from gateway.core.about import OF_MEADES_ALONE
+from gateway.core.about import OF_ONE_MAKER
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
@@ -128,7 +128,7 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
         return "lx200"
     if product:
         meade = product.startswith(tuple(mount.protocol.models["autostar"]["names_begin"]))
-        stranger = not meade and mount.rules > OF_MEADES_ALONE
+        stranger = not meade and mount.rules > OF_ONE_MAKER
         return load("lx200").by_product(product) or ("other" if stranger else "autostar")
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
