@@ -113,10 +113,13 @@ class RequestHandler:
         if isinstance(request, requests.Goto | requests.Sync) and isinstance(request.where, requests.Named):
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
+            stops = self._controller.stops
             try:
                 request = replace(request, where=await asyncio.to_thread(objects.find, request.where.name))
             except UserError as error:
                 return Answer(FAILED, str(error))
+            if self._controller.stops != stops:
+                return Answer(FAILED, explain(Stopped(), self._controller.policy.limits), Stopped.__name__)
         return await self._entrance.carry_out("c", lambda: self.carry_out(request), request)
 
     async def carry_out(self, request: requests.Request) -> Answer:

@@ -17,7 +17,7 @@ from gateway.core import operations as op
 from gateway.core import requests
 from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions, view
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, Report
-from gateway.diagnostics.prove.telescope import WHO, Ended, Telescope
+from gateway.diagnostics.prove.telescope import WHO, Ended, StoppedByOthers, Telescope
 
 #: Seconds within which a stage that was told to end has ended.
 ENDS = 20.0
@@ -78,7 +78,6 @@ class Guide:
         self._stages, self.left = stages, False
         self._telescope.settings = {} if told is None else told
         self._here: list[Finding] = []
-        self._tracked = op.Tracking.OFF
 
     async def run(self) -> Findings:
         """Lead through all stages that have no findings yet, as far as the person wants."""
@@ -92,7 +91,6 @@ class Guide:
         telescope.begin()
         try:
             await telescope.look()
-            self._tracked = telescope.status.tracking
             self._findings.equatorial = telescope.status.equatorial
         except Ended as ended:
             person.say(f"{str(ended).capitalize()}.")
@@ -126,22 +124,25 @@ class Guide:
     async def _stage(self, stage: Stage) -> bool:
         """Carry out a stage; return whether to go on to the next."""
         self._here, telescope, person = [], self._telescope, self._person
-        person.stop.clear()
         telescope.begin()
+        tracked = telescope.status.tracking
+        if person.stop.is_set():  # pressed before the stage began
+            return await self._answer("y: go on  q: leave", "yq") == "y"
         work = asyncio.ensure_future(stage.run(telescope, self))
         space = asyncio.ensure_future(person.stop.wait())
-        stopped = whole = False
+        stopped = whole = theirs = False
         try:
             await asyncio.wait((work, space), return_when=asyncio.FIRST_COMPLETED)
             if stopped := not work.done():
                 work.cancel()
+                person.stop.clear()
                 await self._stop()
             await work
             whole = True
         except (Ended, asyncio.CancelledError) as ended:
             if isinstance(ended, asyncio.CancelledError) and not stopped:
                 raise  # this session itself is ended
-            words = "stopped by you" if stopped else str(ended)
+            words, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
             person.say(f"This stage ends: {words}.")
             self.found(Finding(f"the rest of {stage.name}", NOT_TRIED, words))
         finally:
@@ -149,21 +150,21 @@ class Guide:
                 task.cancel()
             with contextlib.suppress(Ended, asyncio.CancelledError):
                 await work
-            await self._restore()
+            if not theirs:
+                await self._restore(tracked)
         if whole:
             self._findings.stages[stage.name] = self._here
             self._keep(self._findings)
         return not stopped or await self._answer("y: go on  q: leave", "yq") == "y"
 
     async def _answer(self, question: str, keys: str) -> str:
-        """Return the key that the person presses; the space bar stops the mount here, too."""
-        self._person.stop.clear()
+        """Return the key that the person presses; the space bar stops the mount here, too, and just before."""
         while True:
             key = asyncio.ensure_future(self._person.key(question, keys))
             space = asyncio.ensure_future(self._person.stop.wait())
             try:
                 await asyncio.wait((key, space), return_when=asyncio.FIRST_COMPLETED)
-                if key.done():
+                if not self._person.stop.is_set():
                     return key.result()
                 self._person.stop.clear()
                 await self._stop()
@@ -175,13 +176,13 @@ class Guide:
         trouble = await self._telescope.stop()
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
-    async def _restore(self) -> None:
-        """Turn tracking on or off as it was, unless somebody else has taken over."""
+    async def _restore(self, tracked: op.Tracking) -> None:
+        """Turn tracking on or off as it was before the stage."""
         telescope = self._telescope
         telescope.begin()
         with contextlib.suppress(Ended):
             await telescope.look()
-            on = self._tracked is not op.Tracking.OFF
+            on = tracked is not op.Tracking.OFF
             if (telescope.status.tracking is not op.Tracking.OFF) != on:
                 answer = await telescope.ask(requests.Track(on=on, who=WHO))
                 if not answer.done:

@@ -42,6 +42,10 @@ class Ended(Exception):
     """A stage ends before its time; the text says why."""
 
 
+class StoppedByOthers(Ended):
+    """Somebody else has stopped the mount: what it does now is theirs to say."""
+
+
 class Motion(NamedTuple):
     """A motion by hand: when the mount had acknowledged its beginning and its end, and the positions.
 
@@ -95,7 +99,7 @@ class Telescope:
                 reversed([one.text for one in controller.wire_log.recent]), ""
             )
             by = controller.wanted.stopped_by
-            raise Ended(f"the mount was stopped{f' by {by}' if by else f' ({words})' * bool(words)}")
+            raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({words})' * bool(words)}")
         if controller.line.state not in ("up", "busy"):
             still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self.mine)
             raise Ended(f"the mount does not answer ({controller.line.reason}){still}")

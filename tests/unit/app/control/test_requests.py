@@ -75,6 +75,27 @@ def test_a_goto_arrives_and_says_so() -> None:
     run(program())
 
 
+def test_a_stop_counts_for_a_goto_whose_name_is_still_looked_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            loop, began = asyncio.get_running_loop(), asyncio.Event()
+
+            async def slowly(find: Any, name: str) -> requests.Spot:
+                began.set()
+                await asyncio.sleep(1.0)
+                return CRAB
+
+            monkeypatch.setattr("gateway.app.control.requests.asyncio.to_thread", slowly)
+            asked = loop.create_task(Owner(bridge).wish(requests.Goto(requests.Named("M 1"), number="g")))
+            await began.wait()
+            await bridge.controller.stop("the page")
+            assert (await asked).startswith("failed")
+            await asyncio.sleep(3.0)
+            assert not moves(bridge)
+
+    run(program())
+
+
 def test_a_catalogue_s_place_is_brought_to_date() -> None:
     async def program() -> None:
         async with Bridge() as bridge:

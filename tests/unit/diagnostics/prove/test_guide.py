@@ -111,6 +111,20 @@ def test_the_space_bar_stops_everything_and_tracking_is_as_before(mount: str, mo
     assert tracks
 
 
+def test_a_space_that_comes_between_two_questions_stops_the_mount_too() -> None:
+    """Pressed while a stage ends, as the mount is asked what it does."""
+
+    async def play() -> None:
+        async with Proven() as proven:
+            person = Onlooker("sq")
+            person._when["1/"] = person.stop.set
+            await proven.check(person)
+            assert "STOPPED." in person.said
+            left_alone(proven)
+
+    run_calm(play())
+
+
 def _pull(proven: Proven) -> None:
     proven.owner.cable.pull()
     asyncio.get_running_loop().call_later(CABLE, setattr, proven.owner.cable, "out", False)

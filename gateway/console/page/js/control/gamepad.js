@@ -10,17 +10,31 @@ import { step } from "./steps.js";
 import { Stick } from "./stick.js";
 
 const EVERY = 50;
+/** The button of the standard layout that is STOP, on every gamepad. */
+const STOP = 1;
 const stick = new Stick();
 let timer = 0;
 /** The places of the arrows that the gamepad has pressed, also those that were refused. */
 let places = new Set();
 let number = -1;
+/** The mount that is shown, and the gamepads whose STOP is down. */
+let shown = null;
+const stopping = new Set();
 
 const pads = () => [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad?.mapping === "standard");
 
 export const words = () => !isSecureContext
   ? "Most browsers give a gamepad on https, and on the gateway's own computer, only."
   : `A gamepad moves the mount with its left stick while a shoulder button is held; B is STOP, up and down of the cross change the rate.${pads().length ? " One is connected." : ""}`;
+
+function stopPressed() {
+  let pressed = false;
+  for (const pad of pads()) {
+    if (!pad.buttons[STOP]?.pressed) stopping.delete(pad.index);
+    else if (!stopping.has(pad.index)) pressed = Boolean(stopping.add(pad.index));
+  }
+  return pressed;
+}
 
 function end() {
   for (const place of places) releaseAt(place);
@@ -40,12 +54,16 @@ function poll() {
     end();
     number = pad.index;
   }
-  if (document.hidden || !document.hasFocus()) return end();
   const asked = stick.take(pad, performance.now(), mount()?.speeds?.[rateKey() - 1] ?? null);
-  if (asked.stop) {
+  if (stopPressed()) {
     end();
     stop();
     return;
+  }
+  if (document.hidden || !document.hasFocus()) return end();
+  if (state.chosen !== shown) {
+    shown = state.chosen;
+    return end();
   }
   if (asked.faster) changeRate(asked.faster);
   if (!state.act || step()) return end();

@@ -142,6 +142,7 @@ export function start() {
     face();
   });
   subscribe(() => {
+    if ([...held.values()].some(({ mount }) => mount !== state.chosen)) letAllGo();
     for (const one of pad.querySelectorAll("[data-go]")) one.disabled = !state.act;
   });
 }

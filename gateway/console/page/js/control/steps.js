@@ -7,7 +7,7 @@ import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
 import { askOptics } from "../finding/details.js";
 import { field } from "../finding/kept.js";
 import { answered, notice } from "../frame/notices.js";
-import { angles, DEGREE, reversed, turned, vector } from "../sky/sphere.js";
+import { angles, DEGREE, reversed, separation, turned, vector } from "../sky/sphere.js";
 
 /** Milliseconds of a guide pulse. */
 const PULSE = 1000;
@@ -80,9 +80,20 @@ function cell(number) {
   return [x, y];
 }
 
+/** Whether the telescope is somewhere else than at the last place of the search. */
+function elsewhere() {
+  const [x, y] = cell(spiral.number).map((part) => part * spiral.step), last = beside(spiral, y, x) ?? spiral;
+  const { ra, dec } = mount().position;
+  return separation(vector(ra, dec), vector(last.ra, last.dec)) > 2 * spiral.step;
+}
+
 async function searchOn(number) {
   const why = refuse();
   if (why) return notice(why, "refused");
+  if (spiral && elsewhere()) {
+    end();
+    return notice("The telescope was moved elsewhere, so this search is over. Search… begins one here.", "refused");
+  }
   if (!spiral) {
     const wide = await asked();
     if (!wide) return null;

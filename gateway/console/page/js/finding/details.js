@@ -25,6 +25,7 @@ export async function askOptics(again = () => {}) {
   if (!given) return;
   const values = Object.fromEntries(fields.map(([name]) => [name, Number(given[name].replace(",", "."))]));
   if (!Object.values(values).every((value) => value > 0) || values.apparent > 180) return notice("Write three numbers, like 1000, 25 and 60.", "refused");
+  if (field(values) === null) return notice("That would be a field of more than 10°. Write three numbers, like 1000, 25 and 60.", "refused");
   keepOptics(values);
   again();
 }

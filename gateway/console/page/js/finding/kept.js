@@ -26,5 +26,11 @@ export const keepList = (text) => write("own-list", text);
 export const optics = () => read("optics", null);
 export const keepOptics = (value) => write("optics", value);
 
-/** The true field of view, degrees; null if it was not told. */
-export const field = (told = optics()) => (told ? (told.apparent * told.eyepiece) / told.telescope : null);
+/** The widest field that is believed, degrees: "1,000" mm would be one of a millimetre. */
+const WIDEST = 10;
+
+/** The true field of view, degrees; null if it was not told, or cannot be. */
+export function field(told = optics()) {
+  const wide = told ? (told.apparent * told.eyepiece) / told.telescope : 0;
+  return wide > 0 && wide <= WIDEST ? wide : null;
+}
