@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 #: Seconds until a connection must be open, until the first answer, and until a request is given up.
 CONNECT, FIRST, LONGEST = 4.0, 6.0, 120.0
-#: Seconds that an idle connection is kept, and the greatest number of connections.
-KEPT, MOST = 60.0, 4
+#: Seconds that an idle connection is kept, and how often a read is asked whose connection was closed.
+KEPT, ASKED = 60.0, 5
 
 
 class Request(NamedTuple):
@@ -71,7 +71,7 @@ class HttpWire:
         import aiohttp
 
         session = aiohttp.ClientSession(
-            connector=aiohttp.TCPConnector(limit=MOST, keepalive_timeout=KEPT),
+            connector=aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT),  # a stop must not wait for one
             timeout=aiohttp.ClientTimeout(total=LONGEST, sock_connect=CONNECT),
         )
         session._retry_connection = False  # it would repeat a PUT, and so a guide pulse
@@ -80,6 +80,11 @@ class HttpWire:
                 for request in self._dialect.first:
                     self._dialect.opened(request, *await self._ask(session, request))
                 found = await asyncio.get_running_loop().getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
+                address = found[0][4][:2]
+                if len(found) > 1:  # it need not listen at the first
+                    _, writer = await asyncio.open_connection(self._host, self._port)
+                    address = writer.get_extra_info("peername")[:2]
+                    writer.close()
         except (aiohttp.ClientError, OSError) as error:
             await session.close()
             raise OSError(errno.EHOSTUNREACH, reason(error)) from None
@@ -88,7 +93,7 @@ class HttpWire:
             raise
         self._session, self._on_data, self._on_lost = session, on_data, on_lost
         if self._watcher is not None:
-            self._watcher.reached(*found[0][4][:2])
+            self._watcher.reached(*address)
 
     def write(self, data: bytes) -> None:
         if self._session is None:
@@ -105,13 +110,15 @@ class HttpWire:
     async def _carry_out(self, session: ClientSession, number: int, request: Request) -> None:
         import aiohttp
 
+        closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
         try:
-            try:
-                answer = await self._ask(session, request)
-            except aiohttp.ServerDisconnectedError:
-                if request.method != "GET":
-                    raise
-                answer = await self._ask(session, request)
+            for left in reversed(range(ASKED if request.method == "GET" else 1)):
+                try:
+                    answer = await self._ask(session, request)
+                    break
+                except closed as error:
+                    if not left or isinstance(error, aiohttp.ClientConnectorError):
+                        raise
         except (aiohttp.ClientError, OSError) as error:
             given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
             if session is self._session and not given_up:  # the line has stopped waiting for that one long ago

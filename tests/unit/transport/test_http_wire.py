@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import socket
@@ -186,3 +187,63 @@ def test_a_stop_after_a_lost_connection_waits_for_nothing() -> None:
     """The line writes ``closing`` before the first stop of a reopened line, else it waits 3.5 s."""
     stop = AlpacaReplyRules.closing + b"put abortslew\n"
     assert AlpacaReplyRules.closing and TelescopeHttp("http://a:1").request(stop).path.endswith("/0/abortslew")
+
+
+def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept_one_is_told_once() -> None:
+    closing = 0
+
+    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
+        nonlocal closing
+        closing -= 1
+        if closing >= 0:
+            writer.transport.abort()
+        else:
+            await value(writer, "1")
+
+    async def program() -> None:
+        nonlocal closing
+        async with server(answer) as (wire, lines, lost, asked):
+            closing = 3
+            wire.write(b"get altitude\n")
+            assert await lines.get() == b"1\n" and len(asked) == 4 and not lost
+            closing = 1
+            wire.write(b"put pulseguide Direction=0 Duration=100\n")
+            while not lost:
+                await asyncio.sleep(0.01)
+            assert len(asked) == 5
+
+    run(program())
+
+
+def test_the_watcher_is_told_the_address_at_which_the_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Watcher:
+        def reached(self, host: str, port: int) -> None:
+            reached.append((host, port))
+
+        def closed(self) -> None:
+            pass
+
+    reached: list[tuple[str, int]] = []
+
+    async def program() -> None:
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError):
+                while True:
+                    await reader.readuntil(b"\r\n\r\n")
+                    await value(writer, "true")
+            writer.close()
+
+        async def both(*_: Any, **__: Any) -> list[Any]:
+            return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (host, port)) for host in ("127.0.0.2", "127.0.0.1")]
+
+        listening = await asyncio.start_server(serve, "127.0.0.1", 0)
+        port = listening.sockets[0].getsockname()[1]
+        monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", both)
+        url = f"http://localhost:{port}"
+        wire = HttpWire(url, TelescopeHttp(url), Watcher())
+        await wire.open(lambda data: None, lambda reason: None)
+        await wire.close()
+        listening.close()
+        assert reached == [("127.0.0.1", port)]
+
+    run(program())

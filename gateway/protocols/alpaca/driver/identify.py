@@ -11,7 +11,7 @@ from typing import Any
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import compare_equinox
-from gateway.protocols.alpaca.driver.state import MODELS, SIDEREAL, TOLD_BY, AlpacaDriver, device_state, told
+from gateway.protocols.alpaca.driver.state import FASTEST, MODELS, SIDEREAL, TOLD_BY, AlpacaDriver, device_state, told
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 
 #: The version of the interface from which a telescope is connected in two steps; seconds between two looks whether it
@@ -47,10 +47,11 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
         if not (yield from told(mount, member, False)):
             mount.absent.add(request)
     mount.model = mount.settings.model or (yield from _kind(mount))
-    for axis in (1, 2):
-        mount.ranges[axis] = ()
-        if (yield from told(mount, "canmoveaxis", False, axis=axis - 1)):
-            mount.ranges[axis] = _ranges((yield from told(mount, "axisrates", [], axis=axis - 1)))
+    ranges: dict[int, tuple[tuple[float, float], ...]] = {}
+    for axis in (1, 2):  # half of it would leave an axis out of a stop
+        able = yield from told(mount, "canmoveaxis", False, axis=axis - 1)
+        ranges[axis] = _ranges((yield from told(mount, "axisrates", [], axis=axis - 1))) if able else ()
+    mount.ranges = ranges
     system = yield from told(mount, "equatorialsystem", 0)
     mount.equinox, mount.declared = EQUINOXES.get(system, "jnow"), system in EQUINOXES
     fits = None if mount.compared else (yield from compare_equinox(mount))
@@ -75,26 +76,29 @@ def _kind(mount: AlpacaDriver) -> Steps:
 
 
 def _ranges(told: Any) -> tuple[tuple[float, float], ...]:
-    """Return the ranges of an axis; a list of single speeds is one of ranges without width."""
+    """Return the ranges of an axis up to FASTEST; a list of single speeds is one of ranges without width."""
     found = []
     for one in told if isinstance(told, list) else ():
         with suppress(KeyError, TypeError, ValueError):
             low, high = sorted((abs(float(one["Minimum"])), abs(float(one["Maximum"]))))
-            if high > 0.0:
-                found.append((low, high))
+            if high > 0.0 and low <= FASTEST:
+                found.append((low, min(high, FASTEST)))
     return tuple(sorted(found))
 
 
 def read_status(mount: AlpacaDriver) -> Steps:
-    """Read whether it tracks and is parked. What it tells during a motion by hand is the motion's, and not kept."""
-    if mount.lists_state:
-        state = yield from device_state(mount)
-        tracks, parked = state.get("Tracking"), state.get("AtPark", False)
-    else:
-        tracks, parked = (yield from told(mount, "tracking")), (yield from told(mount, "atpark", False))
-    if not mount.moving:
-        mount.tracks = True if tracks is None else bool(tracks)
-    if mount.goto is None:
+    """Read whether it tracks and is parked. What it tells during a motion by hand is the motion's, and not kept;
+    what it does not tell stays as it was.
+    """
+    state = (yield from device_state(mount)) if mount.lists_state else {}
+    tracks, parked = state.get("Tracking"), state.get("AtPark")
+    if tracks is None:
+        tracks = yield from told(mount, "tracking")
+    if parked is None:
+        parked = yield from told(mount, "atpark")
+    if tracks is not None and not mount.moving:
+        mount.tracks = bool(tracks)
+    if parked is not None and mount.goto is None:
         mount.parked = bool(parked)
 
 

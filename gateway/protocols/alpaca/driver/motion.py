@@ -88,7 +88,7 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate) 
 
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
     """End the motion of one axis."""
-    if not mount.ranges.get(operation.axis):
+    if not mount.may_move(operation.axis):
         return
     yield Send("moveaxis", {"axis": operation.axis - 1, "rate": 0.0})
     if mount.moving.pop(operation.axis, None) is not None and not mount.moving:
@@ -97,20 +97,22 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
 
 def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
     """End everything. A parked mount stands still, whatever its server answers; so may one that refuses to be stopped:
-    it is asked then whether it slews.
+    it is asked then whether it slews. An axis that is moved by hand is the first: ``AbortSlew`` may be answered late.
     """
+    slewed = mount.goto is not None
     mount.give_up_goto()
-    orders = {0: Send("abortslew", patience=ORDER)}
-    orders |= {axis: _at_rest(axis) for axis in (1, 2) if mount.ranges.get(axis, True)}
+    orders = {axis: _at_rest(axis) for axis in sorted(mount.moving)} | {0: Send("abortslew", patience=ORDER)}
+    orders |= {axis: _at_rest(axis) for axis in (1, 2) if mount.may_move(axis)}
     failed: dict[int, Fault] = {}
     for axis, send in orders.items():
         try:
             yield send
             mount.moving.pop(axis, None)
-        except (Parked, Unsupported):
+        except Parked:
             mount.moving.pop(axis, None)
         except Fault as fault:
-            failed[axis] = fault
+            if slewed or axis in mount.moving or not isinstance(fault, Unsupported):
+                failed[axis] = fault
     if any(isinstance(fault, NoAnswer | Silence) for fault in failed.values()):
         raise NoAnswer
     if failed and (failed.keys() & mount.moving.keys() or (yield from told(mount, "slewing", True))):

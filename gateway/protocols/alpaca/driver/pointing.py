@@ -7,6 +7,7 @@ old servers answer when the motion has ended, so whether the mount slews decides
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -34,6 +35,8 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
     if mount.lists_state:
         state, mount.read_at = (yield from device_state(mount)), None
         place = _numbers(state, "RightAscension", "Declination")
+        if place is not None and not (0.0 <= place[0] <= 24.0 and abs(place[1]) <= 90.0):
+            place = None
         mount.lists_state = place is not None
     if place is None:
         ra, since = (yield Send("rightascension"))["ra"], mount.now()
@@ -46,11 +49,12 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
 
 
 def _numbers(state: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:
-    """Return these values; None if one is missing or no number."""
+    """Return these values; None if one is missing or no finite number."""
     try:
-        return tuple(float(state[name]) for name in names)
+        values = tuple(float(state[name]) for name in names)
     except (KeyError, TypeError, ValueError):
         return None
+    return values if all(map(math.isfinite, values)) else None
 
 
 def horizontal_position(mount: AlpacaDriver, _: op.HorizontalPosition) -> Steps:

@@ -89,7 +89,7 @@ class AlpacaDriver(Driver):
         """Forget what the server has told of itself: another one may listen there now."""
         #: Members that the server does not have, and requests that the mount cannot carry out.
         self.absent: set[str] = set()
-        #: Axis -> the ranges of its speeds, degrees a second.
+        #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST.
         self.ranges: dict[int, tuple[tuple[float, float], ...]] = {}
         #: Whether one answer lists all that is read often.
         self.lists_state = False
@@ -119,6 +119,10 @@ class AlpacaDriver(Driver):
     def sign(self, axis: int, side: str) -> int:
         """Return -1 if MoveAxis counts against the sense of the motor, else 1."""
         return self.senses.get((axis, side), 1) if self.reversed is None else -1 if axis in self.reversed else 1
+
+    def may_move(self, axis: int) -> bool:
+        """Whether this axis is moved by hand, or may be by another program: a stop includes it."""
+        return axis in self.moving or bool(self.ranges.get(axis, True))
 
     def supports(self, name: str) -> bool:
         """Whether the mount can carry out a request, as far as the server has told."""
@@ -164,8 +168,7 @@ class AlpacaDriver(Driver):
 
     def can_do(self, equatorial: bool) -> op.Abilities:
         able = super().can_do(equatorial)
-        speeds = tuple((low, min(high, FASTEST)) for low, high in self.ranges.get(1, ()) if low <= FASTEST)
-        return op.Abilities(able.can, speeds, self.rates, self.german)
+        return op.Abilities(able.can, self.ranges.get(1, ()), self.rates, self.german)
 
 
 def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:

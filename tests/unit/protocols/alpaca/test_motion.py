@@ -1,0 +1,97 @@
+"""What the driver of Alpaca telescopes makes of answers that no well-behaved server gives, step by step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.core.errors import Fault, Refused, Unsupported
+from gateway.protocols.alpaca.driver.identify import identity, read_status
+from gateway.protocols.alpaca.driver.motion import abort_motion, stop_axis
+from gateway.protocols.alpaca.driver.pointing import position
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, GotoState
+from gateway.protocols.base.driver import Send, Steps
+
+ABSENT = Unsupported("not there")
+
+
+def play(steps: Steps, **answers: Any) -> tuple[list[str], Any]:
+    """Answer every request of these steps; return what was sent, with its axis, and what they return."""
+    sent: list[str] = []
+    try:
+        step = next(steps)
+        while True:
+            if not isinstance(step, Send):
+                step = steps.send(None)
+                continue
+            sent.append(step.command + str(step.values.get("axis", "")))
+            answer = answers.get(step.command, ABSENT)
+            if isinstance(answer, Fault):
+                step = steps.throw(answer)
+            else:
+                step = steps.send(answer if isinstance(answer, dict) else {"value": answer})
+    except StopIteration as end:
+        return sent, end.value
+
+
+def driver(**facts: Any) -> AlpacaDriver:
+    mount = AlpacaDriver(lambda: 0.0)
+    for name, value in facts.items():
+        setattr(mount, name, value)
+    return mount
+
+
+def test_a_moving_axis_is_stopped_first_whatever_is_known_of_its_speeds() -> None:
+    mount = driver(moving={2: 4.0}, ranges={1: (), 2: ()})
+    assert play(abort_motion(mount, op.AbortMotion()), moveaxis=None, abortslew=None)[0] == ["moveaxis1", "abortslew"]
+    mount.moving[1] = 4.0
+    assert play(stop_axis(mount, op.StopAxis(1)), moveaxis=None)[0] == ["moveaxis0"]
+
+
+def test_an_axis_counts_as_one_that_moves_until_both_are_known() -> None:
+    mount, steps = driver(), None
+    steps = identity(mount, op.GetIdentity())
+    step: Any = next(steps)
+    while not (isinstance(step, Send) and step.command == "equatorialsystem"):
+        assert mount.may_move(1) and mount.may_move(2)
+        step = steps.send({"value": step.command == "connected"} if isinstance(step, Send) else None)
+    assert not mount.may_move(1)
+
+
+@pytest.mark.parametrize("place", [("NaN", "NaN"), (1.0, float("inf")), (25.0, 10.0), (-1.0, 10.0), (1.0, 90.5)])
+def test_an_impossible_position_of_the_list_is_asked_for_singly(place: tuple[Any, Any]) -> None:
+    mount = driver(lists_state=True)
+    state = [{"Name": "RightAscension", "Value": place[0]}, {"Name": "Declination", "Value": place[1]}]
+    answers = {"devicestate": state, "rightascension": {"ra": 15.0}, "declination": {"dec": 20.0}}
+    sent, here = play(position(mount, op.Position()), **answers)
+    assert sent == ["devicestate", "rightascension", "declination"] and (here.ra, here.dec) == (15.0, 20.0)
+
+
+@pytest.mark.parametrize("state", [[], [{"Name": "RightAscension", "Value": 1.0}], Refused("busy")])
+def test_what_the_list_leaves_out_is_asked_for_and_else_stays_as_it_was(state: Any) -> None:
+    mount = driver(lists_state=True, tracks=True, parked=False)
+    play(read_status(mount), devicestate=state, tracking=False, atpark=True)
+    assert (mount.tracks, mount.parked) == (False, True)
+    play(read_status(mount), devicestate=state, tracking=Refused("busy"), atpark=Refused("busy"))
+    assert (mount.tracks, mount.parked) == (False, True)
+
+
+def test_a_stop_that_is_not_there_once_is_no_stop() -> None:
+    ranges = {1: ((0.0, 4.0),), 2: ((0.0, 4.0),)}
+    with pytest.raises(Refused, match="stop was refused"):
+        play(abort_motion(driver(goto=GotoState(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=True)
+    with pytest.raises(Refused, match="stop was refused"):
+        play(abort_motion(driver(moving={1: 1.0}, ranges=ranges), op.AbortMotion()), abortslew=None, slewing=True)
+    play(abort_motion(driver(goto=GotoState(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=False)
+    assert play(abort_motion(driver(ranges=ranges), op.AbortMotion()), moveaxis=None)[0][0] == "abortslew"
+
+
+def test_no_speed_is_greater_than_the_fastest() -> None:
+    mount = driver()
+    rates = [{"Minimum": 0.004, "Maximum": 0.004}, {"Minimum": 10.0, "Maximum": 10.0}]
+    play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=True, axisrates=rates)
+    assert mount.ranges[1] == ((0.004, 0.004),) and mount.fit(1, op.Rate(name="max")) == 0.004
+    play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=True, axisrates=rates[1:])
+    assert mount.ranges[1] == () and not mount.supports("moveaxis")
