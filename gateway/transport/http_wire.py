@@ -56,6 +56,8 @@ class AddressWatcher(Protocol):
 class HttpWire:
     """The wire to ``url``, ``http://HOST:PORT`` with anything behind it."""
 
+    newest_only = True
+
     def __init__(self, url: str, dialect: Dialect, watcher: AddressWatcher | None = None) -> None:
         parts = urlsplit(url)
         self.name, self._dialect, self._watcher = url, dialect, watcher

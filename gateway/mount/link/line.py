@@ -14,7 +14,7 @@ from gateway.core.errors import Busy, Fault, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import READ, STOP, RequestQueue
-from gateway.mount.link.transaction import QUIET, Transaction
+from gateway.mount.link.transaction import QUIET, GaveWay, Transaction
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
@@ -218,7 +218,7 @@ class MountLink:
             if isinstance(outcome, Silence) and self.reply_rules.expected(request.command).leaves_open:
                 self.transaction.send(self.reply_rules.closing)
                 await self.transaction.drain(max(QUIET, 2.0 * self.transaction.times.typical_rtt))
-            if isinstance(outcome, NoAnswer | Silence):
+            if isinstance(outcome, NoAnswer | Silence) and not isinstance(outcome, GaveWay):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
 
@@ -253,6 +253,8 @@ class MountLink:
         for command in self.reply_rules.resync_commands(self._checks):
             await asyncio.sleep(self.transaction.quiet_needed(command))
             outcome = await self.transaction.exchange(command, resync=True)
+            if isinstance(outcome, GaveWay):
+                return True  # the reply to the stop will show whether it is
             if isinstance(outcome, Busy):
                 continue  # this is a reply as well
             if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(command, outcome):

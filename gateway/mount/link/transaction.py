@@ -119,6 +119,10 @@ class LateReplies:
         return [(end, other) for end, other in self._open if self._ambiguous_with(command, other)]
 
 
+class GaveWay(NoAnswer):
+    """The reply was given up for a stop that waited; the line is in step."""
+
+
 class Transaction:
     """Carries out exchanges over a wire until it is ``lost``.
 
@@ -152,7 +156,7 @@ class Transaction:
         self._stops = 0
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
-        self._settling = self._hurried = self._cut_short = False
+        self._settling = self._hurried = self._cut_short = self._gives_way = False
         self._opened = 0
 
     def opening(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
@@ -189,8 +193,12 @@ class Transaction:
     def wake(self, stop: bool) -> None:
         """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
         self._hurried |= stop
-        if self.long or (stop and self._settling):
+        if self.long or (stop and (self._settling or self._gives_way)):
             self._arrived.set()
+
+    @property
+    def _stop_first(self) -> bool:
+        return self._gives_way and not self.lost and self._queue.stop_waits
 
     def send(self, request: bytes) -> bool:
         """Write to the wire; return False if it was lost."""
@@ -248,10 +256,11 @@ class Transaction:
         self._last = command
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = command.long, 0, False
+        self._gives_way = expected.gives_way and not stop and getattr(self.wire, "newest_only", False)
         taken = await self._reply(command, expected, began, settle, resync) if self.send(request) else None
         self.long, self.long_until = False, self._now() if command.long else self.long_until
         if taken is None:
-            return self._unanswered(command, expected, began)
+            return GaveWay() if self._stop_first else self._unanswered(command, expected, began)
         outcome, length = taken
         if len(self._buffer) > length + self._stops:  # each stop sent meanwhile may have been refused with one byte
             outcome = Garbled()
@@ -311,7 +320,7 @@ class Transaction:
                         taken = self._take(command) or taken
                     self._settling = False
                 return taken
-            elif now >= deadline:
+            elif now >= deadline or self._stop_first:
                 return None
             await self._arrived.within((busy_at if command.long and now < busy_at else deadline) - now)
         return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from gateway.astro.spherical import fold_declination, hour_angle_to_horizon, wrap180
@@ -92,6 +93,16 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     return False
 
 
+def _begin(mount: AlpacaDriver, state: GotoState, steps: Steps) -> Steps:
+    """Begin a goto. One that is given up is ended as well: the server may only begin it after that."""
+    try:
+        yield from mount.begin_goto(state, steps, _slews)
+    except NoAnswer:
+        with suppress(Fault):
+            yield Send("abortslew", patience=ORDER)
+        raise
+
+
 def _slews(mount: AlpacaDriver) -> Steps:
     return bool((yield Send("slewing"))["value"])
 
@@ -142,7 +153,7 @@ def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
     goal = op.Equatorial(operation.ra, operation.dec)
     command = "slewtocoordinatesasync" if mount.supports("slewtocoordinatesasync") else "slewtocoordinates"
     steps = order(mount, command, goal, ra=operation.ra, dec=operation.dec)
-    yield from mount.begin_goto(GotoState(since=mount.now()), steps, _slews)
+    yield from _begin(mount, GotoState(since=mount.now()), steps)
 
 
 def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes) -> Steps:
@@ -155,7 +166,7 @@ def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes) -> Steps:
         mount.tracks = False
     command = "slewtoaltazasync" if mount.supports("slewtoaltazasync") else "slewtoaltaz"
     steps = order(mount, command, None, az=operation.az % 360.0, alt=operation.alt)
-    yield from mount.begin_goto(GotoState(since=mount.now()), steps, _slews)
+    yield from _begin(mount, GotoState(since=mount.now()), steps)
 
 
 def stop_current_motion(mount: AlpacaDriver) -> Steps:
@@ -182,7 +193,7 @@ def park(mount: AlpacaDriver, _: op.Park) -> Steps:
     """Send the mount to its own park position; there it does not track."""
     yield from stop_current_motion(mount)
     state = GotoState(since=mount.now(), then="park")
-    yield from mount.begin_goto(state, order(mount, "park"), _slews)
+    yield from _begin(mount, state, order(mount, "park"))
 
 
 def home(mount: AlpacaDriver, _: op.Home) -> Steps:
@@ -190,7 +201,7 @@ def home(mount: AlpacaDriver, _: op.Home) -> Steps:
     yield from stop_current_motion(mount)
     mount.home_state = 0
     state = GotoState(since=mount.now(), then="home")
-    yield from mount.begin_goto(state, order(mount, "findhome"), _slews)
+    yield from _begin(mount, state, order(mount, "findhome"))
 
 
 def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:

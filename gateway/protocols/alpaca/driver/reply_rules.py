@@ -38,7 +38,8 @@ class AlpacaReplyRules:
         self._dropped = False
 
     def expected(self, ask: Send) -> Expected:
-        return Expected(None, TIMEOUT, unterminated=False)
+        question = self.protocol.commands[ask.command].question
+        return Expected(None, TIMEOUT, unterminated=False, gives_way=question)
 
     def ambiguous_with(self, one: Send, other: Send) -> bool:
         return False

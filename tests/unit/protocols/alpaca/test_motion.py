@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Refused, Unsupported
+from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.identify import identity, read_status
 from gateway.protocols.alpaca.driver.motion import abort_motion, stop_axis
-from gateway.protocols.alpaca.driver.pointing import position
+from gateway.protocols.alpaca.driver.pointing import goto, position
 from gateway.protocols.alpaca.driver.state import AlpacaDriver, GotoState
 from gateway.protocols.base.driver import Send, Steps
 
@@ -18,7 +18,7 @@ ABSENT = Unsupported("not there")
 
 
 def play(steps: Steps, **answers: Any) -> tuple[list[str], Any]:
-    """Answer every request of these steps; return what was sent, with its axis, and what they return."""
+    """Answer every request of these steps; return what was sent, with its axis, and what they return or raise."""
     sent: list[str] = []
     try:
         step = next(steps)
@@ -34,6 +34,8 @@ def play(steps: Steps, **answers: Any) -> tuple[list[str], Any]:
                 step = steps.send(answer if isinstance(answer, dict) else {"value": answer})
     except StopIteration as end:
         return sent, end.value
+    except NoAnswer as fault:
+        return sent, fault
 
 
 def driver(**facts: Any) -> AlpacaDriver:
@@ -95,3 +97,10 @@ def test_no_speed_is_greater_than_the_fastest() -> None:
     assert mount.ranges[1] == ((0.004, 0.004),) and mount.fit(1, op.Rate(name="max")) == 0.004
     play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=True, axisrates=rates[1:])
     assert mount.ranges[1] == () and not mount.supports("moveaxis")
+
+
+def test_a_goto_that_is_given_up_is_ended_as_well() -> None:
+    """The server may take it so late that nobody would watch it."""
+    answers = {"slewtocoordinatesasync": Silence(), "slewing": False, "abortslew": None}
+    sent, fault = play(goto(driver(model="german"), op.Goto(10.0, 20.0)), **answers)
+    assert sent == ["slewtocoordinatesasync", "slewing", "slewing", "abortslew"] and isinstance(fault, NoAnswer)
