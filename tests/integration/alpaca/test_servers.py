@@ -6,6 +6,7 @@ The simulated telescope was not written from the tables that the driver uses. Ju
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from typing import Any
 
@@ -17,6 +18,7 @@ from gateway.core.errors import BelowHorizon, Fault, NoAnswer, Refused, Unsuppor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.tables import Parked
 from tests.support.in_process_gateway import Bridge
+from tests.support.truth import moving
 
 ARCMINUTE = 1.0 / 60.0
 
@@ -264,5 +266,25 @@ def test_a_stop_that_one_request_refuses_is_still_a_stop() -> None:
             stood = one.sim.truth()
             await asyncio.sleep(2.0)
             assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
+
+    run(program())
+
+
+@pytest.mark.parametrize("since", [0.3, 1.7, 4.0])
+def test_a_stop_does_not_wait_for_a_server_that_hangs(since: float) -> None:
+    async def program() -> None:
+        async with server(config={"lowest": -90.0}) as one:
+            await one.controller.perform(op.Move(op.Direction.EAST, op.Rate(degrees=2.0)))
+            await asyncio.sleep(1.0)
+            wire = one.controller.line.wire
+            wire.newest_only = True  # type: ignore[attr-defined]
+            answered = wire.write
+            wire.write = lambda data: None if data.startswith(b"get") else answered(data)  # type: ignore[method-assign]
+            await asyncio.sleep(since)
+            assert moving(one.sim)
+            with contextlib.suppress(NoAnswer):
+                async with asyncio.timeout(0.6):
+                    await one.controller.perform(op.AbortMotion())
+            assert not moving(one.sim)
 
     run(program())
