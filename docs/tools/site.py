@@ -20,7 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "docs" / "site"
-PAGES = ("*.md", "docs/**/*.md", "mappings/README.md", "tests/soak/README.md", "tests/benchmarks/README.md")
+PAGES = ("*.md", "docs/**/*.md", "mappings/README.md", "tests/*/README.md")
 OTHERS = ("docs/pictures/*.png", "docs/pictures/*.svg", "docs/site/look.css", "docs/site/iframe-worker.js")
 #: A link to a source file: its title, and the path after ``](``.
 SOURCE = re.compile(r"\]\(([\w./-]+\.(?:py|toml))\)")
