@@ -10,16 +10,14 @@ import { step } from "./steps.js";
 import { Stick } from "./stick.js";
 
 const EVERY = 50;
-/** The button of the standard layout that is STOP, on every gamepad. */
-const STOP = 1;
-const stick = new Stick();
+/** Each gamepad by its index. All have STOP; the first one moves the mount. */
+const sticks = new Map();
 let timer = 0;
 /** The places of the arrows that the gamepad has pressed, also those that were refused. */
 let places = new Set();
 let number = -1;
-/** The mount that is shown, and the gamepads whose STOP is down. */
+/** The mount that is shown. */
 let shown = null;
-const stopping = new Set();
 
 const pads = () => [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad?.mapping === "standard");
 
@@ -27,19 +25,15 @@ export const words = () => !isSecureContext
   ? "Most browsers give a gamepad on https, and on the gateway's own computer, only."
   : `A gamepad moves the mount with its left stick while a shoulder button is held; B is STOP, up and down of the cross change the rate.${pads().length ? " One is connected." : ""}`;
 
-function stopPressed() {
-  let pressed = false;
-  for (const pad of pads()) {
-    if (!pad.buttons[STOP]?.pressed) stopping.delete(pad.index);
-    else if (!stopping.has(pad.index)) pressed = Boolean(stopping.add(pad.index));
-  }
-  return pressed;
+function read(pad) {
+  if (!sticks.has(pad.index)) sticks.set(pad.index, new Stick());
+  return sticks.get(pad.index).take(pad, performance.now(), mount()?.speeds?.[rateKey() - 1] ?? null);
 }
 
 function end() {
   for (const place of places) releaseAt(place);
   places = new Set();
-  stick.reset();
+  for (const stick of sticks.values()) stick.reset();
 }
 
 function poll() {
@@ -54,8 +48,8 @@ function poll() {
     end();
     number = pad.index;
   }
-  const asked = stick.take(pad, performance.now(), mount()?.speeds?.[rateKey() - 1] ?? null);
-  if (stopPressed()) {
+  const all = pads().map(read), [asked] = all;
+  if (all.some((one) => one.stop)) {
     end();
     stop();
     return;

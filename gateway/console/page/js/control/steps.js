@@ -80,10 +80,15 @@ function cell(number) {
   return [x, y];
 }
 
+/** The place of the search with this number; null beyond a pole. */
+function placeOf(number) {
+  const [x, y] = cell(number).map((part) => part * spiral.step);
+  return beside(spiral, y, x);
+}
+
 /** Whether the telescope is somewhere else than at the last place of the search. */
 function elsewhere() {
-  const [x, y] = cell(spiral.number).map((part) => part * spiral.step), last = beside(spiral, y, x) ?? spiral;
-  const { ra, dec } = mount().position;
+  const last = placeOf(spiral.number) ?? spiral, { ra, dec } = mount().position;
   return separation(vector(ra, dec), vector(last.ra, last.dec)) > 2 * spiral.step;
 }
 
@@ -100,8 +105,7 @@ async function searchOn(number) {
     const { ra, dec } = mount().position;
     spiral = { ra, dec, step: wide / 60, mount: state.chosen, number: 0 };
   }
-  const [x, y] = cell(number).map((part) => part * spiral.step);
-  const answer = await go(beside(spiral, y, x), number ? `Place ${number} of the search` : "Back where the search began");
+  const answer = await go(placeOf(number), number ? `Place ${number} of the search` : "Back where the search began");
   if (answer?.ok && spiral) spiral.number = number;
   return draw();
 }
