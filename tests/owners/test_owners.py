@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -14,6 +13,7 @@ from gateway.app.recording.format import read
 from gateway.diagnostics.prove.bundle import load, played
 from tests.owners.simulated import FOLDER, KINDS
 from tests.support.sampling import as_a_rule
+from tests.support.scripts import script
 
 BUNDLES = sorted(FOLDER.glob("*.zip"))
 CHANGED = tomli.loads((FOLDER / "changed.toml").read_text("utf-8"))
@@ -42,9 +42,4 @@ def test_the_page_of_mounts_is_up_to_date() -> None:
 
 
 def _page() -> ModuleType:
-    path = FOLDER.parents[1] / "docs" / "compatibility.py"
-    spec = importlib.util.spec_from_file_location("compatibility", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("docs/compatibility.py")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 
 from tests.support.each import each
 from tests.support.pages import PAGES, ROOT
 from tests.support.process import Running
+from tests.support.scripts import script
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
 _PATH = re.compile(r"`((?:gateway|mappings|tests|docs|examples)/[\w./*-]+)`")
@@ -16,10 +16,7 @@ _WALK = re.compile(r"<!-- walk -->\n```\n(.*?)```\n<!-- end of walk -->", re.DOT
 
 
 def test_the_picture_shows_the_layers_as_they_are() -> None:
-    spec = importlib.util.spec_from_file_location("layers", ROOT / "docs" / "layers.py")
-    assert spec is not None and spec.loader is not None
-    layers = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(layers)
+    layers = script("docs/layers.py")
     assert layers.refreshed(PAGE) == PAGE, "write it anew: python docs/layers.py"
     assert "transport --> core" in layers.picture()
     assert all(name not in layers.reached(layers.imports(), name) for name in layers.layers()), "a circle of layers"

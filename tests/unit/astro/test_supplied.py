@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
-import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -13,6 +11,7 @@ import pytest
 
 from gateway.astro.catalog import deepsky, names, stars, supplied
 from gateway.astro.spherical import separation
+from tests.support import scripts
 from tests.support.sampling import as_a_rule
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -20,12 +19,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    found = importlib.util.spec_from_file_location("make_catalogue", ROOT / "docs/tools/make_catalogue.py")
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    sys.modules[found.name] = module
-    found.loader.exec_module(module)
-    return module
+    return scripts.script("docs/tools/make_catalogue.py")
 
 
 def test_the_files_are_what_the_script_writes(script: ModuleType) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
@@ -12,6 +10,7 @@ from types import ModuleType
 import pytest
 
 from gateway.astro.spherical import separation
+from tests.support import scripts
 
 ROOT = Path(__file__).resolve().parents[4]
 DATA = ROOT / "gateway/console/page/data"
@@ -19,12 +18,7 @@ DATA = ROOT / "gateway/console/page/data"
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    found = importlib.util.spec_from_file_location("make_sky_data", ROOT / "docs/tools/make_sky_data.py")
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    sys.modules[found.name] = module
-    found.loader.exec_module(module)
-    return module
+    return scripts.script("docs/tools/make_sky_data.py")
 
 
 def test_the_file_is_what_the_script_writes(script: ModuleType) -> None:
