@@ -186,6 +186,24 @@ def apart(one: tuple[float, float], other: tuple[float, float]) -> float:
     return separation(*one, *other)
 
 
+async def pointed_and_stopped(one: Program, inner: Bridge, site: tuple[float, float]) -> tuple[float, float]:
+    """A goto is exact, and a stop ends the next one; return where the tube stands then, and tracks."""
+    sim, sidereal, south = inner.sim, sidereal_time(inner.clock(), site[1]), site[0] < 0.0
+    target = round(wrap360(sidereal + 20.0) * 240.0) / 240.0, (-33.2575 if south else 33.2575)
+    await one.goto(*target)
+    assert apart(sim.truth(), target) < EXACT
+    assert apart(await one.place(), target) < EXACT
+    await one.leave(wrap360(sidereal - 40.0), -10.0 if south else 10.0)
+    await asyncio.sleep(3.0)
+    assert sim.slewing
+    await one.stop()
+    await asyncio.sleep(2.5)
+    stood: tuple[float, float] = sim.truth()
+    await asyncio.sleep(2.0)
+    assert apart(sim.truth(), stood) < EXACT and sim.tracking
+    return stood
+
+
 @pytest.mark.sampled(every=3)
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
 def test_what_moves(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool) -> None:
@@ -198,20 +216,7 @@ def test_what_moves(surface: tuple[str, str | None], mount: tuple[str, str, str]
         async with chain:
             one = Program(chain.client(), nexstar)
             assert apart(await one.place(), sim.truth()) < 2.0 * EXACT
-            sidereal = sidereal_time(chain.inner.clock(), site[1])
-            target = round(wrap360(sidereal + 20.0) * 240.0) / 240.0, (-33.2575 if south else 33.2575)
-            await one.goto(*target)
-            assert apart(sim.truth(), target) < EXACT
-            assert apart(await one.place(), target) < EXACT
-            # a stop, and what it leaves
-            await one.leave(wrap360(sidereal - 40.0), -10.0 if south else 10.0)
-            await asyncio.sleep(3.0)
-            assert sim.slewing
-            await one.stop()
-            await asyncio.sleep(2.5)
-            stood = sim.truth()
-            await asyncio.sleep(2.0)
-            assert apart(sim.truth(), stood) < EXACT and sim.tracking
+            stood = await pointed_and_stopped(one, chain.inner, site)
             # arrows on both axes
             await one.arrows()
             await asyncio.sleep(2.0)

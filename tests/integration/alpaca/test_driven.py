@@ -11,7 +11,6 @@ import pytest
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import wrap360
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
@@ -20,7 +19,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.session import Shared
 from gateway.transport.handler import Connected
-from tests.integration.test_four_by_four import EXACT, NORTH, SOUTH, Program, apart
+from tests.integration.test_four_by_four import EXACT, NORTH, SOUTH, Program, apart, pointed_and_stopped
 from tests.support.in_process_gateway import Bridge
 from tests.support.two_gateways import TwoGateways
 
@@ -54,19 +53,7 @@ def test_what_a_program_orders_the_tube_does(driven: str, model: str, nexstar: b
         async with whole:
             one = Program(whole.client(), nexstar)
             assert apart(await one.place(), sim.truth()) < 2.0 * EXACT
-            sidereal = sidereal_time(whole.inner.clock(), site[1])
-            target = round(wrap360(sidereal + 20.0) * 240.0) / 240.0, (-33.2575 if south else 33.2575)
-            await one.goto(*target)
-            assert apart(sim.truth(), target) < EXACT
-            assert apart(await one.place(), target) < EXACT
-            await one.leave(wrap360(sidereal - 40.0), -10.0 if south else 10.0)
-            await asyncio.sleep(3.0)
-            assert sim.slewing
-            await one.stop()
-            await asyncio.sleep(2.5)
-            stood = sim.truth()
-            await asyncio.sleep(2.0)
-            assert apart(sim.truth(), stood) < EXACT and sim.tracking
+            stood = await pointed_and_stopped(one, whole.inner, site)
             await one.arrows()
             await asyncio.sleep(2.0)
             assert apart(sim.truth(), stood) > 0.5
