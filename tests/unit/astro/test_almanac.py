@@ -33,6 +33,11 @@ WHOLE_DAY = bytes(8 * 333)
 REAL = keeper.calculated
 
 
+def today() -> float:
+    """The clock of the gateways that keep an almanac here."""
+    return TODAY * DAY + 100.0
+
+
 def made(days: Collection[int], sites: Collection[str] = (), by: str = "astropy 8.0") -> Almanac:
     """An almanac as quick as it is wrong."""
     return Almanac(by, dict.fromkeys(days, WHOLE_DAY), {site: (48.5, 11.5) for site in sites if site != "x"})
@@ -57,7 +62,7 @@ def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Process:
     monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path / "cache"))
     monkeypatch.setattr(keeper, "calculated", found := Process())
     monkeypatch.setattr(keeper, "ATTEMPTS", 3)
-    monkeypatch.setattr(keeper.time, "time", lambda: TODAY * DAY + 100.0)
+    monkeypatch.setattr(keeper.time, "time", today)
     return found
 
 
@@ -219,7 +224,7 @@ def test_what_cannot_be_stored_is_used_all_the_same_and_told_once(
     with pytest.MonkeyPatch.context() as patch:
         spoil(tmp_path / "cache", patch)
         sky, told = Sky(), list[str]()
-        kept = AlmanacKeeper(sky, told.append)
+        kept = AlmanacKeeper(sky, told.append, clock=today)
         kept.open()
         for days in ([TODAY], [TODAY + 1]):
             asyncio.run(kept._renew(days))
@@ -327,7 +332,7 @@ def test_what_fails_is_tried_again_after_an_hour_three_times_a_day_and_told_once
     process: Process, clock: list[float]
 ) -> None:
     process.fails, told = "No module named 'astropy'", list[str]()
-    kept = AlmanacKeeper(Sky(), told.append)
+    kept = AlmanacKeeper(Sky(), told.append, clock=today)
     tried = []
     for minute in range(3 * 24 * 60):
         clock[0] = 1000.0 + 60.0 * minute
@@ -346,7 +351,7 @@ def test_it_is_exact_as_soon_as_it_can_be_and_that_is_told_once(process: Process
             entered.append(1)
             act()
 
-        kept = AlmanacKeeper(sky, print, lambda: exact.append(1), enter=enter)
+        kept = AlmanacKeeper(sky, print, lambda: exact.append(1), enter=enter, clock=today)
         kept.open()
         assert not exact
         keeping = asyncio.ensure_future(kept.keep())
@@ -363,12 +368,12 @@ def test_it_is_exact_as_soon_as_it_can_be_and_that_is_told_once(process: Process
     assert asyncio.run(program()) == ([1], [1, 1])
     assert [days[0] for days, _ in process.asked] == [TODAY, 15000]
     sky, ready = Sky(), list[int]()
-    AlmanacKeeper(sky, print, lambda: ready.append(1)).open()  # the next start
+    AlmanacKeeper(sky, print, lambda: ready.append(1), clock=today).open()  # the next start
     assert ready and sky.ready
 
 
 def test_a_program_that_sets_one_date_after_another_fills_no_memory(process: Process) -> None:
-    kept = AlmanacKeeper(Sky(), print)
+    kept = AlmanacKeeper(Sky(), print, clock=today)
     for day in range(200):
         asyncio.run(kept._renew([day]))
     assert len(kept._almanac.days) == keeper.STORED and 199 in kept._almanac.days
@@ -390,7 +395,7 @@ def test_an_almanac_may_come_from_another_computer(
     assert main(["almanac", str(path), "--days", "2"]) == 0
     assert capsys.readouterr().out.startswith(f"wrote {path}: 2 days, ")
     process.fails, sky, ready = "No module named 'astropy'", Sky(), list[int]()
-    AlmanacKeeper(sky, print, lambda: ready.append(1)).open(str(path))
+    AlmanacKeeper(sky, print, lambda: ready.append(1), clock=today).open(str(path))
     assert ready and sky.source(TODAY * DAY).startswith("almanac of") and not process.asked
     assert main(["almanac", str(path), "--days", "0"]) == 2
     assert main(["almanac", str(tmp_path / "nowhere" / "file"), "--days", "1"]) == 2
@@ -403,11 +408,11 @@ def test_an_almanac_may_come_from_another_computer(
 def test_a_named_almanac_that_cannot_be_used_ends_the_start(process: Process, tmp_path: Path) -> None:
     path = tmp_path / "year.almanac"
     with pytest.raises(UserError, match=f"--almanac {path}: No such file"):
-        AlmanacKeeper(Sky(), print).open(str(path))
+        AlmanacKeeper(Sky(), print, clock=today).open(str(path))
     path.write_bytes(b"something else")
     path.chmod(0o600)
     with pytest.raises(UserError, match=f"--almanac {path}: it is no almanac of this version"):
-        AlmanacKeeper(Sky(), print).open(str(path))
+        AlmanacKeeper(Sky(), print, clock=today).open(str(path))
 
 
 # --- sites ------------------------------------------------------------------------------------------------------------
