@@ -56,8 +56,8 @@ def test_every_command_of_its_table_has_a_form_in_its_sources(model: str) -> Non
     """The beginnings of the forms that were typed by hand."""
     forms = re.compile("|".join(f"(?:{row[0]})" for row in rows(f"{model}_sent.txt")).encode("latin-1"))
     arguments: dict[str, Any] = {
-        "Sr": b"01:02:03", "Sd": b"+01*02:03", "Sa": b"+01*02:03", "Sz": b"001*02", "St": b"+01*02", "Sg": b"+001*02",
-        "SL": b"01:02:03", "SC": b"01/02/26", "Mg": b"n0100", "ST": b"060.1", "SXT2": b"1768514400",
+        "Sr": b"01:02:03", "Sd": b"+01*02:03", "Sa": b"+01*02:03", "Sz": b"001*02:03", "St": b"+01*02",
+        "Sg": b"+001*02", "SL": b"01:02:03", "SC": b"01/02/26", "Mg": b"n0100", "ST": b"060.1", "SXT2": b"1768514400",
         "SG": b"+01:00" if model == "onstep" else b"+01.0",
     }  # fmt: skip
     for name, command in load("lx200").of(model).commands.items():

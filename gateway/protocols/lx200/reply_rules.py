@@ -31,8 +31,10 @@ _SEP = rb"[^0-9#]"
 _FORMS = {
     "HH:MM:SS": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
     "hh:mm:ss": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "HH:MM:SS.SSSS": rb"\d\d:\d\d:\d\d\.\d+",
     "HH:MM.T": rb"\d\d" + _SEP + rb"\d\d\.\d",
     "sDD*MM:SS": rb"[+-]\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "sDD*MM:SS.SSS": rb"[+-]\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d\.\d+",
     "sDD*MM": rb"[+-]\d\d" + _SEP + rb"\d\d(?:" + _SEP + rb"\d\d)?",
     "DDD*MM:SS": rb"\d\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
     "DDD*MM": rb"\d\d\d" + _SEP + rb"\d\d",

@@ -54,8 +54,10 @@ def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float
 _BELOW_DAY = 360.0 - 1e-9
 _TEXT_ANGLES = {
     "HH:MM:SS": _sexagesimal(sx.hours, sx.parse_hours, 0, _BELOW_DAY),
+    "HH:MM:SS.SSSS": _sexagesimal(sx.hours_fine, sx.parse_hours, 0, _BELOW_DAY),
     "HH:MM.T": _sexagesimal(sx.hours_low, sx.parse_hours, 0, _BELOW_DAY),
     "sDD*MM:SS": _sexagesimal(sx.signed, sx.parse, -90, 90),
+    "sDD*MM:SS.SSS": _sexagesimal(sx.signed_fine, sx.parse, -90, 90),
     "sDD*MM": _sexagesimal(sx.signed_low, sx.parse, -90, 90),
     "DDD*MM:SS": _sexagesimal(sx.azimuth, sx.parse_azimuth, 0, _BELOW_DAY),
     "DDD*MM": _sexagesimal(sx.azimuth_low, sx.parse_azimuth, 0, _BELOW_DAY),

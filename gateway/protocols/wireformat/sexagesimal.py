@@ -139,10 +139,13 @@ def _to_the_poles(form: str, per_degree: int, *bases: int) -> Callable[[float], 
     return written
 
 
-#: Degrees -> ``HH:MM:SS``, ``HH:MM.T``; ``DDD*MM:SS``, ``DDD*MM``; ``sDD*MM:SS``, ``sDD*MM``.
+#: Degrees -> ``HH:MM:SS``, ``HH:MM.T``, ``HH:MM:SS.SSSS``; ``DDD*MM:SS``, ``DDD*MM``; ``sDD*MM:SS``, ``sDD*MM``,
+#: ``sDD*MM:SS.SSS``.
 hours, hours_low = _circular("{:02d}:{:02d}:{:02d}", 240, 60, 60), _circular("{:02d}:{:02d}.{:d}", 40, 60, 10)
+hours_fine = _circular("{:02d}:{:02d}:{:02d}.{:04d}", 2400000, 60, 60, 10000)
 azimuth, azimuth_low = _circular("{:03d}*{:02d}:{:02d}", 3600, 60, 60), _circular("{:03d}*{:02d}", 60, 60)
 signed, signed_low = _to_the_poles("{:02d}*{:02d}:{:02d}", 3600, 60, 60), _to_the_poles("{:02d}*{:02d}", 60, 60)
+signed_fine = _to_the_poles("{:02d}*{:02d}:{:02d}.{:03d}", 3600000, 60, 60, 1000)
 
 
 def longitude(degrees: float) -> str:

@@ -20,7 +20,7 @@ from gateway.protocols.base.spec import SurfaceSettings
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.registry import PROTOCOLS
 from tests.support.each import each
-from tests.support.evening import FACES, MODELS, evening
+from tests.support.evening import FACES, MODELS, evening, off
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import overhead
 
@@ -89,6 +89,28 @@ def test_a_program_for_a_meade_sees_a_meade_and_reaches_nothing_else(model: str)
                 client.tell(said)
             await asyncio.sleep(5.0)
             assert own.sim.tracking and not {b":hF#", b":hS#", b":U#", b":Td#", b":F+#"} & set(own.sent())
+
+    run(program())
+
+
+@pytest.mark.parametrize(("model", "firmware"), [("onstep", "4.24s"), ("onstep", "3.16o"), ("teenastro", "1.6.2")])
+def test_one_that_was_left_in_low_precision_is_read_in_high_and_not_switched(model: str, firmware: str) -> None:
+    """Another program of the evening has sent ``:U#``, before the gateway came and while it is there."""
+
+    async def program() -> None:
+        own = bridge(model)
+        own.sim.row = {**own.sim.row, "firmware": firmware}
+        assert own.sim.feed(b":U#") == b"" and len(own.sim.feed(b":GR#")) == len("12:34.5#")
+        async with own:
+            assert (await own.controller.perform(op.GetIdentity())).model == model
+            for goal in (40.0, 60.0, 50.0):
+                ra = round((own.sim.mechanics.sky.sidereal(own.clock()) + goal) * 240.0) / 240.0 % 360.0
+                await own.controller.perform(op.Goto(ra, 20.5025))
+                await asyncio.sleep(60.0)
+                seen = await own.controller.read_now(op.Position())
+                assert off(own.sim.truth(), (ra, 20.5025)) < 5.0 and off((seen.ra, seen.dec), own.sim.truth()) < 16.0
+                own.sim.feed(b":U#")
+            assert b":U#" not in own.sent()
 
     run(program())
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gateway.astro.spherical import fold_declination, wrap180
-from gateway.core.about import OF_ONE_MAKER
+from gateway.core.about import OF_ONE_MAKER, SWITCHED_UNNAMED
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
@@ -139,16 +139,25 @@ def _is_low(answer: Mapping[str, object]) -> bool:
 
 
 def high_precision(mount: Lx200Driver) -> Steps:
-    """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply."""
+    """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply.
+
+    One of another maker is not switched: it has questions that are answered in high precision whatever was chosen.
+    """
+    mount.low, began = False, mount.now()
     for attempt in range(3):
-        if attempt and not mount.supports("U"):
-            break
-        if attempt:
-            yield from ask(mount, "U")
         answer = yield from ask_unless(mount, "GR", {}, _is_low)  # only its length counts then
         mount.low = _is_low(answer)
-        if not mount.low:
+        if not mount.low or attempt == 2:
             break
+        if mount.model is None and mount.rules > SWITCHED_UNNAMED:
+            mount.reply_time = min(OWN_PATIENCE, mount.now() - began)
+            if (product := (yield from _probe(mount, "GVP"))) is not None:
+                mount.take_for((yield from _model(mount, product["product"])))
+        if mount.dialect:
+            return (yield from ask(mount, "GR"))
+        if not mount.supports("U"):
+            break
+        yield from ask(mount, "U")
     return answer
 
 

@@ -90,7 +90,8 @@ class Lx200Driver(Driver):
         self.named_model = settings.model
         self.take_for(settings.model)
         self.product, self.firmware = "", ""
-        self.low = False  # whether it replies in low precision
+        #: Whether it replies in low precision; one of another maker is then asked and sent the second form of a row.
+        self.low = False
         # alignment and tracking
         self.home_letter = "A"  # the mounting in :GW# or ACK: A, P or G
         #: Whether it is in land mode, in which it does not track.
@@ -181,11 +182,11 @@ class Lx200Driver(Driver):
     @property
     def resolution(self) -> float:  # type: ignore[override]
         """One second of right ascension, or a tenth of a minute in low precision."""
-        return (90.0 if self.low else 20.0) / 3600.0
+        return (90.0 if self.low and not self.dialect else 20.0) / 3600.0
 
     @property
     def ticks(self) -> tuple[float, float]:  # type: ignore[override]
-        return (90.0 / 3600.0, 60.0 / 3600.0) if self.low else (15.0 / 3600.0, 1.0 / 3600.0)
+        return (90.0 / 3600.0, 60.0 / 3600.0) if self.low and not self.dialect else (15.0 / 3600.0, 1.0 / 3600.0)
 
     @property
     def gps(self) -> bool:  # type: ignore[override]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -123,9 +124,19 @@ def _horizon(sim: Controller, name: str, _: Values) -> bytes:
 
 
 def _fine(sim: Controller, name: str) -> bytes:
-    """:GtH :GgH - with seconds and their thousandths."""
+    """:GRa :GDe :GRL :GDL - in high precision at all times. :GtH :GgH - with seconds and their thousandths."""
+    if (template := sim.protocol.commands[name[:2]].form("fine")) is not None and name[1] in "RD":
+        return template.encode(dict(zip(("ra", "dec"), sim.position(), strict=True)))
     text = sexagesimal.signed(sim.site[0]) if name == "GtH" else "+" + sexagesimal.azimuth(-sim.site[1] % 360.0)
     return text.encode() + b".000#"
+
+
+def _toggle(sim: Controller) -> bytes:
+    """:U - unknown to an OnStepX."""
+    if sim.onstep and not sim.older:
+        return b"0"
+    sim.high = not sim.high
+    return b""
 
 
 def _set_park(sim: Controller) -> bytes:
@@ -134,25 +145,27 @@ def _set_park(sim: Controller) -> bytes:
 
 
 #: Those of the next ones that only one of the two has.
-OF_ONSTEP, OF_TEENASTRO = {"GU", "GX90", "GX97", "GtH", "GgH"}, {"GXT2", "GXRX"}
+OF_ONSTEP = {"GU", "GX90", "GX97", "GtH", "GgH", "GRa", "GDe"}
+OF_TEENASTRO = {"GXT2", "GXRX", "GRL", "GDL"}
 #: Commands without an argument, for which the driver has no row or which it answers by its state.
 WORDS: dict[str, Callable[[Controller], bytes]] = {
     "GU": Controller.letters, "GW": Controller.state, "Gm": Controller.side,
     "GT": Controller.hertz, "Te": lambda sim: sim.switch(True), "Td": lambda sim: sim.switch(False),
-    "hQ": _set_park, "hP": lambda sim: sim.leave(sim.park_place, True), "hR": Controller.unpark,
+    "U": _toggle, "hQ": _set_park, "hP": lambda sim: sim.leave(sim.park_place, True), "hR": Controller.unpark,
     "hC": lambda sim: b"" if sim.leave(HOME, False) and sim.onstep else b"1", "hF": Controller.declare_home,
     "GXT2": lambda sim: f"{sim.utc():.0f}#".encode(), "GXRX": lambda sim: f"{sim.times(4):.0f}#".encode(),
     "GX97": lambda sim: f"{sim.mechanics.fastest:.1f}#".encode(),
     "GX90": lambda sim: f"{sim.times(sim.pulse_rate):.2f}#".encode(),
-    **{name: partial(_fine, name=name) for name in ("GtH", "GgH")},
+    **{name: partial(_fine, name=name) for name in ("GtH", "GgH", "GRa", "GDe", "GRL", "GDL")},
     "Gh": lambda sim: f"{sim.kept['lowest']:+03.0f}*#".encode(),
     "Go": lambda sim: f"{sim.kept['highest']:02.0f}*#".encode(),
     **{f"R{letter}": partial(Controller.select, letter=letter) for letter in "GCMFS0123456789"},
 }  # fmt: skip
+TARGETS, SEPARATORS = ("Sr", "Sd", "Sa", "Sz"), re.compile(rb"[*:'\xdf]")
 HANDLERS: dict[str, Callable[[Controller, str, Values], bytes | None]] = {
     **{name: answers.HANDLERS[name] for name in ("D", "GD", "GR", "Gd", "Gr", "GVD", "GVN", "GVP", "GVT")},
     **{name: settings.HANDLERS[name] for name in ("GC", "GL", "GS", "Gc")},
-    **dict.fromkeys(("Sr", "Sd", "Sa", "Sz"), motion.set_target), **dict.fromkeys(("MS", "MA"), _slew),
+    **dict.fromkeys(TARGETS, motion.set_target), **dict.fromkeys(("MS", "MA"), _slew),
     "CM": _sync, **dict.fromkeys(("Mn", "Ms", "Me", "Mw"), _arrow), **dict.fromkeys(("Qn", "Qs", "Qe", "Qw"), _let_go),
     "Q": _stop, "Mg": _pulse, **dict.fromkeys(("TQ", "TS", "TL"), _drive), "ST": _set_drive, "SG": _zone,
     "GG": _tell_zone, **dict.fromkeys(("SL", "SC", "SXT2"), _set_clock), **dict.fromkeys(("St", "Sg"), _site),
@@ -162,6 +175,11 @@ HANDLERS: dict[str, Callable[[Controller, str, Values], bytes | None]] = {
 
 class SimulatedController(Controller):
     """One of the two, with its serial port."""
+
+    def takes(self, frame: bytes) -> bool:
+        """Whether a TeenAstro takes a target of this form: in high precision with seconds alone."""
+        seconds = len(SEPARATORS.findall(frame[3:])) > 1
+        return frame[3:4] == b"L" or (seconds if self.high else not seconds or frame[2:3] in b"az")
 
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
         if frame == ACK:
@@ -176,6 +194,8 @@ class SimulatedController(Controller):
         handler = HANDLERS.get(found[0].name) if found is not None else None
         if found is None or handler is None:
             return b"0" if self.onstep else b"#" if word[:1] == "G" else b""
+        if not self.onstep and found[0].name in TARGETS and not self.takes(frame):
+            return b"0"
         try:
             values = found[1].decode(frame)
         except ValueError:

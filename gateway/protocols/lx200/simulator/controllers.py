@@ -56,6 +56,12 @@ class Controller(SimulatedLx200):
     def onstep(self) -> bool:
         return self.model == "onstep"
 
+    @property
+    def older(self) -> bool:
+        """Whether it is an OnStep before OnStepX."""
+        assert self.protocol.other is not None
+        return str(self.row["firmware"]).startswith(tuple(self.protocol.other.facts["older"]["versions"]))
+
     def power_on(self) -> None:
         super().power_on()
         self.high, self.degree, self.tolerant = True, b"*", True
