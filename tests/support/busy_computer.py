@@ -54,6 +54,20 @@ class Pluggable(SimulatedTransport):
         await super().open(on_data, on_lost)
 
 
+class Overtaking(Pluggable):
+    """A simulated mount like one over HTTP: only the reply to the newest request is delivered."""
+
+    newest_only, written = True, 0
+
+    def write(self, data: bytes) -> None:
+        self.written += 1
+        asyncio.get_running_loop().call_later(self._latency, self._reply, self.written, self._feed(data))
+
+    def _reply(self, number: int, answer: bytes) -> None:
+        if number == self.written:
+            self._deliver(answer)
+
+
 class Recorded:
     """A gateway with one surface, recorded in ``path``; ``ahead`` is by how many seconds its host's clock is fast."""
 
@@ -63,8 +77,10 @@ class Recorded:
         self.loop, self.ahead = loop, 0.0
         clock = HostClock(loop, lambda: EVENING + loop.passed + self.ahead, lambda: loop.passed)
         surfaces = [SurfaceConfig(at=f"{presented}@tcp://:0", **surface)]
-        self.gateway = Gateway(MountConfig(at=f"{mount}@sim"), surfaces, WireLog(clock), clock=clock)
-        self.wire = Pluggable("sim", make_simulator(self.gateway.mount, clock=clock, speed=3.0).connection, 0.0131)
+        at = mount if "@" in mount else f"{mount}@sim"
+        self.gateway = Gateway(MountConfig(at=at), surfaces, WireLog(clock), clock=clock)
+        wire, latency = (Overtaking, 0.3) if "http" in mount else (Pluggable, 0.0131)
+        self.wire = wire("sim", make_simulator(self.gateway.mount, clock=clock, speed=3.0).connection, latency)
         self.recorder: Recorder = record_whole(path, self.gateway, longest)
         entrance = self.gateway.entrance
         self.gateway.prepare(lambda reply_rules, to: MountLink(entrance.wire(self.wire), reply_rules, to))

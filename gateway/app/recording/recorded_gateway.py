@@ -187,8 +187,9 @@ class _RecordedTransport:
 
     def __init__(self, wire: Transport, entrance: RecordedEntrance) -> None:
         self._wire, self._entrance = wire, entrance
-        self.name = wire.name
+        self.name, self.newest_only = wire.name, getattr(wire, "newest_only", False)
         self._loop, self._recorder = entrance._loop, entrance.recorder
+        self._written = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         def lost(reason: str) -> None:
@@ -196,12 +197,17 @@ class _RecordedTransport:
             self._recorder.line(MOUNT, "l", reason)
             on_lost(reason)
 
+        def arrived(data: bytes, written: int) -> None:
+            if not self.newest_only or written == self._written:
+                on_data(data)
+
         enter = self._loop.enter
         await self._entrance.wait_outside(
-            self._wire.open(lambda data: enter(on_data, data), lambda reason: enter(lost, reason))
+            self._wire.open(lambda data: enter(arrived, data, self._written), lambda reason: enter(lost, reason))
         )
 
     def write(self, data: bytes) -> None:
+        self._written += 1
         try:
             self._wire.write(data)
         except Exception as error:  # the transport's own kinds, in words that fit on a line of the recording

@@ -146,8 +146,8 @@ class RetracedEntrance(Entrance):
 class RetracedWire:
     name = "recording"
 
-    def __init__(self, entrance: RetracedEntrance, now: Callable[[], float]) -> None:
-        self._entrance, self._now = entrance, now
+    def __init__(self, entrance: RetracedEntrance, now: Callable[[], float], newest_only: bool) -> None:
+        self._entrance, self._now, self.newest_only = entrance, now, newest_only
         self.on_data: OnData = lambda data: None
         self.on_lost: OnLost = lambda reason: None
         #: Recorded requests that have not been repeated yet, with the reason if one could not be written.

@@ -36,7 +36,7 @@ class Retracing:
     def __init__(self, gateway: Gateway, loop: RetracedLoop) -> None:
         self.gateway, self._loop = gateway, loop
         self.entrance = RetracedEntrance()
-        self.wire = RetracedWire(self.entrance, lambda: loop.elapsed)
+        self.wire = RetracedWire(self.entrance, lambda: loop.elapsed, gateway.mount.where.startswith("http"))
         self.clients = self.replies = 0
         self.differences: list[Difference] = []
         self._here: dict[str, ReplayedConnection] = {}

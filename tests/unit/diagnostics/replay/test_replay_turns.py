@@ -21,7 +21,7 @@ from gateway.cli import main
 from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.replay.replaying import Outcome, replay
 from gateway.transport.handler import ConnectionRefused
-from tests.support.busy_computer import Recorded, run_busy
+from tests.support.busy_computer import Overtaking, Recorded, run_busy
 from tests.support.process import Running, ask
 from tests.support.sampling import as_a_rule
 
@@ -138,6 +138,51 @@ def test_not_one_reply_of_a_crowd_is_another(pair: str, tmp_path: Path) -> None:
     for wanted in ("refused on surface", " mount l pulled out", " mount s", " mount d", " mount o", " mount q"):
         assert wanted in text
     assert text.count(" mount k ") == 2
+
+
+def test_a_stop_overtakes_a_read_of_a_mount_over_http_also_while_it_is_recorded(tmp_path: Path) -> None:
+    """The reply to the read that was given up may arrive just then; each takes 0.3 s."""
+    path, sent, late = tmp_path / "night.rec", list[float](), list[float]()
+
+    async def night() -> None:
+        async with Recorded(path, "alpaca:german@http://127.0.0.1:9", "lx200") as recorded:
+            loop, write = recorded.loop, recorded.wire.write
+
+            def noted(data: bytes) -> None:
+                sent.extend([loop.time()] if data.startswith(b"put abortslew") else [])
+                write(data)
+
+            recorded.wire.write = noted  # type: ignore[method-assign]
+            await asyncio.sleep(30.0)
+            guest = recorded.arrive("10.0.0.1:5000", lambda data: None)
+            for number in range(40):
+                guest.feed(b":Sr05:34:32#:Sd+22*00:52#:MS#" if not number % 4 else b":GR#")
+                await asyncio.sleep(5.0 + 0.03 * number)
+                asked = loop.time()
+                guest.feed(b":Q#")
+                await asyncio.sleep(2.0)
+                late.append(min(at for at in sent if at >= asked) - asked)
+            guest.close()
+
+    run_busy(night(), "overtaken")
+    assert max(late) < 0.02
+    _replayed(path)
+
+
+def test_a_reply_that_a_newer_request_overtakes_at_the_entrance_is_not_delivered(tmp_path: Path) -> None:
+    delivered: list[bytes] = []
+
+    async def program() -> None:
+        async with Recorded(tmp_path / "night.rec", "alpaca:german", "lx200") as recorded:
+            echo = Overtaking("echo", lambda later: lambda data: data, 0.01)
+            wire = recorded.gateway.entrance.wire(echo)
+            await wire.open(delivered.append, lambda reason: None)
+            echo._deliver(b"of a read\n")
+            wire.write(b"of a stop\n")
+            await asyncio.sleep(0.1)
+
+    run_busy(program(), "overtaken")
+    assert delivered == [b"of a stop\n"]
 
 
 def test_every_part_of_a_recording_replays_up_to_its_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
