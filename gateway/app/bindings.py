@@ -29,7 +29,7 @@ from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSetti
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
 from gateway.transport import Listener, open_port
 from gateway.transport.handler import Accept
-from gateway.transport.http_wire import HttpWire, prepared
+from gateway.transport.http_wire import HttpWire, written
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_port import SharedWebPort, WebDevice, WebPort
@@ -256,7 +256,7 @@ def watched(
     @cache
     def sent(url: str, protocol: str, command: bytes) -> bytes:
         over_http = PROTOCOLS[protocol].over_http
-        return on_the_wire(url, command) if over_http is None else prepared(url, over_http(url), command)
+        return on_the_wire(url, command) if over_http is None else written(url, over_http(url).request(command))
 
     def commands() -> list[bytes]:
         line, driver = controller().line, controller().driver

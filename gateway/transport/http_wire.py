@@ -1,13 +1,15 @@
 """The connection to a mount that is reached over HTTP: each line that is written is a request, each reply is a line.
 
-A protocol's ``Dialect`` converts both. Connections are kept open. Only the reply to the newest request is delivered,
-because the line has given up the ones before it. A read is repeated if its connection was closed meanwhile, anything
-else never is; a server that cannot be reached is a lost line. aiohttp is imported when the wire is opened.
+A protocol's ``Dialect`` converts both. Only the reply to the newest request is delivered, because the line has given up
+the ones before it. Reads and stops are repeated if their connection was closed meanwhile; a stop also after the answer
+to an order that it has overtaken, which may have been carried out after it. Connections are kept open, unless the
+server serves one at a time; one that cannot be reached is a lost line. aiohttp is imported when the wire is opened.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import socket
 from collections.abc import Mapping, Sequence
@@ -23,14 +25,20 @@ if TYPE_CHECKING:
 CONNECT, FIRST, LONGEST = 4.0, 6.0, 120.0
 #: Seconds that an idle connection is kept, and how often a read is asked whose connection was closed.
 KEPT, ASKED = 60.0, 5
+#: Seconds in which a server answers beside an idle connection, unless it serves one at a time.
+BESIDE = 1.0
 
 
 class Request(NamedTuple):
-    """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body."""
+    """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body.
+
+    ``moves``: it begins a motion; False if it ends one, None for all others.
+    """
 
     method: str
     path: str
     fields: Mapping[str, str]
+    moves: bool | None = None
 
 
 class Dialect(Protocol):
@@ -47,9 +55,10 @@ class Dialect(Protocol):
 
 
 class AddressWatcher(Protocol):
-    """Is informed of the numeric address of a server while the wire is open."""
+    """Is informed of the numeric address of a server while the wire is open, and whether it answers ``beside`` an idle
+    connection."""
 
-    def reached(self, host: str, port: int) -> None: ...
+    def reached(self, host: str, port: int, beside: bool) -> None: ...
     def closed(self) -> None: ...
 
 
@@ -64,38 +73,50 @@ class HttpWire:
         self._host, self._port = parts.hostname or "", parts.port or 80
         self._server = f"{parts.scheme}://{parts.netloc}"
         self._session: ClientSession | None = None
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._reading: asyncio.Task[None] | None = None
-        self._number = 0
+        self._tasks: set[asyncio.Task[bool]] = set()
+        self._reading: asyncio.Task[bool] | None = None
+        #: The unanswered orders that begin a motion, and the number of the last one.
+        self._orders: set[asyncio.Task[bool]] = set()
+        self._number = self._begun = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         """Ask the server its first questions. Raises OSError with a reason in words."""
         import aiohttp
 
+        connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT)  # a stop must not wait for a connection
         session = aiohttp.ClientSession(
-            connector=aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT),  # a stop must not wait for one
-            timeout=aiohttp.ClientTimeout(total=LONGEST, sock_connect=CONNECT),
+            connector=connector, timeout=aiohttp.ClientTimeout(total=LONGEST, sock_connect=CONNECT)
         )
         session._retry_connection = False  # it would repeat a PUT, and so a guide pulse
         try:
             async with asyncio.timeout(FIRST):
                 for request in self._dialect.first:
                     self._dialect.opened(request, *await self._ask(session, request))
-                found = await asyncio.get_running_loop().getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
-                address = found[0][4][:2]
-                if len(found) > 1:  # it need not listen at the first
-                    _, writer = await asyncio.open_connection(self._host, self._port)
-                    address = writer.get_extra_info("peername")[:2]
-                    writer.close()
+                address, beside = await self._reach()
         except (aiohttp.ClientError, OSError) as error:
             await session.close()
             raise OSError(errno.EHOSTUNREACH, reason(error)) from None
         except BaseException:
             await session.close()
             raise
+        connector._force_close = not beside  # a kept one would lock out stops, the watchdog, and other programs
         self._session, self._on_data, self._on_lost = session, on_data, on_lost
         if self._watcher is not None:
-            self._watcher.reached(*address)
+            self._watcher.reached(*address, beside)
+
+    async def _reach(self) -> tuple[tuple[str, int], bool]:
+        """Return the address at which the server listens, and whether it answers beside an idle connection."""
+        _, idle = await asyncio.open_connection(self._host, self._port)
+        reader, asking = await asyncio.open_connection(self._host, self._port)
+        asking.write(written(self._server, self._dialect.first[0]))
+        answers = False
+        with contextlib.suppress(TimeoutError, ConnectionError):
+            async with asyncio.timeout(BESIDE):
+                answers = bool(await reader.read(1))
+        address = idle.get_extra_info("peername")
+        for connection in (idle, asking):
+            connection.close()
+        return (address[0], address[1]), answers
 
     def write(self, data: bytes) -> None:
         if self._session is None:
@@ -104,17 +125,25 @@ class HttpWire:
         if self._reading is not None:
             self._reading.cancel()
         request = self._dialect.request(data)
-        task = asyncio.get_running_loop().create_task(self._carry_out(self._session, self._number, request))
+        overtaken = frozenset() if request.moves is not False else frozenset(self._orders)
+        task = asyncio.get_running_loop().create_task(self._carry_out(self._session, self._number, request, overtaken))
         self._reading = task if request.method == "GET" else None
+        if request.moves:
+            self._begun = self._number
+            self._orders.add(task)
         self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        for unfinished in (self._tasks, self._orders):
+            task.add_done_callback(unfinished.discard)
 
-    async def _carry_out(self, session: ClientSession, number: int, request: Request) -> None:
+    async def _carry_out(
+        self, session: ClientSession, number: int, request: Request, overtaken: frozenset[asyncio.Task[bool]]
+    ) -> bool:
+        """Send a request, and deliver the answer; return whether there was one."""
         import aiohttp
 
         closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
         try:
-            for left in reversed(range(ASKED if request.method == "GET" else 1)):
+            for left in reversed(range(ASKED if request.method == "GET" or request.moves is False else 1)):
                 try:
                     answer = await self._ask(session, request)
                     break
@@ -125,12 +154,15 @@ class HttpWire:
             given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
             if session is self._session and not given_up:  # the line has stopped waiting for that one long ago
                 self._on_lost(reason(error))
-            return
+            return False
         if session is self._session and number == self._number:
             self._on_data(self._dialect.reply(*answer))
+        if overtaken and any(await asyncio.gather(*overtaken)) and number > self._begun:
+            await self._carry_out(session, 0, request, frozenset())
+        return True
 
     async def _ask(self, session: ClientSession, request: Request) -> tuple[int, bytes]:
-        method, path, fields = request
+        method, path, fields, _ = request
         query, form = (fields, None) if method == "GET" else (None, fields)
         url = self._server + path
         async with session.request(method, url, params=query, data=form, allow_redirects=False) as answer:
@@ -150,12 +182,12 @@ class HttpWire:
         await session.close()
 
 
-def prepared(url: str, dialect: Dialect, line: bytes) -> bytes:
-    """Return the bytes of an order (PUT), for a process without an HTTP library."""
-    method, path, fields = dialect.request(line)
-    body = urlencode(fields)
+def written(url: str, request: Request) -> bytes:
+    """Return the bytes of a request whose fields are in its body, for a process without an HTTP library. The server
+    closes the connection after its answer, because it may serve only one at a time."""
+    body = urlencode(request.fields)
     return (
-        f"{method} {path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\n"
+        f"{request.method} {request.path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\nConnection: close\r\n"
         f"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: {len(body)}\r\n\r\n{body}"
     ).encode("ascii")
 

@@ -1,7 +1,7 @@
 """The gateway's side of the watchdog: starts the process, passes it the serial lines, and reports which mounts move.
 
 Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor, or
-``server NUMBER TITLE LOCK HOST PORT``; ``gone NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the
+``server NUMBER TITLE LOCK HOST PORT WHEN``; ``gone NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the
 mount, or ``clear NUMBER COMMAND…`` if it is on a path that was checked; ``rest NUMBER``; and ``beat``. Texts and
 commands are in hexadecimal. The process answers ``stopped NUMBER``. The event loop sends heartbeats only while a mount
 moves; they cost no exchange with the mount.
@@ -203,9 +203,9 @@ class WatchedMount:
         self._descriptor = descriptor
         self.register()
 
-    def reached(self, host: str, port: int) -> None:
-        """Pass the address of the mount's server, which was reached, to the process."""
-        self._server = host, str(port)
+    def reached(self, host: str, port: int, beside: bool) -> None:
+        """Pass the address of the mount's server, which was reached, to the process; whether it may connect before."""
+        self._server = host, str(port), "beside" if beside else "alone"
         self.register()
 
     def closed(self) -> None:

@@ -75,21 +75,21 @@ class Mount:
 
 class ServedMount(Mount):
     """A mount behind a server. Each stop command is a whole request, on a connection of its own: servers may close one
-    after its answer. The first connection is opened beforehand.
+    after its answer. The first connection is opened beforehand if the server answers others ``beside`` an idle one.
     """
 
-    def __init__(self, title: str, lock: str, host: str, port: str) -> None:
+    def __init__(self, title: str, lock: str, host: str, port: str, when: str) -> None:
         super().__init__(title, lock, -1)
-        self.address = host, int(port)
+        self.address, self.beforehand = (host, int(port)), when == "beside"
         self.next: list[_socket.socket] = []
         #: The connections that were used last: to close one could cancel its request.
         self.used: list[_socket.socket] = []
 
-    def get_ready(self) -> None:
+    def get_ready(self, now: bool = False) -> None:
         """Connect, unless there is a connection that the server has not closed meanwhile."""
         if self.next and select.select(self.next, [], [], 0.0)[0]:
             self.next.pop().close()
-        if self.stop and not self.next:
+        if (now or self.beforehand) and self.stop and not self.next:
             family = _socket.AF_INET6 if ":" in self.address[0] else _socket.AF_INET
             made = _socket.socket(family, _socket.SOCK_STREAM)
             try:
@@ -100,7 +100,7 @@ class ServedMount(Mount):
                 made.close()  # it is tried again with the next command
 
     def send(self, command: bytes) -> None:
-        self.get_ready()
+        self.get_ready(now=True)
         try:
             self.next[0].send(command)
         except (IndexError, OSError):
@@ -199,7 +199,7 @@ class Watch:
             self.mounts[number] = Mount(title, lock, descriptors.pop(0))
         elif kind == "server":
             self.drop(number)
-            self.mounts[number] = ServedMount(*(bytes.fromhex(word).decode() for word in words[2:6]))
+            self.mounts[number] = ServedMount(*(bytes.fromhex(word).decode() for word in words[2:7]))
         elif kind == "gone":
             self.drop(number)
         elif number in self.mounts and kind in ("moving", "clear", "rest"):

@@ -7,19 +7,33 @@ import contextlib
 import json
 import os
 import socket
+import threading
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from typing import Any
 
 import pytest
 
+from gateway.app.watchdog.process import ServedMount
 from gateway.protocols.alpaca.driver.reply_rules import AlpacaReplyRules
 from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
 from gateway.protocols.alpaca.http import chain
-from gateway.transport.http_wire import HttpWire
+from gateway.transport.http_wire import HttpWire, written
 
 PATIENCE = 20.0
 Answer = Callable[[bytes, asyncio.StreamWriter], Awaitable[None]]
+
+
+class Watcher:
+    def __init__(self) -> None:
+        self.told: list[tuple[str, int, bool]] = []
+
+    def reached(self, host: str, port: int, beside: bool) -> None:
+        self.told.append((host, port, beside))
+
+    def closed(self) -> None:
+        pass
 
 
 async def value(writer: asyncio.StreamWriter, value: str, status: str = "200 OK", close: bool = False) -> None:
@@ -136,6 +150,109 @@ def test_only_the_newest_request_is_answered_and_an_order_is_never_cancelled() -
     run(program())
 
 
+@pytest.mark.parametrize("newer", [b"put tracking Tracking=true\n", b"put moveaxis Axis=0 Rate=1.5\n"])
+def test_a_stop_is_sent_again_after_the_answer_to_an_order_that_it_has_overtaken(newer: bytes) -> None:
+    """Unless a newer motion has begun, which it would end."""
+    release = asyncio.Event()
+
+    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
+        if b"/slewto" in request:
+            await release.wait()
+        await value(writer, "null")
+
+    async def program() -> None:
+        async with server(answer) as (wire, lines, lost, asked):
+            wire.write(b"put slewtocoordinatesasync RightAscension=1 Declination=1\n")
+            while not asked:
+                await asyncio.sleep(0.01)
+            for order in (b"put abortslew\n", b"put moveaxis Axis=0 Rate=0.0\n", newer):
+                wire.write(order)
+                await lines.get()
+            release.set()
+            await asyncio.sleep(0.1)
+            again = [request.split(b"/")[-1] for request in asked[4:]]
+            assert len(again) == (0 if b"moveaxis" in newer else 2)
+            assert all(request.startswith((b"abortslew", b"moveaxis Axis=0&Rate=0.0")) for request in again)
+            assert lines.empty() and not lost
+
+    run(program())
+
+
+def test_a_stop_on_a_connection_that_the_server_has_closed_is_repeated() -> None:
+    closing = False
+
+    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
+        nonlocal closing
+        closing = not closing
+        if closing:
+            writer.transport.abort()
+        else:
+            await value(writer, "null")
+
+    async def program() -> None:
+        async with server(answer) as (wire, lines, lost, asked):
+            wire.write(b"put moveaxis Axis=1 Rate=0.0\n")
+            assert await lines.get() == b"null\n" and len(asked) == 2 and not lost
+
+    run(program())
+
+
+class OneAtATime(BaseHTTPRequestHandler):
+    """Python's own server: it keeps a connection until the client closes it, and serves no other meanwhile."""
+
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:
+        self.rfile.read(int(self.headers.get("Content-Length", 0)))
+        told = b'{"Value": true, "ErrorNumber": 0}'
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(told)))
+        self.end_headers()
+        self.wfile.write(told)
+        self.server.asked.append(self.path.rpartition("/")[2])  # type: ignore[attr-defined]
+
+    def do_PUT(self) -> None:
+        self.do_GET()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.mark.parametrize("kind", [HTTPServer, ThreadingHTTPServer])
+def test_a_server_that_serves_one_connection_at_a_time_is_not_locked_by_an_idle_one(kind: type[HTTPServer]) -> None:
+    alone = kind is HTTPServer
+
+    async def program(url: str, asked: list[str]) -> None:
+        watcher, lines = Watcher(), asyncio.Queue[bytes]()
+        wire = HttpWire(url, TelescopeHttp(url), watcher)
+        await wire.open(lines.put_nowait, lambda reason: None)
+        host, port, beside = watcher.told[0]
+        assert beside is not alone
+        mount = ServedMount("pier", "", host, str(port), "alone" if alone else "beside")
+        mount.stop = [written(url, TelescopeHttp(url).request(order)) for order in (b"put abortslew", b"put park")]
+        mount.get_ready()
+        assert len(mount.next) == (0 if alone else 1)
+        for _ in range(2):
+            wire.write(b"get altitude\n")
+            assert await lines.get() == b"true\n"
+        for command in mount.stop:
+            await asyncio.to_thread(mount.send, command)
+        while asked[-2:] != ["abortslew", "park"]:
+            await asyncio.sleep(0.01)
+        wire.write(b"get azimuth\n")
+        assert await lines.get() == b"true\n"
+        mount.close()
+        await wire.close()
+
+    with kind(("127.0.0.1", 0), OneAtATime) as serving:
+        serving.asked = asked = []  # type: ignore[attr-defined]
+        thread = threading.Thread(target=serving.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+        thread.start()
+        run(program(f"http://127.0.0.1:{serving.server_port}", asked))
+        serving.shutdown()
+        thread.join(PATIENCE)
+
+
 def test_a_server_that_cannot_be_reached_says_why() -> None:
     async def program() -> None:
         with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -216,14 +333,7 @@ def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept_one_i
 
 
 def test_the_watcher_is_told_the_address_at_which_the_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Watcher:
-        def reached(self, host: str, port: int) -> None:
-            reached.append((host, port))
-
-        def closed(self) -> None:
-            pass
-
-    reached: list[tuple[str, int]] = []
+    watcher = Watcher()
 
     async def program() -> None:
         async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -240,10 +350,10 @@ def test_the_watcher_is_told_the_address_at_which_the_server_listens(monkeypatch
         port = listening.sockets[0].getsockname()[1]
         monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", both)
         url = f"http://localhost:{port}"
-        wire = HttpWire(url, TelescopeHttp(url), Watcher())
+        wire = HttpWire(url, TelescopeHttp(url), watcher)
         await wire.open(lambda data: None, lambda reason: None)
         await wire.close()
         listening.close()
-        assert reached == [("127.0.0.1", port)]
+        assert watcher.told == [("127.0.0.1", port, True)]
 
     run(program())

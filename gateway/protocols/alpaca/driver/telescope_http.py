@@ -23,6 +23,8 @@ OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
 DESCRIPTION = "/management/v1/description"
 #: ASCOM's numbers for "not implemented" and for everything else.
 NOT_IMPLEMENTED, UNSPECIFIED = 0x400, 0x500
+#: How the members begin that set the mount moving.
+BEGINS = ("slewto", "moveaxis", "park", "findhome")
 #: The longest text of an error, letters.
 LONGEST = 600
 #: How old ASCOM drivers number errors: 0x80040400 is 0x400.
@@ -57,8 +59,10 @@ class TelescopeHttp:
         for word in words:
             name, _, value = word.partition("=")
             fields[name] = value.capitalize() if value in ("true", "false") else unquote(value)
+        ends = member == "abortslew" or (member == "moveaxis" and not float(fields["Rate"]))
+        moves = False if ends else True if verb == "put" and member.startswith(BEGINS) else None
         numbers = {"ClientID": str(self._client), "ClientTransactionID": str(next(self._requests) % 2**32)}
-        return Request(verb.upper(), self._path + member, fields | numbers)
+        return Request(verb.upper(), self._path + member, fields | numbers, moves)
 
     def reply(self, status: int, body: bytes) -> bytes:
         if status != OK:

@@ -81,9 +81,9 @@ class SimulatedAlpaca(Telescope):
 
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
         if frame.startswith((b"get ", b"put ")):
-            method, path, fields = self._lines.request(frame)
-            words = urlencode(fields)
-            status, text = self.request(method, f"{path}?{words}", words.encode())
+            asked = self._lines.request(frame)
+            words = urlencode(asked.fields)
+            status, text = self.request(asked.method, f"{asked.path}?{words}", words.encode())
             reply = self._lines.reply(status, text.encode())
         else:
             head, _, body = frame.partition(b"\r\n\r\n")

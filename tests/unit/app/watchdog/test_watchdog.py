@@ -460,7 +460,7 @@ def test_a_server_that_closes_each_connection_gets_every_request() -> None:
 
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
-        mount = ServedMount("pier", "", "127.0.0.1", str(listening.getsockname()[1]))
+        mount = ServedMount("pier", "", "127.0.0.1", str(listening.getsockname()[1]), "beside")
         mount.stop = [b"one", b"two", b"three"]
         mount.get_ready()
         for word in mount.stop:
