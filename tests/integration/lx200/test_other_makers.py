@@ -215,16 +215,17 @@ def test_a_pulse_is_sent_at_a_guide_rate() -> None:
     run(program())
 
 
-@pytest.mark.parametrize(("firmware", "times"), [("10.28g", 957.0), ("4.24s", 60.0), ("3.16o", 60.0)])
-def test_the_speeds_of_the_arrows_are_those_of_its_version(firmware: str, times: float) -> None:
-    """An OnStepX is as fast as its gotos, which it is asked for: 4 degrees a second here."""
+@each("firmware", ["10.28g", "4.24s", "3.16o", "2.22b"])
+def test_the_fastest_arrow_is_as_fast_as_its_gotos(firmware: str) -> None:
+    """Every version tells that speed, 4 degrees a second here; the second fastest is half of it."""
 
     async def program() -> None:
         own = bridge("onstep")
         own.sim.row = {**own.sim.row, "firmware": firmware}
         async with own:
             await own.controller.perform(op.GetIdentity())
-            assert own.driver.speed(op.Rate(name="max")) * 3600.0 / 15.041 == pytest.approx(times, rel=0.01)
+            assert own.driver.speed(op.Rate(name="max")) == pytest.approx(4.0, rel=0.01)
+            assert own.driver.speed(op.Rate(key=8)) == pytest.approx(2.0, rel=0.01)
 
     run(program())
 
@@ -257,6 +258,68 @@ def test_an_arrow_that_is_pressed_again_ends_when_it_is_released() -> None:
                 stood = own.sim.truth()[1]
                 await asyncio.sleep(4.0)
                 assert abs(own.sim.truth()[1] - stood) < 0.01, late
+
+    run(program())
+
+
+@pytest.mark.parametrize("after", [3.0, 8.0, 10.0])
+@pytest.mark.parametrize("error", [b"0", b"1"])
+def test_an_arrow_that_something_else_has_ended_is_not_pressed_again(after: float, error: bytes) -> None:
+    """Its keypad, or a limit of its own, which ends a motion once and tells its number: only its clock is overruled."""
+
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 0.0))
+            await asyncio.sleep(60.0)
+            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
+            await asyncio.sleep(after)
+            own.sim.error = int(error)
+            own.sim.feed(b":Q#")
+            await asyncio.sleep(10.0)
+            pressed = own.sent().count(b":Mn#") == 2
+            assert pressed is (after == 10.0 and error == b"0")  # that is what its own clock looks like
+            assert any("has ended the arrow" in (one.note or "") for one in own.entries) is not pressed
+            assert pressed or not own.driver.moving
+
+    run(program())
+
+
+@pytest.mark.parametrize("arrives", [True, False])
+def test_a_search_for_home_by_switches_ends_when_its_letters_say_so(arrives: bool) -> None:
+    """It is a motion by hand to OnStep: no bars, no goto. An order that it ignores is not told as done."""
+
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            usual = own.sim.letters
+            own.sim.letters = lambda: usual().replace(b"p", b"Np").replace(b"NN", b"N")
+            answering(own, {b":D#": b"#"} if arrives else {b":hC#": b"", b":D#": b"#"})
+            await own.controller.perform(op.Goto((own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0, 0.0))
+            await asyncio.sleep(60.0)
+            await own.controller.perform(op.Home())
+            await asyncio.sleep(5.0)
+            assert (await own.controller.read_now(op.HomeState()) == 2) is arrives
+            assert bool(await own.controller.read_now(op.Slewing())) is arrives is own.sim.homing
+            await asyncio.sleep(90.0)
+            assert await own.controller.read_now(op.HomeState()) == int(arrives)
+            assert any("is not at its home" in (one.note or "") for one in own.entries) is not arrives
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(model: str) -> None:
+    async def program() -> None:
+        own = bridge(model)
+        own.sim.feed(b":Td#")
+        usual, lost = own.sim._answer, [own.driver.protocol.of(model).other.facts["status"]["command"]] * 2
+        own.sim._answer = lambda frame, later: (
+            b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
+        )
+        async with own:
+            await own.controller.perform(op.GetIdentity())
+            status = await own.controller.read_now(op.GetStatus())
+            assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
 
     run(program())
 

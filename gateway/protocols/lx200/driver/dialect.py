@@ -1,7 +1,7 @@
 """What a controller of another maker tells of itself, by the facts of its dialect's file.
 
 Its state comes in one reply, which serves all that is asked of it at about the same time; an order makes it stale. Some
-of its speeds are asked for. An arrow that it ends by itself is pressed again, because nobody has released it.
+of its speeds are asked for. An arrow that its clock has ended is pressed again, because nobody has released it.
 """
 
 from __future__ import annotations
@@ -9,16 +9,18 @@ from __future__ import annotations
 import contextlib
 from typing import Any
 
+from msgspec.structs import replace
+
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import Operation
-from gateway.protocols.base.driver import Schedule, Send, Steps
+from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.lx200.driver.speeds import SPEEDS
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Told, ask
 
 #: Seconds for which a reply serves further questions; an order makes it stale at once.
 SHARED = 2.5
 #: Seconds from an arrow to the look whether it moves the mount, and between two further looks.
-LOOK_FIRST, LOOK_AGAIN = 1.5, 2.0
+LOOK_FIRST, LOOK_AGAIN = 1.25, 2.0
 
 
 def tell(mount: Lx200Driver) -> Steps:
@@ -52,6 +54,8 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
         build=next((letter for name, letter in builds.items() if has(name)), None),
         side=next((letter for name, letter in sides.items() if has(name)), None),
         moves=has("moves"),
+        slews=has("seeks") or not has("goto-not"),
+        fault=tail[-1:] != "0",
     )
 
 
@@ -76,9 +80,6 @@ def learn_speeds(mount: Lx200Driver) -> Steps:
                 said[command] = yield from _number(mount, command)
             if (number := said[command]) is not None:
                 mount.own_speeds[name] = number * times * SPEEDS["RG"]
-    older = mount.dialect.get("older", {})
-    if mount.firmware.startswith(tuple(older.get("versions", ()))):
-        mount.own_speeds |= {name: times * SPEEDS["RG"] for name, times in older["speeds"].items()}
     rates = mount.dialect["pulses"]["rates"]
     if not mount.guide_rate_chosen:
         own = mount.pulse_rate if mount.pulse_rate in rates else str(rates[-1])
@@ -97,26 +98,39 @@ def _number(mount: Lx200Driver, command: str) -> Steps:
 
 
 class KeepOn(Operation, frozen=True):
-    """Internal: see whether the arrow of this axis still moves the mount."""
+    """Internal: see whether the arrow of this axis, pressed then, still moves the mount, as it was last seen to do."""
 
     axis: int
+    pressed: float
+    seen: float
 
 
 def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
     """Look later whether an arrow moves the mount, if the controller ends one by itself."""
     if "arrows" in mount.dialect and mount.tells_status:
-        yield Schedule(LOOK_FIRST, KeepOn(axis))
+        yield Schedule(LOOK_FIRST, KeepOn(axis, mount.now(), mount.now()))
 
 
 def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
-    """Press an arrow again that nobody has released and that does not move the mount any more."""
-    letter = mount.moving.get(operation.axis)
+    """Press an arrow again that nobody has released and that the controller's clock has ended.
+
+    One that ends at another time has met a limit, or somebody at its keypad: it is not begun again.
+    """
+    axis, letter = operation.axis, mount.moving.get(operation.axis)
     if not letter:
         return
     mount.told = None
-    moves = (yield from tell(mount)).moves
-    if not moves and mount.moving.get(operation.axis) == letter and mount.arrow_rate is not None:
+    told = yield from tell(mount)
+    if mount.moving.get(axis) != letter or mount.arrow_rate is None:  # somebody has released it meanwhile
+        return
+    ends = operation.pressed + mount.dialect["arrows"]["end"]
+    if told.moves:
+        yield Schedule(LOOK_AGAIN, replace(operation, seen=mount.now()))
+    elif told.fault or not operation.seen < ends < mount.now():
+        del mount.moving[axis]
+        yield Remark("the mount has ended the arrow, by a limit of its own or at its keypad: it is not pressed again")
+    else:
         yield from ask(mount, mount.arrow_rate)
-        if mount.moving.get(operation.axis) == letter:  # nobody has released it meanwhile
+        if mount.moving.get(axis) == letter:
             yield from ask(mount, f"M{letter}")
-    yield Schedule(LOOK_AGAIN, operation)
+            yield from watch_arrow(mount, axis)

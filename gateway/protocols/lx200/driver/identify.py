@@ -23,6 +23,8 @@ TIMES, AT_LEAST = 2.0, 0.6
 UNKNOWN = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
 #: Seconds between two positions that show whether a mount with bars moves.
 STILL = 1.0
+#: How often another maker's mount is asked for its state: without it, it would be taken for another kind of mount.
+ASKED_FOR_STATE = 3
 #: The length of a right ascension in high precision.
 HIGH = len("HH:MM:SS#")
 
@@ -51,7 +53,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if letter is not None:
         _learn_letter(mount, letter["mode"])
         mount.land = letter["mode"] == "L"
-    product = yield from _name(mount)
+    product = yield from _insist(mount, "GVP", 1 if mount.named_model is not None else 3 if mount.product else 2)
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
         mount.take_for((yield from _model(mount, mount.product)))
@@ -59,7 +61,8 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if product:
         firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
-        mount.tells_status = (yield from _probe(mount, mount.status_command)) is not None
+        times = ASKED_FOR_STATE if mount.dialect else 1
+        mount.tells_status = (yield from _insist(mount, mount.status_command, times)) is not None
     mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
     if mount.dialect:
         yield from learn_speeds(mount)
@@ -93,14 +96,14 @@ def _see_whether_pushed(mount: Lx200Driver) -> Steps:
         yield Remark(PUSHED)
 
 
-def _name(mount: Lx200Driver) -> Steps:
-    """:GVP, repeated if the model depends on it, because replies may be lost; more often if it had a name before."""
-    product = yield from _probe(mount, "GVP")
-    for _ in range(0 if mount.named_model is not None else 2 if mount.product else 1):
-        if product is None:
-            mount.mute -= {"GVP"}
-            product = yield from _probe(mount, "GVP")
-    return product
+def _insist(mount: Lx200Driver, command: str, times: int) -> Steps:
+    """Send a question on whose answer all depends, several times, because replies may be lost."""
+    answer = None
+    for _ in range(times):
+        if answer is None:
+            mount.mute -= {command}
+            answer = yield from _probe(mount, command)
+    return answer
 
 
 def _probe(mount: Lx200Driver, command: str, unverified: bool = False) -> Steps:

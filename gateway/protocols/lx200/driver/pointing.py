@@ -110,12 +110,13 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
         return True
     mount.goto = None
     mount.parked = state.then == "park"
-    if mount.parked and mount.dialect and mount.tells_status:
+    if state.then and mount.dialect and mount.tells_status:
         mount.told = None
         told = yield from tell(mount)
         mount.parked = told.parked
-        if not told.parked:
-            yield Remark("the mount has not parked: it stands still, and reports that it is not parked")
+        if not (told.parked if state.then == "park" else told.home):
+            place = "parked" if state.then == "park" else "at its home"
+            yield Remark(f"the mount stands still, and reports that it is not {place}")
     return False
 
 
@@ -164,7 +165,12 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
 
 
 def _bars(mount: Lx200Driver) -> Steps:
-    """:D -> whether its bars show that a goto is under way."""
+    """:D -> whether its bars show that a goto is under way; bars do not show a search for home by switches."""
+    if mount.goto is not None and mount.goto.then and mount.dialect and mount.tells_status:
+        mount.told = None
+        told = yield from tell(mount)
+        if told.slews is not None:
+            return told.slews or told.moves
     return bool((yield from ask(mount, "D"))["bars"].strip())
 
 

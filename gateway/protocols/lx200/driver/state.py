@@ -58,8 +58,9 @@ class GotoState(GotoUnderWay):
 
 
 class Told(Struct, frozen=True):
-    """What a mount of another maker tells of itself. ``moves``: an arrow or a pulse. ``build`` is a Meade's letter for
-    the mounting, ``side`` that of the pier, or None.
+    """What a mount of another maker tells of itself. ``moves``: an arrow or a pulse; ``slews``: a goto, or a search for
+    home by switches, None if it does not tell that. ``build`` is a Meade's letter for the mounting, ``side`` that of
+    the pier, or None; ``fault``: a limit of its own, or an error.
     """
 
     tracks: bool
@@ -68,6 +69,8 @@ class Told(Struct, frozen=True):
     build: str | None
     side: str | None = None
     moves: bool = False
+    slews: bool | None = None
+    fault: bool = False
 
 
 class Lx200Driver(Driver):

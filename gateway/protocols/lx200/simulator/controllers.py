@@ -59,8 +59,7 @@ class Controller(SimulatedLx200):
     @property
     def older(self) -> bool:
         """Whether it is an OnStep before OnStepX."""
-        assert self.protocol.other is not None
-        return str(self.row["firmware"]).startswith(tuple(self.protocol.other.facts["older"]["versions"]))
+        return str(self.row["firmware"])[:2] in ("2.", "3.", "4.")
 
     def power_on(self) -> None:
         super().power_on()
