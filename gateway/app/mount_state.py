@@ -141,11 +141,9 @@ class MountState(Struct, frozen=True, dict=True):
 
     def _allowed(self) -> Iterator[str]:
         limits = self.policy.limits
-        yield f"altitude {limits.lowest:g}° to {limits.highest:g}°{', narrowed by a page' * limits.by_page}"
-        if limits.sun > 0.0:
-            yield f"no nearer to the Sun than {limits.sun:g}°"
-        if limits.hour_angle is not None:
-            yield f"no more than {limits.hour_angle / 15.0:g} h past the meridian"
+        yield from limits.words()
+        if limits.by_page:
+            yield "narrowed by a page of the console, until the gateway ends"
         yield f"syncs of up to {limits.sync:g}°"
         if self.look.held:
             yield "held: nothing moves it until mount-gateway stop --release"

@@ -133,10 +133,15 @@ class TellGuideRate(Base, frozen=True, tag="guide rate"):
 
 
 class Narrow(Base, frozen=True, tag="narrow"):
-    """Narrow the altitude limits until the gateway ends; None: as the configuration has it."""
+    """Narrow the limits of altitude, nearness to the Sun and hour angle past the meridian until the gateway ends.
+
+    None: as the configuration has it.
+    """
 
     lowest: Annotated[float, Meta(ge=-90.0, le=90.0)] | None = None
     highest: Annotated[float, Meta(ge=-90.0, le=90.0)] | None = None
+    sun: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None
+    hour_angle: Annotated[float, Meta(gt=0.0, le=180.0)] | None = None
 
 
 class Look(Struct, frozen=True, tag="look"):

@@ -26,7 +26,7 @@ from gateway.mount.motion.changes import ended_short
 from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Announce, Reconciler
-from gateway.mount.policy import Policy
+from gateway.mount.policy import Limits, Policy
 from gateway.mount.presence import NOBODY, HostActivity, Presence, Program
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.poller import Poller
@@ -147,11 +147,13 @@ class MountController:
     def policy(self) -> Policy:
         return self.context.policy
 
-    def narrow(self, lowest: float | None, highest: float | None) -> None:
-        """Narrow the owner's altitude limits until the gateway ends; None: as the owner has them. Raises Invalid."""
-        limits = self.owners_limits.narrowed_by_page(lowest, highest)
+    def narrow(self, **asked: float | None) -> Limits:
+        """Narrow the owner's limits until the gateway ends; None: as the owner has them. Raises Invalid."""
+        limits = self.owners_limits.narrowed_by_page(**asked)
         self.context.policy = replace(self.policy, limits=limits)
-        self.watch.narrow(limits.lowest, limits.highest)
+        self.suns.narrow(limits.sun)
+        self.watch.narrow(limits.lowest, limits.highest, limits.hour_angle)
+        return limits
 
     @property
     def moving(self) -> bool:

@@ -6,6 +6,8 @@ is allowed (with an arcsecond for rounding), and a motion that leads out of a fo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -33,22 +35,42 @@ class Limits(Struct, frozen=True):
     at_keys: tuple[float, float] = (-90.0, 90.0)
     by_page: bool = False
 
-    def narrowed(self, lowest: float | None, highest: float | None) -> Limits:
-        """Return these limits, made tighter for one client, never wider."""
+    def narrowed(
+        self,
+        lowest: float | None = None,
+        highest: float | None = None,
+        sun: float | None = None,
+        hour_angle: float | None = None,
+    ) -> Limits:
+        """Return these limits, made tighter, never wider."""
+        angles = [angle for angle in (self.hour_angle, hour_angle) if angle is not None]
         return replace(
             self,
             lowest=self.lowest if lowest is None else max(self.lowest, lowest),
             highest=self.highest if highest is None else min(self.highest, highest),
+            sun=max(self.sun, sun or 0.0),
+            hour_angle=min(angles, default=None),
         )
 
-    def narrowed_by_page(self, lowest: float | None, highest: float | None) -> Limits:
+    def narrowed_by_page(self, **asked: float | None) -> Limits:
         """Return these limits, made tighter by a page for all clients. Raises Invalid."""
-        limits = self.narrowed(lowest, highest)
-        if lowest not in (None, limits.lowest) or highest not in (None, limits.highest):
-            raise Invalid(f"The configuration allows {self.lowest:g} to {self.highest:g} degrees; a page narrows that.")
+        limits = self.narrowed(**asked)
+        if any(value not in (None, getattr(limits, name)) for name, value in asked.items()):
+            raise Invalid(f"The configuration allows {self}; a page narrows that.")
         if limits.lowest >= limits.highest:
             raise Invalid("Nothing would be allowed: the lowest altitude must be below the highest.")
         return replace(limits, by_page=limits != self)
+
+    def words(self) -> Iterator[str]:
+        """Yield what is allowed."""
+        yield f"altitude {self.lowest:g}° to {self.highest:g}°"
+        if self.sun > 0.0:
+            yield f"no nearer to the Sun than {self.sun:g}°"
+        if self.hour_angle is not None:
+            yield f"no more than {self.hour_angle / 15.0:g} h past the meridian"
+
+    def __str__(self) -> str:
+        return ", ".join(self.words())
 
     def check_altitude(self, altitude: float) -> None:
         """Check an altitude. Raises BelowHorizon or TooHigh."""

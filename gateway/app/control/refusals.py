@@ -32,9 +32,9 @@ MEANS: tuple[tuple[type[Fault] | tuple[type[Fault], ...], str], ...] = (
     (errors.Busy, "Ask again in a moment."),
 )  # fmt: skip
 #: The explanation of a refusal by limits that a page has narrowed.
+NARROWED = errors.BelowHorizon | errors.TooHigh | errors.WayBlocked | errors.NearSun | errors.PastMeridian
 BY_PAGE = (
-    "A page of the console allows {limits.lowest:g} to {limits.highest:g} degrees until the gateway ends; it can take "
-    "that back under More."
+    "A page of the console has narrowed the limits until the gateway ends ({limits}); it can take that back under More."
 )
 #: The explanation of an ``Unsupported`` without words of its own.
 UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
@@ -45,7 +45,7 @@ def explain(fault: Fault, limits: Limits) -> str:
     if fault.brief:
         return str(fault)  # it says what to do
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
-    if limits.by_page and isinstance(fault, errors.BelowHorizon | errors.TooHigh | errors.WayBlocked):
+    if limits.by_page and isinstance(fault, NARROWED):
         means = BY_PAGE
     if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:
         means = UNSUPPORTED

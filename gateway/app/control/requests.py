@@ -183,8 +183,9 @@ class RequestHandler:
                 await self._controller.perform(op.SetClock(request.unix, request.offset), None, active.activity)
                 return "the time is set"
             case requests.TellSite():
+                holds = self._controller.settings.holds_for()
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
-                return "the site is set"
+                return f"the site is set; it holds for {holds}" if holds else "the site is set"
             case requests.Guide():
                 await self._perform(op.Pulse(request.direction, request.ms, sky=True), active)
                 return f"it was guided {request.direction.word} for {request.ms} ms"
@@ -193,9 +194,8 @@ class RequestHandler:
                     await self._controller.perform(op.SetGuideRate(axis, request.rate), None, active.activity)
                 return f"the guide rate is {request.rate:g} of sidereal"
             case requests.Narrow():
-                self._controller.narrow(request.lowest, request.highest)
-                limits = self._controller.policy.limits
-                return f"altitudes from {limits.lowest:g}° to {limits.highest:g}° are allowed"
+                asked = {name: getattr(request, name) for name in ("lowest", "highest", "sun", "hour_angle")}
+                return f"allowed now: {self._controller.narrow(**asked)}"
             case requests.Unpark():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
                 return "it is in service again, and tracks"

@@ -43,12 +43,17 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
-        "own_limits": [controller.owners_limits.lowest, controller.owners_limits.highest],
+        "own_limits": str(controller.owners_limits),
         **_abilities(controller, status),
     }  # fmt: skip
     here = None if look.position is None else coordinates(controller, look.position, state.over)
     position = {"position": here and {**here, "age": round(look.age, 1)}}
-    yield {**position, **_sky(controller, state), **_site_and_clock(state)}
+    yield {
+        **position,
+        **_sky(controller, state),
+        **_site_and_clock(state),
+        "site_holds": controller.settings.holds_for(),
+    }
     yield _goal(controller, state, here)
 
 

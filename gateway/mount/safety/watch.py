@@ -118,9 +118,9 @@ class LimitWatch:
         ordered = any(isinstance(order.operation, MOVING) for order in wanted.value.pending)
         return self._clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
 
-    def narrow(self, lowest: float, highest: float) -> None:
+    def narrow(self, lowest: float, highest: float, past: float | None) -> None:
         """Apply tighter limits to the motion under way, too; wider ones apply to the next."""
-        self._limits = self._limits if self._at_own_park else self._limits.narrowed(lowest, highest)
+        self._limits = self._limits if self._at_own_park else self._limits.narrowed(lowest, highest, None, past)
 
     # --- events -----------------------------------------------------------------------------------------------------
 

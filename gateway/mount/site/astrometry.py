@@ -199,6 +199,11 @@ class SunAvoidance:
     def _outdated(self, _: None) -> None:
         self._until = float("-inf")
 
+    def narrow(self, limit: float) -> None:
+        """Keep another distance from now on: distances cannot be compared with those before if none was kept."""
+        self.limit, self._until, self._up, self.own = limit, float("-inf"), [], 0
+        self.era += 1
+
     def up(self) -> list[Sun]:
         """Return every Sun to be avoided now."""
         if not self.limit:

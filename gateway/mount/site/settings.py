@@ -23,7 +23,7 @@ from gateway.mount.readings.reader import FIRST_ANSWER
 from gateway.mount.site.pending_settings import Setting, kind_of
 from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import GPS_SEARCH
+from gateway.mount.site.site_clock import CONFIGURED, GPS, GPS_SEARCH, MOUNT
 
 #: Seconds that one half of a site waits for the other.
 HALF_SITE = 2.0
@@ -116,6 +116,20 @@ class SiteAndClock:
         if self._read_by(program).site() is not None:  # otherwise it may never become a site: nothing waits for it
             self._context.incoming.expect(program, self._context.now() + HALF_SITE)
         asyncio.get_running_loop().call_later(HALF_SITE, self.complete, program)
+
+    def holds_for(self) -> str:
+        """Say for whom a site would hold that a person sets now, who reads none by a program; empty if not known."""
+        context, sites = self._context, self._context.sources.sites()
+        status: op.Status | None = context.cache.value(op.GetStatus)
+        if status is None or not context.known.is_set():
+            return ""
+        never = context.policy.site_time == "never" or context.driver.impossible(op.SetSite(0.0, 0.0)) is not None
+        if not never and self.sync.takes(status):
+            return "everyone: this mount takes it"
+        if sites and sites[0].source in (MOUNT, GPS, CONFIGURED):
+            why = "takes none" if never else "is aligned and gets none"
+            return f"nobody: this mount {why}, and the site told by {sites[0].source} counts"
+        return "everyone, as long as neither the mount nor the configuration tells one"
 
     async def _has_own_site(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
         """Whether the mount still has its ``own`` site, from before clients selected ``others``, or it is unknown."""

@@ -241,12 +241,12 @@ class SyncSettings:
         """Whether policy and alignment allow setting the mount's site and clock. Raises Fault."""
         if self._context.policy.site_time == "never":
             return False
-        status = await self._reader.read(op.GetStatus())
-        return (
-            not status.aligned
-            or self._driver.takes_site_aligned
-            or (self._context.policy.site_time == "always" and not self._driver.loses_alignment)
-        )
+        return self.takes(await self._reader.read(op.GetStatus()))
+
+    def takes(self, status: op.Status) -> bool:
+        """Whether a mount in this state may be set a site and clock, unless that is never to be done."""
+        driver, policy = self._driver, self._context.policy.site_time
+        return not status.aligned or driver.takes_site_aligned or (policy == "always" and not driver.loses_alignment)
 
     async def _should_send(self, setting: Setting) -> bool:
         """Whether to send it. If policy or alignment forbid it, it is kept in the gateway and logged. Raises Fault."""

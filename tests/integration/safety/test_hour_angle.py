@@ -29,22 +29,25 @@ def notes(bridge: Any) -> list[str]:
     return [entry.note for entry in bridge.entries if entry.arrow == "!"]
 
 
-@pytest.mark.parametrize("version", [None, "3.01", "4.10"])
+@pytest.mark.parametrize(("version", "owner"), [(None, 0.2), (None, None), ("3.01", 0.2), ("4.10", 0.2)])
 @pytest.mark.safety_line(5)
-def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(version: str | None) -> None:
-    """Before 4.15 it tells by its declination axis on which side of the pier its tube is."""
+def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(version: str | None, owner: float | None) -> None:
+    """Before 4.15 it tells by its declination axis on which side of the pier its tube is. Without a limit of the
+    owner's a page sets one while the mount tracks."""
 
     async def program() -> None:
-        async with Bridge("cge", version, config={"hour_angle_limit": 0.2}) as bridge:
+        async with Bridge("cge", version, config={"hour_angle_limit": owner}) as bridge:
             client = bridge.client()
             assert await client.ask(EAST, until=b"110") == b"110"
             await settle(client)
+            if owner is None:
+                bridge.controller.narrow(hour_angle=3.0)
             assert version is not None or bridge.sim.feed(b"p") == b"W#"
             await asyncio.sleep(720)  # 9 minutes past it
             assert bridge.sim.tracking
             await asyncio.sleep(360)
             assert not bridge.sim.tracking
-            past = [note for note in notes(bridge) if "hour angle" in note]
+            past = [note for note in notes(bridge) if "switched off at the hour angle" in note]
             assert past == ["tracking was switched off at the hour angle limit (0.20 hours past the meridian)"]
             for there in (WEST, FAR_EAST):  # it changes sides: no goto ends against the pier
                 assert await client.ask(there, until=b"110") == b"110"

@@ -119,6 +119,27 @@ def test_a_german_mount_goes_through_the_pole_and_not_straight() -> None:
     run(program())
 
 
+def test_a_distance_that_a_page_asks_for_holds_for_the_motion_under_way_and_can_be_taken_back() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", start=JUNE, latency=0.05, config={"sun": 0.0}) as bridge:
+            client, controller = bridge.client(), bridge.controller
+            client.tell(b":RS#:Me#")
+            await asyncio.sleep(1.0)
+            for wanted in (25.0, None, 25.0):
+                controller.narrow(sun=wanted)
+                await asyncio.sleep(0.8)
+            assert 25.0 <= await nearest(bridge, 60) < 35.0
+            assert not controller.moving
+            controller.narrow()
+            client.tell(b":Me#")
+            assert await nearest(bridge, 10, done=lambda: distance(bridge) < 24.0) < 24.0
+            controller.narrow(sun=25.0)
+            await asyncio.sleep(2.0)
+            assert not controller.moving
+
+    run(program())
+
+
 @pytest.mark.parametrize(("latency", "rate"), [(0.05, b":RS#"), (0.2, b":RS#"), (0.2, b":RM#")])
 @pytest.mark.safety_line(4)
 def test_motion_by_hand_stops_before_the_circle_and_goes_back(latency: float, rate: bytes) -> None:

@@ -327,6 +327,20 @@ def test_a_mount_that_has_come_to_rest_after_a_stop_is_not_moved_by_hand(driven:
         run(program(3.0 + 0.13 * step))
 
 
+def test_an_hour_angle_that_a_page_narrows_holds_for_the_motion_under_way() -> None:
+    async def program() -> None:
+        async with Bridge("cge", config={"hour_angle_limit": 4.0}, latency=0.02) as bridge:
+            client = bridge.client()
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Mw#")
+            await asyncio.sleep(1.0)
+            bridge.controller.narrow(hour_angle=20.0)
+            await asyncio.sleep(30.0)  # it began 90 degrees before the meridian, with 4.5 degrees a second
+            assert any("stopped at the hour angle limit" in note for note in notes(bridge))
+
+    run(program())
+
+
 def test_limits_that_a_page_narrows_hold_for_the_motion_under_way() -> None:
     async def program() -> None:
         async with Bridge("cge", config={"lowest": 10.0}, latency=0.02) as bridge:
@@ -335,7 +349,7 @@ def test_limits_that_a_page_narrows_hold_for_the_motion_under_way() -> None:
             client.tell(b":RS#:Ms#")
             await asyncio.sleep(1.0)
             lowest = altitude(bridge) - 4.0
-            bridge.controller.narrow(lowest, None)
+            bridge.controller.narrow(lowest=lowest)
             await asyncio.sleep(10.0)
             assert any("stopped at the altitude limit" in note for note in notes(bridge))
             assert altitude(bridge) > lowest - 1.5 > 11.0

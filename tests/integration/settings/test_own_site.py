@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gateway.core import operations as op
+from gateway.core import requests
 from gateway.diagnostics.virtual_time import run
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -212,5 +214,34 @@ def test_a_meade_has_its_own_site_again_too(model: str) -> None:
             await asyncio.sleep(10)
             assert await place(client) == own == b"+45*00#-010*00#"
             assert [sent for sent in bridge.sent() if sent.startswith(b":St")][-1] == b":St+45*00#"
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("mount", "config", "aligned", "holds"),
+    [
+        ("cpc", {}, True, "nobody: this mount is aligned and gets none, and the site told by the mount counts"),
+        ("cpc", {}, False, "everyone: this mount takes it"),
+        ("cpc", {"site_time": "never"}, False, "nobody: this mount takes none, and the site told by the mount counts"),
+        ("cpc", {"site_time": "always"}, True, "everyone: this mount takes it"),
+        ("nexstar-gps/1.2", {}, True, "everyone, as long as neither the mount nor the configuration tells one"),
+    ],
+)
+def test_it_is_told_for_whom_a_site_of_a_page_holds(
+    mount: str, config: dict[str, Any], aligned: bool, holds: str
+) -> None:
+    """And every other program reads the site then, or not."""
+
+    async def program() -> None:
+        model, _, version = mount.partition("/")
+        async with Bridge(model, version or "4.21", config=config, aligned=aligned) as bridge:
+            other = bridge.client()
+            await other.ask(b":GR#", until=b"#")
+            request = requests.TellSite(40.0, 20.0, number="1", who="the console at 10.0.0.5")
+            answer = await bridge.gateway.request_handler.take(request)
+            assert answer.done and answer.words.startswith(f"the site is set; it holds for {holds}")
+            await asyncio.sleep(5)
+            assert (await place(other) == b"+40*00#-020*00#") == holds.startswith("everyone")
 
     run(program())

@@ -1,4 +1,4 @@
-"""The clock of this device goes to the mount with one tap, and so does a pasted place; one that is none is refused."""
+"""Settings from the page: this device's clock in one tap, a pasted place, narrower limits; what is none is refused."""
 
 from __future__ import annotations
 
@@ -23,3 +23,27 @@ def test_a_place_that_is_pasted(visit: Callable[..., Visit]) -> None:
         page.page.press("#ask-site", "Enter")
         page.until("it is answered in words", lambda words=answer: page.text("#notices").startswith(words))
     assert "site = [45.001, 10.001]" in page.text("#notices"), "what to write into gateway.toml"
+    assert "holds for nobody: this mount is aligned and gets none" in page.text("#notices")
+
+
+def test_limits_are_narrowed_and_taken_back(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("more")
+
+    def narrow(name: str, value: str) -> str:
+        page.page.get_by_role("button", name="Narrow the limits…").click()
+        assert not page.page.locator("#ask-hour_angle").count(), "an alt-azimuth mount has no such limit"
+        page.page.fill(f"#ask-{name}", value)
+        page.page.evaluate("document.getElementById('notices').replaceChildren()")
+        page.page.press(f"#ask-{name}", "Enter")
+        page.until("it is answered", lambda: page.text("#notices") != "")
+        return page.text("#notices")
+
+    assert "lowest = 5, highest = 90, sun = 0" in narrow("lowest", "5"), "wider ones are written down"
+    assert narrow("sun", "far").startswith("Write numbers")
+    assert "no nearer to the Sun than 30°" in narrow("sun", "30")
+    page.until(
+        "it says how to keep them", lambda: "gateway.toml: lowest = 10, highest = 90, sun = 30" in page.text("#more")
+    )
+    page.page.get_by_role("button", name="As configured").click()
+    page.until("they are as before", lambda: "To keep these" not in page.text("#more"))

@@ -337,16 +337,26 @@ def test_tracking_time_and_site_are_set_as_programs_set_them(tmp_path: Path) -> 
 
 def test_limits_are_narrowed_from_a_page_and_taken_back(tmp_path: Path) -> None:
     async def work() -> None:
-        async with opened(tmp_path, lowest=10.0) as there, there.page() as page:
+        async with opened(tmp_path, lowest=10.0, hour_angle_limit=3.0) as there, there.page() as page:
             low = {"ra": page.mount["position"]["ra2000"], "dec": page.mount["position"]["dec2000"], "j2000": True}
-            wider = await page.ask("narrow", lowest=5.0)
-            assert not wider["ok"] and "The configuration allows 10 to 90 degrees" in wider["words"]
+            for wider in ({"lowest": 5.0}, {"highest": 80.0, "hour_angle": 60.0}):
+                refused = await page.ask("narrow", **wider)
+                assert (
+                    not refused["ok"]
+                    and "The configuration allows altitude 10° to 90°, no more than 3 h past" in refused["words"]
+                )
             assert not (await page.ask("narrow", lowest=60.0, highest=60.0))["ok"]
             assert (await page.ask("narrow", lowest=80.0))["ok"]
             refused = await page.ask("goto", **low)
-            assert not refused["ok"] and "A page of the console allows 80 to 90 degrees" in refused["words"]
-            await page.until(lambda: page.mount["limits"]["by_page"] and page.mount["own_limits"] == [10.0, 90.0])
-            assert "altitude 80° to 90°, narrowed by a page" in page.mount["allowed"]
+            assert not refused["ok"] and "A page of the console has narrowed the limits" in refused["words"]
+            await page.until(
+                lambda: page.mount["limits"]["by_page"] and page.mount["own_limits"].startswith("altitude 10")
+            )
+            assert "altitude 80° to 90°" in page.mount["allowed"]
+            assert (await page.ask("narrow", sun=30.0, hour_angle=15.0))["words"] == (
+                "allowed now: altitude 10° to 90°, no nearer to the Sun than 30°, no more than 1 h past the meridian"
+            )
+            assert there.gateway.controller.suns.limit == 30.0
             assert (await page.ask("narrow"))["ok"] and (await page.ask("goto", **low))["ok"]
             await page.until(lambda: not page.mount["limits"]["by_page"])
 

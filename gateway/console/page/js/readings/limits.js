@@ -1,4 +1,4 @@
-// The altitude limits: what the configuration allows, and how to narrow that from here until the gateway ends.
+// The limits: what the configuration allows, and how to narrow that from here until the gateway ends.
 
 import { button, el, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
@@ -6,33 +6,45 @@ import { mount, state, subscribe } from "../core/store.js";
 import { answered, notice } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 
-const number = (text) => Number(text.replace(",", ".").replace("−", "-"));
+/** Name, label, key in gateway.toml, and how many degrees its unit has. */
+const LIMITS = [
+  ["lowest", "Lowest altitude, degrees", "lowest", 1],
+  ["highest", "Highest altitude, degrees", "highest", 1],
+  ["sun", "Nearest to the Sun, degrees", "sun", 1],
+  ["hour_angle", "Farthest past the meridian, hours; empty: no limit", "hour-angle-limit", 15],
+];
+const inDegrees = (text, degrees) => (text ? Number(text.replace(",", ".").replace("−", "-")) * degrees : null);
+
+/** The limits that this mount can have: that of the hour angle is for equatorial ones. */
+const offered = () => LIMITS.filter(([name]) => name !== "hour_angle" || mount().equatorial !== false);
+
+/** The lines of gateway.toml for values by name; degrees. */
+const lines = (values) => offered().filter(([name]) => values[name] !== null)
+  .map(([name, , key, degrees]) => `${key} = ${values[name] / degrees}`).join(", ");
 
 async function narrow() {
-  const { limits, own_limits: [low, high] } = mount();
+  const { limits, own_limits } = mount();
   const given = await question({
     title: "Narrow the limits?", yes: "Narrow",
-    words: `For every program, until the gateway ends; the configuration allows ${low}° to ${high}°. To keep other limits, or wider ones, write lowest and highest under [mount] in gateway.toml.`,
-    fields: [{ name: "lowest", label: "Lowest altitude, degrees", value: String(limits.lowest) }, { name: "highest", label: "Highest altitude, degrees", value: String(limits.highest) }],
+    words: `For every program, until the gateway ends. The configuration allows ${own_limits}.`,
+    fields: offered().map(([name, label, , degrees]) => ({ name, label, value: limits[name] === null ? "" : String(limits[name] / degrees) })),
   });
   if (!given) return;
-  const [lowest, highest] = [number(given.lowest), number(given.highest)];
-  if (!(lowest >= low && highest <= high && lowest < highest)) {
-    notice(`From here the limits can only be narrowed. For gateway.toml, under [mount]: lowest = ${given.lowest}, highest = ${given.highest}`, "refused");
-    return;
-  }
-  answered(await ask({ do: "narrow", lowest, highest }));
+  const asked = Object.fromEntries(offered().map(([name, , , degrees]) => [name, inDegrees(given[name], degrees)]));
+  if (Object.values(asked).some(Number.isNaN)) return notice("Write numbers, like 20 or 1.5.", "refused");
+  const answer = await ask({ do: "narrow", ...asked });
+  answered(answer.ok ? answer : { ...answer, words: `${answer.words} Others are written under [mount] in gateway.toml: ${lines(asked)}` });
 }
 
 export function limitsButtons() {
   const hint = el("p", { class: "hint" });
-  const narrows = button("Narrow the altitudes…", narrow);
+  const narrows = button("Narrow the limits…", narrow);
   const back = button("As configured", async () => answered(await ask({ do: "narrow" })));
   subscribe(() => {
-    const seen = mount(), own = seen?.own_limits;
-    back.hidden = !seen?.limits.by_page;
+    const seen = mount(), narrowed = Boolean(seen?.limits.by_page);
+    back.hidden = !narrowed;
     narrows.disabled = back.disabled = !state.act || !seen;
-    say(hint, own && seen.limits.by_page ? `The configuration allows ${own[0]}° to ${own[1]}°.` : "");
+    say(hint, narrowed ? `The configuration allows ${seen.own_limits}. To keep these, write under [mount] in gateway.toml: ${lines(seen.limits)}` : "");
   });
   return [hint, el("div", { class: "buttons" }, narrows, back)];
 }

@@ -39,7 +39,7 @@ async function tellSite() {
   const own = await ownPlace(), now = own ?? mount()?.site;
   const given = await question({
     title: "Where does the mount stand?", yes: "Set the site",
-    words: `${own ? "This is where this device is. " : "Paste or type it, like 48.1, 11.6. "}It counts as a program's: a mount that takes it has it for everyone; an aligned one keeps its own, and only this page reads this one. To keep it for good, write it under [mount] in gateway.toml.`,
+    words: `${own ? "This is where this device is. " : "Paste or type it, like 48.1, 11.6. "}${mount()?.site_holds ? `It would hold for ${mount().site_holds}. ` : ""}To keep it for good, write it under [mount] in gateway.toml.`,
     fields: [{ name: "site", label: "Latitude and longitude in degrees, north and east positive", value: now ? `${now.latitude.toFixed(4)}, ${now.longitude.toFixed(4)}` : "" }],
   });
   if (!given) return;
