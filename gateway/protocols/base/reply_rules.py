@@ -54,7 +54,8 @@ class Replies(Protocol):
     ``protocol`` has the commands of the mount, as far as it is known which dialect it speaks.
     """
 
-    protocol: CommandSet
+    @property
+    def protocol(self) -> CommandSet: ...
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None: ...
 

@@ -18,7 +18,7 @@ from functools import cache
 from gateway.core import errors
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.core.operations import Values
-from gateway.protocols.base.driver import Send
+from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.reply_rules import Expected, answer_kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -118,14 +118,19 @@ class Notation:
 class Lx200ReplyRules:
     """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers.
 
-    ``protocol`` is the dialect of the model that the user has ``named``, or of the one whose name the mount replies.
+    ``protocol`` is the dialect of the ``speaker``, which asks the mount for its name. Without one it is that of the
+    model that the user has ``named``, or of the one whose name the mount replies.
     """
 
     closing = b"#"
 
-    def __init__(self, named: str | None = None) -> None:
-        self._notation, self._named = Notation(), named is not None
-        self.protocol: CommandSet = load("lx200").of(named)
+    def __init__(self, named: str | None = None, speaker: Driver | None = None) -> None:
+        self._notation, self._named, self._speaker = Notation(), named is not None, speaker
+        self._protocol: CommandSet = load("lx200").of(named)
+
+    @property
+    def protocol(self) -> CommandSet:
+        return self._protocol if self._speaker is None else self._speaker.protocol
 
     def expected(self, ask: Send) -> Expected:
         """Return what is known of the reply. ACK has no terminator: some devices read the next command as its rest."""
@@ -173,7 +178,7 @@ class Lx200ReplyRules:
                 return _fault(reply.fault, values, reply.says), length
             self._notation.learn(ask.command, found[0])
             if ask.command == "GVP" and not self._named:
-                self.protocol = load("lx200").of(load("lx200").by_product(values["product"]))
+                self._protocol = load("lx200").of(load("lx200").by_product(values["product"]))
             return {**values, "length": length}, length
         hashes = max(source.count("#") for source in _sources(self.protocol, ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:

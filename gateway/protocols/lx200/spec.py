@@ -20,7 +20,7 @@ from gateway.protocols.base.spec import (
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.driver import FollowUps
+    from gateway.protocols.base.driver import Driver, FollowUps
     from gateway.protocols.base.frames import Framer
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
@@ -44,10 +44,10 @@ def _framing() -> Framer:
     return framing.Framer()
 
 
-def _reply_rules(model: str | None = None) -> ReplyRules:
+def _reply_rules(model: str | None = None, speaker: Driver | None = None) -> ReplyRules:
     from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 
-    return Lx200ReplyRules(model)
+    return Lx200ReplyRules(model, speaker)
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
@@ -83,7 +83,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
         ends.PutBack: ends.restore_rates,
         dialect.KeepOn: dialect.keep_on,
     }
-    return MadeDriver(driver, follow_ups, _reply_rules(settings.model))
+    return MadeDriver(driver, follow_ups, _reply_rules(settings.model, driver))
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:

@@ -97,9 +97,12 @@ class CommandSet:
         return [model for model in self.models if model not in self.dialects]
 
     def by_product(self, product: str) -> str | None:
-        """Return the model with a dialect that calls itself so; None if it is none of them."""
-        named = {model: self.models[model]["product"] for model in self.dialects}
-        return next((model for model, name in named.items() if name and product.startswith(name)), None)
+        """Return the model with a dialect that calls itself so, ``other`` if its name is no maker's that is known; None
+        for a mount of the protocol's own maker.
+        """
+        own = [name for row in self.models.values() for name in row.get("names_begin", ())]
+        named = dict.fromkeys(own) | {self.models[model]["product"]: model for model in self.dialects}
+        return next((model for name, model in named.items() if name and product.startswith(name)), "other")
 
     def of(self, model: str | None) -> CommandSet:
         """Return the tables in the dialect of this model, which are loaded with the first mount that speaks it."""

@@ -349,6 +349,51 @@ def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_not_tell
     run(program())
 
 
+def test_refusals_of_an_unknown_one_are_told_as_such() -> None:
+    """Those of a goto by their forms, that of a sync by the position: each maker has words of its own for it."""
+
+    async def program() -> None:
+        own = bridge("autostar")
+        own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+        replies: dict[bytes, bytes] = {}
+        answering(own, replies)
+        async with own:
+            ra, dec = own.sim.truth()
+            for said in (b"5", b"e5#", b"1Below.#"):
+                replies[b":MS#"], began = said, own.clock()
+                with pytest.raises((Refused, BelowHorizon)):
+                    await own.controller.perform(op.Goto(ra, dec - 20.0))
+                assert own.clock() - began < 2.0, said
+            for said in (b"No object!#", b"e9#", b"Match fail: dist. too large#", b"E6#"):
+                replies[b":CM#"] = said
+                with pytest.raises(Refused, match="did not take the sync"):
+                    await own.controller.perform(op.Sync(ra, dec - 2.0))
+            del replies[b":CM#"]
+            await own.controller.perform(op.Sync(ra, dec - 2.0))
+
+    run(program())
+
+
+def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
+    """Before 1.5.1 it answers neither ACK nor ``:GW#``, and ``:Gm#`` with one hash."""
+
+    async def program() -> None:
+        own = bridge("teenastro")
+        own.sim.row = {**own.sim.row, "firmware": "1.4.19"}
+        answering(own, {b"\x06": b"", b":GW#": b"0", b":Gm#": b"E#"})
+        async with own:
+            identity = await own.controller.perform(op.GetIdentity())
+            assert (identity.product, identity.version, identity.model) == ("TeenAstro", "1.4.19", "other")
+            assert any("does not tell its state" in (one.note or "") for one in own.entries)
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 20.0))
+            await asyncio.sleep(60.0)
+            assert off(own.sim.truth(), (ra, 20.0)) < 16.0
+            assert not {b":Te#", b":Td#", b":Gm#", b":AP#", b":AL#"} & set(own.sent())
+
+    run(program())
+
+
 def test_a_meade_of_any_name_stays_a_meade() -> None:
     async def program() -> None:
         own = bridge("autostar")

@@ -53,7 +53,8 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if letter is not None:
         _learn_letter(mount, letter["mode"])
         mount.land = letter["mode"] == "L"
-    product = yield from _insist(mount, "GVP", 1 if mount.named_model is not None else 3 if mount.product else 2)
+    times = 1 if mount.named_model is not None else 3 if mount.product else 2
+    product = yield from _insist(mount, "GVP", times - ("GVP" in mount.mute))
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
         mount.take_for((yield from _model(mount, mount.product)))
@@ -63,13 +64,17 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
         mount.firmware = firmware["firmware"] if firmware else ""
         times = ASKED_FOR_STATE if mount.dialect else 1
         mount.tells_status = (yield from _insist(mount, mount.status_command, times)) is not None
+        if mount.dialect and not mount.tells_status:
+            mount.take_for("other")
     mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
     if mount.dialect:
         yield from learn_speeds(mount)
     if mount.model == "other":
         unknown = [words for command, words in UNKNOWN.items() if command in mount.mute]
+        unnamed = load("lx200").by_product(mount.product) == "other"
+        known = "which is not known here" if unnamed else "and does not tell its state (a TeenAstro does from 1.5.1 on)"
         yield Remark(
-            f"it calls itself {mount.product!r}, which is not known here: it is sent only what all controllers with "
+            f"it calls itself {mount.product!r}, {known}: it is sent only what all controllers with "
             "LX200 take alike, so tracking is not switched, and it is neither parked nor sent home"
             + (f"; it did not tell {' nor '.join(unknown)}" if unknown else "")
             + ". If it is a Meade, name it: lx200:autostar"
@@ -130,9 +135,7 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
     if product.startswith("LX200 "):
         return "lx200"
     if product:
-        meade = product.startswith(tuple(mount.protocol.models["autostar"]["names_begin"]))
-        stranger = not meade and mount.rules > OF_ONE_MAKER
-        return load("lx200").by_product(product) or ("other" if stranger else "autostar")
+        return (load("lx200").by_product(product) if mount.rules > OF_ONE_MAKER else None) or "autostar"
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 

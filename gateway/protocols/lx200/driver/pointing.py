@@ -25,8 +25,9 @@ QUIET = 2
 #: A goto is over, whatever :D# shows, if positions have stayed within so many degrees for so many seconds: a telescope
 #: that is pushed by hand may always show bars. An untracked sky turns by less in this time.
 STANDS_WITHIN, STANDS = 0.1, 15.0
-#: How often, and how many seconds apart, another maker's mount is asked whether it stands still before a newer goto.
-SETTLES, SETTLE_WAIT = 20, 0.5
+#: How often, and how many seconds apart, another maker's mount is asked whether it stands still before a newer goto, or
+#: whether it has taken a sync.
+SETTLES, LOOKS, SETTLE_WAIT = 20, 3, 0.5
 #: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 #: After so many missing replies in a row, azimuth and altitude are not asked for any more.
@@ -202,6 +203,13 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     answer = yield from ask(mount, "CM")
     if not answer.get("text", "-").strip():
         raise Refused("The mount refused the sync.")
+    for _ in range(LOOKS if mount.model == "other" else 0):  # each maker has words of its own for a refusal
+        place = yield from position(mount, op.Position())
+        if separation(place.ra, place.dec, operation.ra, operation.dec) < STANDS_WITHIN:
+            return
+        yield Wait(SETTLE_WAIT)
+    if mount.model == "other":
+        raise Refused("The mount did not take the sync: it reports another position.")
 
 
 # --- the side of the pier ---------------------------------------------------------------------------------------------
