@@ -41,6 +41,7 @@ class StatusLine(Struct, frozen=True):
     held: bool = False
     ends: bool = False
     unknown: bool = False
+    parked: bool = False
 
     @property
     def moves(self) -> bool:
@@ -173,4 +174,6 @@ def _condition(line: StatusLine) -> str:
         return ""
     if not line.status.aligned:
         return "not aligned"
-    return "not tracking" if line.status.tracking.value == "off" else "tracking"
+    if line.status.tracking.value != "off":
+        return "tracking"
+    return "parked" if line.parked else "not tracking"

@@ -5,7 +5,8 @@ Not longer than that: Playwright keeps an event loop running in the thread, besi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
@@ -33,10 +34,16 @@ def visit(console: Console, browser: Browser) -> Iterator[Callable[..., Visit]]:
     """Open the page: ``visit()``, or with a size, and with what this browser has kept of earlier visits."""
     opened: list[Visit] = []
 
-    def open_page(size: tuple[int, int] = PHONE, **kept: str) -> Visit:
+    def open_page(size: tuple[int, int] = PHONE, told: Mapping[str, str] = MappingProxyType({}), **kept: str) -> Visit:
         mode = {"light-mode": "day", "light-shown": "day", "rate": "7"}
         opened.append(
-            Visit(browser, console.url, size, mode | {key.replace("_", "-"): value for key, value in kept.items()})
+            Visit(
+                browser,
+                console.url,
+                size,
+                mode | {key.replace("_", "-"): value for key, value in kept.items()},
+                told=told,
+            )
         )
         return opened[-1]
 

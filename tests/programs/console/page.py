@@ -12,10 +12,11 @@ import os
 import socket
 import time
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from PIL import Image
-from playwright.sync_api import Browser, Page, Playwright
+from playwright.sync_api import Browser, Page, Playwright, WebSocketRoute
 
 from ..processes import Process, Workshop, requires, wait_until
 from ..product import PRODUCT, endpoints, start_simulator
@@ -93,8 +94,15 @@ class Visit:
     """One page in a browser of its own settings; ``faults`` and ``asked`` are what it complains of and asks for."""
 
     def __init__(
-        self, browser: Browser, url: str, size: tuple[int, int], kept: Mapping[str, str], shows: str = "Celestron"
+        self,
+        browser: Browser,
+        url: str,
+        size: tuple[int, int],
+        kept: Mapping[str, str],
+        shows: str = "Celestron",
+        told: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
+        """``told``: what the gateway tells, as JSON, and what the page hears instead."""
         width, height = size
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, has_touch=width < 1000, accept_downloads=True
@@ -109,13 +117,24 @@ class Visit:
         self.page.on("pageerror", lambda error: self.faults.append(str(error)))
         self.page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
         self.page.on("request", lambda request: self.asked.append(request.url))
-        self.url = url
+        self.url, self._told = url, told
+        if told:
+            self.page.route_web_socket("**/socket*", self._tell_otherwise)
         self.page.goto(url)
         self.until("the page shows the mount", lambda: self.text("#name").startswith(shows))
 
     def _complained(self, message: Any) -> None:
         if message.type in ("error", "warning"):
             self.faults.append(f"{message.text} {message.location}")
+
+    def _tell_otherwise(self, route: WebSocketRoute) -> None:
+        def hear(message: str | bytes) -> None:
+            assert isinstance(message, str)
+            for told, heard in self._told.items():
+                message = message.replace(told, heard)
+            route.send(message)
+
+        route.connect_to_server().on_message(hear)
 
     def text(self, selector: str) -> str:
         """What an element says."""

@@ -96,7 +96,7 @@ def test_arrow_keys_move_while_the_pad_is_chosen(console: Console, visit: Callab
     assert not console.moved_from(start)
     page.page.focus("#pad")
     page.page.keyboard.press("9")
-    assert page.text("#rate-shown") == "rate 9"
+    assert page.text("#rate-shown") == "rate 9, 5.0°/s"
     page.page.keyboard.down("ArrowUp")
     page.until("it moves", lambda: console.moved_from(start))
     page.page.keyboard.up("ArrowUp")
@@ -104,7 +104,7 @@ def test_arrow_keys_move_while_the_pad_is_chosen(console: Console, visit: Callab
 
 
 def test_east_and_west_stand_where_the_chart_shows_them(visit: Callable[..., Visit]) -> None:
-    page = visit(DESK)
+    page = visit(DESK, told={'"equatorial":false': '"equatorial":true'})
     places = "[...document.querySelectorAll('[data-go]')].map(one => [one.dataset.go, one.getBoundingClientRect()])"
     script = f"Object.fromEntries({places}.map(([go, box]) => [go, [box.x, box.y]]))"
 
@@ -118,7 +118,17 @@ def test_east_and_west_stand_where_the_chart_shows_them(visit: Callable[..., Vis
     assert stands() == (False, False) and "W is left" in page.text("#pad-hint"), "south is up in the chart"
     page.page.reload()
     page.until("it is kept", lambda: page.text("#chart-up") == "S ↑")
-    assert stands() == (False, False)
+    page.until("so is the pad", lambda: stands() == (False, False))
+
+
+def test_the_arrows_of_an_alt_azimuth_mount_are_those_of_its_tube(visit: Callable[..., Visit]) -> None:
+    page = visit(DESK, chart_up="south")
+    page.until("so they are named", lambda: page.text("[data-go=east]") == "Left")
+    assert page.text("[data-go=north]") == "Up" and "They turn the tube" in page.text("#pad-hint")
+    boxes = [page.page.locator(f"[data-go={way}]").bounding_box() for way in ("east", "west")]
+    assert boxes[0] and boxes[1] and boxes[0]["x"] < boxes[1]["x"], (
+        "and stay where they are, however the chart is turned"
+    )
 
 
 def test_enter_holds_a_button(console: Console, visit: Callable[..., Visit]) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
+import pytest
+
 from ..sky import NIGHT, NORTH, spot_at
 from .page import Console, Visit
 
@@ -47,6 +49,44 @@ def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
     page.until("and that it goes there already", lambda: page.text("#go") == "On its way…")
     page.page.click("#stop")
     page.until("which it does no longer", lambda: page.text("#go") == "Go there")
+    page.page.click("#go")
+    page.until("it is told that it is there", lambda: page.text("#notices") == "It is there: Aldebaran.", 40.0)
+    assert page.text("#go") == "It is there: go again"
+    page.page.click("#sync")
+    page.page.click("#ask-yes")
+    page.until("what is centred is named", lambda: page.text("#notices") == "Synced on Aldebaran.")
+
+
+@pytest.mark.parametrize(
+    ("told", "heading", "state"),
+    [
+        ({'"state":"up"': '"state":"down"', '"moves":false': '"moves":true', '"slewing":false': '"slewing":true'},
+         "The mount does not answer", "down"),
+        ({'"aligned":true': '"aligned":false'}, "Not aligned", "up"),
+    ],
+)  # fmt: skip
+def test_lost_comes_before_slewing_and_numbers_that_are_not_known_are_grey(
+    visit: Callable[..., Visit], told: dict[str, str], heading: str, state: str
+) -> None:
+    greys = (
+        "[...document.querySelectorAll('.glance dd, #readings .large dd')].map(one => getComputedStyle(one).opacity)"
+    )
+    known = visit()
+    assert set(known.page.evaluate(greys)) == {"1"}
+    page = visit(told=told)
+    assert page.does(heading) and page.page.evaluate("document.body.dataset.mount") == state
+    assert page.page.title().startswith(heading)
+    assert set(page.page.evaluate(greys)) == {"0.45"}
+
+
+def test_after_parking_it_says_so(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("control")
+    page.page.click("#orders >> text=Park…")
+    page.page.click("#ask-yes")
+    page.until("it is parked, and nobody else asks the mount", lambda: page.does("Parked"), 60.0)
+    page.page.get_by_role("button", name="Unpark").click()
+    page.until("it is in service", lambda: page.does("Tracking"))
 
 
 def test_a_star_that_is_tapped(visit: Callable[..., Visit]) -> None:

@@ -75,7 +75,7 @@ def test_it_is_dimmed_in_four_steps(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="night", light_shown="night")
     page.show("more")
     brightness = []
-    for words in ("Full", "Middle", "Low", "Faint"):
+    for words in ("6, full", "5", "4", "3"):
         page.page.get_by_role("radio", name=words).click()
         page.page.mouse.move(1, 1)
         page.page.wait_for_timeout(200)

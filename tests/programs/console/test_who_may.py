@@ -66,7 +66,7 @@ def test_a_gateway_that_stands_still_is_told_of(own: Console, page: Visit) -> No
         page.until("a stop that nobody heard is said", lambda: "DID NOT REACH THE GATEWAY" in page.text("#notices"))
         assert time.monotonic() - began < TOLD, "and soon"
         page.until("it is said", lambda: page.does("No connection"))
-        page.until("so is since when", lambda: "No connection to the gateway since" in page.text("#banners"))
+        page.until("so is for how long", lambda: "No connection to the gateway for" in page.text("#banners"))
     finally:
         own.gateway.signal(signal.SIGCONT)
     page.until("it is connected again, and has stopped", lambda: page.text("#notices") == "Stopped.", 20.0)

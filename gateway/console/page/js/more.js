@@ -26,7 +26,7 @@ function lightGroup() {
   const modes = chips("Light");
   const steps = chips("Brightness by night");
   const mode = choice(modes, [["auto", "By the Sun"], ["day", "Day"], ["night", "Red"]], setMode);
-  const step = choice(steps, [["-1", "Dimmest"], ["0", "Dim"], ["1", "Faint"], ["2", "Low"], ["3", "Middle"], ["4", "Full"]], (value) => setStep(Number(value)));
+  const step = choice(steps, [["-1", "1, dim"], ["0", "2"], ["1", "3"], ["2", "4"], ["3", "5"], ["4", "6, full"]], (value) => setStep(Number(value)));
   const words = el("p", { class: "hint" });
   onLight(() => {
     mode.set(light().mode);

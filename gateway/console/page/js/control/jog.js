@@ -3,13 +3,14 @@
 // has a number, and every beat names the presses that are held, so that a late answer belongs to its own press alone.
 
 import { byId, isTyping, say } from "../core/dom.js";
+import { declination, hours, speed } from "../core/format.js";
 import { keep, kept } from "../core/kept.js";
 import { notice } from "../frame/notices.js";
 import { ask, inBeats, on, tell } from "../core/socket.js";
-import { state, subscribe } from "../core/store.js";
+import { mount, state, subscribe } from "../core/store.js";
 import { onView } from "../core/views.js";
-import { onStep, step, take } from "./steps.js";
-import { onTurn, upsideDown } from "./turned.js";
+import { isAltaz, onStep, step, take, WAYS } from "./steps.js";
+import { onTurn, turnedUp } from "./turned.js";
 
 /** The direction of a key is that of the arrow in the same place of the pad. */
 const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "east", ArrowRight: "west" };
@@ -18,7 +19,7 @@ const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
 const held = new Map();
 let presses = 0;
 let rate = 5;
-let turned = false;
+let turned = false, altaz = false;
 
 const directionOf = (key) => (turned ? OPPOSITE[KEYS[key]] : KEYS[key]);
 
@@ -81,14 +82,27 @@ function setRate(wanted) {
   for (const [direction, { mount, press }] of held) tell({ do: "jog", direction, rate, mount, press });
 }
 
+/** What the arrows have to do with the chart: those of an alt-azimuth mount are those of its tube. */
+function asInChart() {
+  if (altaz) return turnedUp() === "zenith" ? "Tube and chart turn alike." : "They turn the tube; Tube ↓ turns the chart alike.";
+  return turnedUp() === "zenith" ? "" : `${turned ? "W" : "E"} is left, as in the chart.`;
+}
+
 /** Turn the pad as the chart is turned. What is held ends, because its arrow is elsewhere then. */
 function face() {
-  const now = upsideDown();
+  altaz = isAltaz();
+  const now = turnedUp() === "south" && !altaz;
   if (now !== turned) letAllGo();
   turned = now;
   byId("pad").dataset.up = turned ? "south" : "north";
-  say(byId("pad-hint"), `${step() ? `A tap is ${step()}` : "Hold an arrow to move"}. ${turned ? "W" : "E"} is left, as in the chart.`);
-  say(byId("rate-shown"), step() || `rate ${rate}`);
+  for (const one of byId("pad").querySelectorAll("[data-go]")) {
+    const way = WAYS[one.dataset.go].names[Number(altaz)];
+    say(one.querySelector("b"), altaz ? way[0].toUpperCase() + way.slice(1) : way[0].toUpperCase());
+    one.setAttribute("aria-label", `Move ${way}`);
+  }
+  say(byId("pad-hint"), `${step() ? `A tap is ${step()}` : "Hold an arrow to move"}. ${asInChart()}`);
+  say(byId("rate-shown"), step() || `rate ${rate}${speed(mount()?.speeds?.[rate - 1])}`);
+  for (const id of ["rate", "slower", "faster"]) byId(id).disabled = Boolean(step());
 }
 
 function listenToPointers(pad) {
@@ -135,6 +149,7 @@ export function start() {
   byId("rate").addEventListener("input", () => setRate(Number(byId("rate").value)));
   byId("slower").addEventListener("click", () => setRate(rate - 1));
   byId("faster").addEventListener("click", () => setRate(rate + 1));
+  let known = "";
   setRate(Number(kept("rate")) || 5);
   onTurn(face);
   onStep(() => {
@@ -144,5 +159,9 @@ export function start() {
   subscribe(() => {
     if ([...held.values()].some(({ mount }) => mount !== state.chosen)) letAllGo();
     for (const one of pad.querySelectorAll("[data-go]")) one.disabled = !state.act;
+    const now = JSON.stringify([isAltaz(), mount()?.speeds]), at = mount()?.position;
+    if (now !== known) face();
+    known = now;
+    say(byId("control-at"), at ? `${hours(at.ra)}  ${declination(at.dec)}` : "");
   });
 }

@@ -1,10 +1,10 @@
 // What no program polls: the side of the pier, and the rate at which the mount tracks. While the page is seen and the
-// mount neither slews nor is moved, the gateway asks the mount for them now and then.
+// mount neither slews nor is moved, the gateway asks the mount for them now and then, and when it has come to rest.
 
 import { ask } from "../core/socket.js";
-import { changed, mount, state } from "../core/store.js";
+import { changed, mount, state, subscribe } from "../core/store.js";
 
-const EVERY = 15000;
+const EVERY = 15000, RESTED = 3000;
 /** The rates of tracking by name, as multiples of sidereal. */
 const RATES = { sidereal: 1, lunar: 0.9763, solar: 0.9973 };
 /** By mount, the drive rate. @type {Map<number, number|null>} */
@@ -30,4 +30,10 @@ export async function look() {
 export function start() {
   setInterval(look, EVERY);
   setTimeout(look, 2000);
+  let moved = false;
+  subscribe(() => {
+    const moves = Boolean(mount()?.moves);
+    if (moved && !moves) setTimeout(look, RESTED);
+    moved = moves;
+  });
 }

@@ -1,7 +1,7 @@
 // Orders other than motion by hand: tracking and its rate, park and home, search, sync, hold and release. What the
 // mount cannot do is not offered. What leads the telescope far away asks first.
 
-import { button, byId, choice, el } from "../core/dom.js";
+import { button, byId, choice, el, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
 import { state, mount, subscribe } from "../core/store.js";
 import { sync } from "../finding/place.js";
@@ -39,7 +39,7 @@ export function start() {
   byId("orders").replaceChildren(
     tracking,
     followed,
-    row("Go to", el("div", { class: "chips" }, parks, homes, button("Unpark", () => send({ do: "unpark" })))),
+    row("Park", el("div", { class: "chips" }, parks, homes, button("Unpark", () => send({ do: "unpark" }).then(look)))),
     row("Mount", el("div", { class: "chips" }, wakes, holds, searches, syncs)),
   );
   subscribe(() => {
@@ -52,7 +52,7 @@ export function start() {
     // An alt-azimuth mount tracks at the sidereal rate only: its two motors have no other.
     followed.hidden = !can("TrackRate") || seen?.equatorial === false;
     for (const [one, name] of [[parks, "Park"], [homes, "Home"], [syncs, "Sync"]]) one.hidden = !can(name);
-    holds.textContent = seen?.held ? "Release" : "Hold still";
+    say(holds, seen?.held ? "Release" : "Hold still");
     for (const one of byId("orders").querySelectorAll("button")) one.disabled = !state.act;
   });
 }

@@ -11,10 +11,14 @@ import { angles, DEGREE, reversed, separation, turned, vector } from "../sky/sph
 
 /** Milliseconds of a guide pulse. */
 const PULSE = 1000;
-const MODES = [["hold", "Hold"], ["pulse", "Pulse"], ["1", "1′"], ["5", "5′"], ["field", "Field"]];
+const MODES = [["hold", "Move"], ["pulse", "Pulse"], ["1", "1′"], ["5", "5′"], ["field", "Field"]];
 const NAMES = { pulse: "1 s of guiding", 1: "1′", 5: "5′", field: "one field" };
-/** Towards higher declination or altitude, and towards higher right ascension or, clockwise, azimuth. */
-const WAYS = { north: [1, 0], south: [-1, 0], east: [0, 1], west: [0, -1] };
+/** Towards higher declination or altitude, and higher right ascension or lower azimuth; the names on both kinds of mounts. */
+export const WAYS = {
+  north: { to: [1, 0], names: ["north", "up"] }, south: { to: [-1, 0], names: ["south", "down"] },
+  east: { to: [0, 1], names: ["east", "left"] }, west: { to: [0, -1], names: ["west", "right"] },
+};
+export const isAltaz = () => mount()?.equatorial === false;
 let mode = "hold";
 /** Where a search began, of date, its number of the place, and its step in degrees. */
 let spiral = null;
@@ -65,8 +69,8 @@ export async function take(direction) {
   if (why) return notice(why, "refused");
   const minutes = mode === "field" ? await asked() : Number(mode);
   if (!minutes) return null;
-  const [up, along] = WAYS[direction].map((part) => (part * minutes) / 60), seen = mount();
-  return go((seen.equatorial === false ? besideOver : beside)(seen.position, up, along), `${Math.round(minutes)}′ ${direction}`);
+  const { to, names } = WAYS[direction], [up, along] = to.map((part) => (part * minutes) / 60);
+  return go((isAltaz() ? besideOver : beside)(mount().position, up, along), `${Math.round(minutes)}′ ${names[Number(isAltaz())]}`);
 }
 
 /** The place of a square spiral with this number, in steps. */

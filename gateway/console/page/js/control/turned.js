@@ -20,5 +20,5 @@ export function turn() {
   listeners.forEach((listener) => listener(up));
 }
 
-/** Whether the pad stands upside down, with west on the left. */
-export const upsideDown = () => up === "south";
+/** What is up. */
+export const turnedUp = () => up;

@@ -32,6 +32,16 @@ export function hourAngle(degrees) {
   return `${degrees < 0 ? "−" : "+"}${h}h ${two(m)}m ${two(s)}s`;
 }
 
+/** A speed in degrees a second: 4 -> , 4.0°/s; 0.27 -> , 16′/s; 0.0042 -> , 15″/s */
+export function speed(degrees) {
+  if (!known(degrees)) return "";
+  if (degrees >= 1) return `, ${degrees.toFixed(1)}°/s`;
+  return degrees >= 1 / 60 ? `, ${Math.round(degrees * 60)}′/s` : `, ${Math.round(degrees * 3600)}″/s`;
+}
+
+/** -1.46 -> −1.5 */
+export const magnitude = (value) => value.toFixed(1).replace("-", "−");
+
 /** 76.62 -> 76.6° */
 export const angle = (degrees, digits = 1) => (known(degrees) ? `${degrees.toFixed(digits).replace("-", "−")}°` : UNKNOWN);
 

@@ -4,8 +4,8 @@
 import { changed, state, take } from "./store.js";
 
 const BEAT = 500;
-const QUIET = 2000;
-const DEAD = 5000;
+const QUIET = 1000;
+const DEAD = 4000;
 const AGAIN = [300, 600, 1000, 2000, 3000];
 // The gateway has closed this page, because too many are open and this one was not used for longest.
 const CROWDED = 1013;
@@ -15,7 +15,7 @@ const LATER = 60000;
 let ws = null;
 let number = 0;
 let attempts = 0;
-let heard = 0;
+let heard = 0, spoke = 0;
 let asked = false;
 let beat = () => ({});
 /** @type {Map<number, (answer: any) => void>} */
@@ -54,8 +54,11 @@ export function ask(request) {
   });
 }
 
+/** Seconds since the gateway has said anything. */
+export const silence = () => (performance.now() - spoke) / 1000;
+
 function hear(event) {
-  heard = performance.now();
+  heard = spoke = performance.now();
   const message = JSON.parse(event.data);
   if (message.id) {
     waiting.get(message.id)?.(message);
@@ -115,9 +118,9 @@ async function again() {
 
 setInterval(() => {
   if (!tell({ do: "beat", ...beat() })) return;
-  const silence = performance.now() - heard;
-  if (silence > DEAD) lost();
-  else if (silence > QUIET && !asked) {
+  const quiet = performance.now() - heard;
+  if (quiet > DEAD) lost();
+  else if (quiet > QUIET && !asked) {
     asked = true;
     ask({ do: "search", text: "" }).then(() => (asked = false));
   }

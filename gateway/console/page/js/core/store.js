@@ -51,7 +51,9 @@ export function take(message) {
   }
   if (message.diff?.recordings) state.recordings = message.diff.recordings;
   for (const [index, keys] of Object.entries(message.diff?.mounts ?? {})) {
-    state.mounts[Number(index)] = { ...state.mounts[Number(index)], ...keys };
+    const before = state.mounts[Number(index)], now = { ...before, ...keys };
+    // What it can do is as before while its status is being read again.
+    state.mounts[Number(index)] = { ...now, can: now.can ?? before.can, equatorial: now.equatorial ?? before.equatorial };
   }
   changed();
 }

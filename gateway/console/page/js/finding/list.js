@@ -2,9 +2,10 @@
 // The catalogue is loaded when the list is first opened.
 
 import { button, byId, el, say } from "../core/dom.js";
-import { angle, azimuth, timeOfDay, zone } from "../core/format.js";
+import { angle, azimuth, magnitude, timeOfDay, zone } from "../core/format.js";
 import { gatewayNow, mount, skyAt } from "../core/store.js";
-import { angles, turned, vector } from "../sky/sphere.js";
+import { ask } from "../core/socket.js";
+import { angles, precession, reversed, turned, vector } from "../sky/sphere.js";
 import { isMarked, keepList, marked, ownList } from "./kept.js";
 import { nightNow } from "./night.js";
 import { onPlace } from "./place.js";
@@ -13,6 +14,8 @@ import { typedPlace } from "./typed.js";
 import { sizeOf } from "./details.js";
 
 const MOST = 100;
+/** An altitude within two hours is told if it is so much higher than the present one, degrees. */
+const HIGHER = 3;
 const data = (name) => new URL(`../../data/${name}`, import.meta.url);
 /** Magnitudes at which planets are bright; the Moon comes first. */
 const BODIES = { Moon: -12, Venus: -4, Jupiter: -2.3, Mars: 0.5, Saturn: 0.7, Mercury: 0, Uranus: 5.7, Neptune: 7.8 };
@@ -42,26 +45,49 @@ const planets = () => (mount()?.bodies ?? []).filter(({ name }) => name in BODIE
 
 const spelled = (name) => name.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "");
 
-/** Favourites and the lines of the own list, in their order; those that are not in the catalogue are looked up when tapped. */
+/** Lines of the own list that are not in the catalogue, as the gateway knows them. */
+const lookedUp = new Map();
+
+/** Look up the first of them that is not looked up yet; the list is drawn again then. */
+async function lookUp(lines) {
+  const line = lines.find((one) => !lookedUp.has(one));
+  if (line === undefined) return;
+  lookedUp.set(line, { names: [line], kinds: "" });
+  const { ok, name, also, ra2000, dec2000, magnitude: bright, size } = await ask({ do: "look_up", name: line });
+  if (ok) lookedUp.set(line, { names: [line, name, also].filter(Boolean), kinds: "", ra: ra2000, dec: dec2000, magnitude: bright ?? null, size: size ?? null });
+  await lookUp(lines);
+}
+
+/** A typed place, J2000. */
+function placed(line, { ra, dec, j2000 }) {
+  const [ra2000, dec2000] = j2000 ? [ra, dec] : angles(turned(reversed(precession(gatewayNow())), vector(ra, dec)));
+  return { names: [line], kinds: "", ra: ra2000, dec: dec2000, magnitude: null, size: null };
+}
+
+/** Favourites and the lines of the own list, in their order. */
 function own(objects) {
   const byName = new Map(objects.flatMap((object) => object.names.map((name) => [spelled(name), object])));
   const lines = [...marked("favourites"), ...ownList().split("\n").map((line) => line.trim()).filter(Boolean)];
-  return [...new Set(lines)].map((line) => {
-    const known = byName.get(spelled(line)), place = typedPlace(line);
-    if (known) return known;
-    return place && "ra" in place && place.j2000 ? { names: [line], kinds: "", ...place, magnitude: null, size: null } : { names: [line], kinds: "" };
+  const found = [...new Set(lines)].map((line) => {
+    const place = typedPlace(line);
+    return byName.get(spelled(line)) ?? (place && "ra" in place ? placed(line, place) : place ? { names: [line], kinds: "" } : line);
   });
+  const unknown = found.filter((one) => typeof one === "string");
+  if (unknown.some((line) => !lookedUp.has(line))) lookUp(unknown).then(draw);
+  return found.map((one) => (typeof one === "string" ? lookedUp.get(one) : one));
 }
 
-function row({ object, altitude, unix }) {
+/** Where it stands at the beginning, and its best altitude if that is much higher. */
+function row({ object, altitude, unix }, from) {
   const [name, ...others] = object.names;
   const called = others.find((other) => /[a-z]{3}/.test(other)) ?? others[0] ?? "";
-  const magnitude = Number.isFinite(object.magnitude) && object.kinds !== "planet" ? object.magnitude.toFixed(1) : "";
-  const figures = object.words ?? [magnitude, sizeOf(object)].filter(Boolean).join(" · ");
-  const towards = unix ? azimuth(angles(skyAt(unix).place(object.ra, object.dec))[0]).split(" ").at(-1) : "";
+  const bright = Number.isFinite(object.magnitude) && object.kinds !== "planet" ? `mag ${magnitude(object.magnitude)}` : "";
+  const [az, high] = object.ra === undefined ? [] : angles(skyAt(from).place(object.ra, object.dec));
+  const rises = altitude > high + HIGHER ? `${angle(altitude, 0)} at ${timeOfDay(unix)}` : "";
+  const figures = [rises, object.words ?? [bright, sizeOf(object)].filter(Boolean).join(" · ")].filter(Boolean).join(" · ");
   const parts = [
     el("b", {}, `${isMarked("favourites", name) ? "★ " : ""}${name}`),
-    el("span", { class: "best" }, unix ? `${angle(altitude, 0)} ${towards}` : ""),
+    el("span", { class: "best" }, az === undefined ? "" : `${angle(high, 0)} ${azimuth(az).split(" ").at(-1)}`),
     el("span", { class: "called" }, [called, isMarked("seen", name) ? "✓ seen" : ""].filter(Boolean).join(" · ")),
     el("span", { class: "figures" }, figures),
   ];
@@ -80,7 +106,7 @@ function content(objects, night) {
   const moon = night.altitude("moon", from, skyAt(from));
   const when = from > now ? `When it is dark, from ${timeOfDay(from)} ${zone(from)}` : "Now and within two hours";
   const words = `${when}, ${found.length} of ${chosen.length} are up, the best first. The Moon is ${moon > 0 ? `up, ${Math.round(100 * night.lit(from))} % lit` : "below the horizon"}.`;
-  return { best, words };
+  return { best, words, from: Math.max(from, now) };
 }
 
 /** Where the observer pastes or loads a list of their own. */
@@ -110,9 +136,9 @@ async function draw() {
   for (const one of byId("tonight-kinds").children) one.setAttribute("aria-pressed", String(one.dataset.kind === shown));
   byId("tonight").querySelector(".own").hidden = shown !== "own";
   if (!night || !skyAt(0).sky) return say(says, "Which objects are up depends on the site of the mount, which is not known yet.");
-  const { best, words } = content([...planets(), ...catalogue], night);
+  const { best, words, from } = content([...planets(), ...catalogue], night);
   say(says, words);
-  rows.replaceChildren(...best.map(row));
+  rows.replaceChildren(...best.map((one) => row(one, from)));
   byId("tonight").scrollTop = left;
 }
 

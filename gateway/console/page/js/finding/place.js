@@ -2,7 +2,7 @@
 // One more press starts the goto; a sync asks first, because it changes the position that the mount believes in.
 
 import { button, byId, el, say } from "../core/dom.js";
-import { angle, azimuth, declination, hours, timeOfDay, zone } from "../core/format.js";
+import { angle, azimuth, declination, hours, magnitude, timeOfDay, zone } from "../core/format.js";
 import { answered, notice } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 import { ask } from "../core/socket.js";
@@ -62,12 +62,19 @@ async function look(request, name, refused = (words) => notice(words, "refused")
     refused(answer.words);
     return false;
   }
-  chosen = { request, found: { ...answer, name: answer.name ?? name } };
+  chosen = { request, found: called(answer, name) };
   show("sky");
   if (!lower) import("./details.js").then((loaded) => ((lower = loaded), again()), () => {});
   draw();
   listeners.forEach((listener) => listener(chosen.found));
   return true;
+}
+
+/** What was found, under the name by which it was asked for. */
+function called(answer, asked) {
+  const names = [answer.name ?? asked, ...(answer.also ? answer.also.split(", ") : [])];
+  const name = names.find((one) => one.toLowerCase() === asked.toLowerCase()) ?? names[0];
+  return { ...answer, name, also: names.filter((one) => one !== name).join(", ") };
 }
 
 export function forget() {
@@ -77,11 +84,18 @@ export function forget() {
 }
 
 async function go() {
-  if (onItsWay()) return;
+  if (asked || onItsWay()) return;
   const name = chosen.found.name;
+  asked = true;
+  draw();
   const answer = await ask({ do: "goto", ...aim() });
+  asked = false;
   answered(answer.ok && name ? { ...answer, words: `It goes to ${name}` } : answer);
+  draw();
 }
+
+/** Whether a goto was asked for and not answered yet. */
+let asked = false;
 
 /** A goto leads to the chosen position if its target is this close, degrees. */
 const SAME = 0.05;
@@ -90,15 +104,23 @@ const SAME = 0.05;
 function onItsWay() {
   const seen = mount(), found = chosen?.found;
   if (!seen?.slewing || !found || seen.target?.ra2000 == null) return false;
-  const aside = ((seen.target.ra2000 - found.ra2000 + 540) % 360) - 180;
-  return Math.hypot(aside * Math.cos((found.dec2000 * Math.PI) / 180), seen.target.dec2000 - found.dec2000) < SAME;
+  return apartFrom(seen.target) < SAME;
+}
+
+/** How far what is chosen is from another place, degrees. */
+const apartFrom = (at) => separation(vector(at.ra2000, at.dec2000), vector(chosen.found.ra2000, chosen.found.dec2000));
+
+/** Whether the telescope points at what is chosen, by its mount. */
+function isThere() {
+  const seen = mount(), at = seen?.position;
+  return Boolean(chosen && at?.ra2000 != null && !seen.moves && seen.aligned && apartFrom(at) < SAME);
 }
 
 /** How far what is chosen is from where the mount believes that it points. */
 function aside() {
   const at = mount()?.position;
   if (at?.ra2000 == null) return "";
-  const apart = separation(vector(at.ra2000, at.dec2000), vector(chosen.found.ra2000, chosen.found.dec2000));
+  const apart = apartFrom(at);
   return `It is ${apart < 1 ? `${(apart * 60).toFixed(1)}′` : angle(apart)} from where the mount believes that it points. `;
 }
 
@@ -109,7 +131,9 @@ export async function sync() {
     title: `Sync on ${name}?`, yes: "It is centred: sync",
     words: `${aside()}The mount will believe that it points at ${name} now, and every later goto builds on that. Do it only while ${name} is in the middle of the eyepiece.`,
   });
-  if (agreed) answered(await ask({ do: "sync", ...aim() }));
+  if (!agreed) return;
+  const answer = await ask({ do: "sync", ...aim() });
+  answered(answer.ok ? { ...answer, words: `Synced on ${name}` } : answer);
 }
 
 const withZone = (unix) => `${timeOfDay(unix)} ${zone(unix)}`;
@@ -131,7 +155,7 @@ function nextEvent(found) {
 }
 
 const kindOf = (found) =>
-  [found.kind, Number.isFinite(found.magnitude) ? `magnitude ${found.magnitude.toFixed(1)}` : "", lower?.sizeOf(found)].filter(Boolean).join(", ");
+  [found.kind, Number.isFinite(found.magnitude) ? `magnitude ${magnitude(found.magnitude)}` : "", lower?.sizeOf(found)].filter(Boolean).join(", ");
 
 /** Other names, those that are words before those that are numbers. */
 function alsoCalled({ also }) {
@@ -139,15 +163,15 @@ function alsoCalled({ also }) {
   return names.length ? ` · ${[...words, ...names.filter((name) => !words.includes(name))].slice(0, 3).join(", ")}` : "";
 }
 
-/** Which equinox the coordinates have; of typed ones it can be changed. */
+/** Coordinates of date, as everywhere on the page; of typed ones the equinox can be changed. */
 function coordinates({ request, found }) {
-  const j2000 = Boolean(request.j2000 ?? true);
+  const j2000 = Boolean(request.typed && request.j2000);
   const words = j2000 ? `${hours(found.ra2000)}  ${declination(found.dec2000)}` : `${hours(found.ra)}  ${declination(found.dec)}`;
   const equinox = (label, value) =>
     button(label, () => look({ ...request, j2000: value }, found.name), { class: "chip", "aria-pressed": String(j2000 === value) });
   return el("p", { class: "equinox" }, `${words} `, ...(request.typed
     ? [el("span", { role: "group", "aria-label": "Equinox of what was typed" }, equinox("of date", false), equinox("J2000", true))]
-    : [j2000 ? "J2000" : "of date"]));
+    : ["of date"]));
 }
 
 function card(found) {
@@ -183,12 +207,12 @@ function draw() {
   const box = byId("place");
   const key = JSON.stringify([chosen?.found ?? null, state.act]);
   if (key !== drawn) redraw(box, key);
-  if (chosen) tellWay(byId("go"), onItsWay());
+  if (chosen) tellWay(byId("go"), asked || onItsWay());
 }
 
 /** Update the card in place, because a button that is replaced under a finger is not pressed. */
 function tellWay(goes, going) {
-  say(goes, going ? "On its way…" : "Go there");
+  say(goes, going ? "On its way…" : isThere() ? "It is there: go again" : "Go there");
   goes.setAttribute("aria-disabled", String(going));
 }
 
@@ -207,7 +231,7 @@ async function renew() {
   const { request, found } = chosen;
   const answer = await ask(requestNow(request));
   if (!answer.ok || chosen?.request !== request) return;
-  chosen.found = { ...answer, name: answer.name ?? found.name };
+  chosen.found = called(answer, found.name);
   draw();
 }
 
@@ -215,10 +239,12 @@ async function renew() {
 const verdictOf = (seen) => seen && JSON.stringify([seen.index, seen.state, seen.held, seen.asleep, seen.aligned, seen.limits]);
 
 export function start() {
-  let before = null;
+  let before = null, went = false;
   setInterval(renew, RENEW);
   subscribe(() => {
     draw();
+    if (went && isThere()) notice(`It is there: ${chosen.found.name || "the chosen place"}`);
+    went = onItsWay() || (went && Boolean(mount()?.moves));
     const now = verdictOf(mount());
     if (now !== before) renew();
     before = now;

@@ -2,8 +2,8 @@
 // more than one thing, is offered in the place of the suggestions.
 
 import { button, byId, el, say } from "../core/dom.js";
-import { notice } from "../frame/notices.js";
-import { forget, showName, showTyped } from "./place.js";
+import { notice, settled } from "../frame/notices.js";
+import { forget, onPlace, showName, showTyped } from "./place.js";
 import { typedPlace } from "./typed.js";
 import { ask } from "../core/socket.js";
 
@@ -25,6 +25,7 @@ export function take(text) {
   clearTimeout(timer);
   latest++;
   forget();
+  settled();
   byId("object").value = text;
   const place = typedPlace(text);
   say(byId("asks"), place?.asks ?? "");
@@ -92,6 +93,8 @@ export function start() {
     mark(null); // the marked suggestion belonged to another text
     timer = setTimeout(suggest, PATIENCE);
   });
+  input.addEventListener("focus", () => input.select());
+  onPlace((place) => place?.name && (input.value = place.name));
   input.addEventListener("keydown", keys);
   input.addEventListener("blur", close);
   byId("search").addEventListener("submit", submit);

@@ -5,11 +5,10 @@ import { button, byId, el } from "../core/dom.js";
 import { sentence, span } from "../core/format.js";
 import { answered } from "./notices.js";
 import { question } from "./question.js";
-import { ask } from "../core/socket.js";
+import { ask, silence } from "../core/socket.js";
 import { mount, state, subscribe } from "../core/store.js";
 import { tellTime } from "../readings/site.js";
 
-let lostAt = 0;
 let shown = "";
 
 const send = (request) => async () => answered(await ask(request));
@@ -45,12 +44,10 @@ function now() {
 function lostWords() {
   if (!state.hello) return "Connecting to the gateway…";
   if (state.crowded) return "Too many pages are open, so the gateway has closed this one, which was not used for longest. What is shown is old, and STOP does not get through. Reload the page to use it; else it is tried again in a minute.";
-  lostAt ||= performance.now();
-  return `No connection to the gateway since ${span(Math.round((performance.now() - lostAt) / 1000))}. What is shown is old, and STOP does not get through: stop at the mount itself. It is tried again.`;
+  return `No connection to the gateway for ${span(Math.round(silence()))}; trying again. What is shown is old: a goto goes on, and STOP does not get through. Stop at the mount itself.`;
 }
 
 function draw() {
-  if (state.connected) lostAt = 0;
   const rows = now();
   const key = JSON.stringify(rows.map(([kind, words, press]) => [kind, words, press]));
   if (key === shown) return;

@@ -27,6 +27,6 @@ export function start() {
     document.body.classList.toggle("unsure", !state.connected || !seen || seen.state === "down" || seen.aligned === false);
     say(byId("does"), !state.connected ? "No connection" : seen ? doing(seen) : "Connecting…");
     say(byId("name"), seen ? called(seen) : "mount-gateway");
-    document.title = seen ? `${state.connected ? doing(seen) : "No connection"} · ${seen.name}` : "mount-gateway";
+    say(document.querySelector("title"), seen ? `${state.connected ? doing(seen) : "No connection"} · ${seen.name}` : "mount-gateway");
   });
 }

@@ -72,7 +72,10 @@ function explain() {
 }
 
 export function start() {
-  byId("light").addEventListener("click", () => setMode(light().night ? "day" : "night"));
+  byId("light").addEventListener("click", () => {
+    const sun = sunAltitude(), night = !light().night;
+    setMode(sun !== null && night === sun < DUSK ? "auto" : night ? "night" : "day");
+  });
   subscribe(follow);
   apply();
 }

@@ -23,6 +23,12 @@ export function outdated() {
   byId("notices").querySelector(".notice.done")?.remove();
 }
 
+/** Remove the refusal of what is looked for anew; one of a stop stays. */
+export function settled() {
+  const shown = byId("notices").firstElementChild;
+  if (shown && !/STOP/.test(shown.textContent)) shown.remove();
+}
+
 /** Show the answer to a request; returns it. */
 export function answered(answer) {
   notice(answer.words, answer.ok ? "done" : "refused");

@@ -21,7 +21,7 @@ let owed = 0;
 /** The label of the button: what it stops, or that it is stopping. */
 function tell() {
   byId("stop").classList.toggle("pressed", underWay > 0);
-  say(byId("stop-says"), underWay ? "stopping…" : state.mounts.length > 1 ? "all mounts" : "all motion");
+  say(byId("stop-says"), underWay ? "stopping…" : !state.connected && isOwed() ? "not sent yet" : state.mounts.length > 1 ? "all mounts" : "all motion");
 }
 
 function owe(since) {

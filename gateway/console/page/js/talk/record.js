@@ -1,7 +1,7 @@
 // The button that begins a recording of the conversation, or ends it and downloads the file; and then one that
 // downloads its report, a page with where the telescope pointed, how the mount answered, and what was refused.
 
-import { button, el } from "../core/dom.js";
+import { button, el, say } from "../core/dom.js";
 import { span } from "../core/format.js";
 import { answered } from "../frame/notices.js";
 import { ask, token } from "../core/socket.js";
@@ -32,7 +32,7 @@ export function recordButtons() {
   const made = button("Record", press, { id: "record" });
   const draw = () => {
     const now = running();
-    made.textContent = now ? `End recording, ${span(Math.max(0, Math.round(gatewayNow() - now.since)))}` : "Record";
+    say(made, now ? `End recording, ${span(Math.max(0, Math.round(gatewayNow() - now.since)))}` : "Record");
     made.setAttribute("aria-pressed", String(Boolean(now)));
     made.disabled = !state.act;
     reports.hidden = !report || Boolean(now);

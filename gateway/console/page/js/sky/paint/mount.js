@@ -2,11 +2,13 @@
  * Draws the mount on the sky: the direction of the tube, its trail, the target of a goto, and the path to it.
  * Positions below the horizon are drawn dashed at the rim, with a label.
  */
-import { atRim } from "../sphere.js";
+import { atRim, DEGREE, dot } from "../sphere.js";
 import { Trail } from "../trail.js";
 
 /** The opacity of the end of a trail; the number of shades of a trail. */
 const OLDEST = 0.12, SHADES = 8;
+/** Points so far apart, in seconds and by the cosine of degrees, are not joined: nobody saw the way between them. */
+const UNSEEN = 3, APART = Math.cos(5 * DEGREE);
 const BELOW = "below the horizon";
 /** Patterns of dashed lines. */
 const DASHES = [3, 3];
@@ -21,6 +23,7 @@ export function trail({ context, view, colours, trail: { points }, time }) {
     for (let index = 1; index < points.length; index += 1) {
       const fresh = 1 - Trail.age(points[index], time);
       if (Math.min(SHADES - 1, Math.floor(fresh * SHADES)) !== shade) continue;
+      if (points[index].time - points[index - 1].time > UNSEEN && dot(points[index].at, points[index - 1].at) < APART) continue;
       context.moveTo(...view.point(points[index - 1].at));
       context.lineTo(...view.point(points[index].at));
     }
