@@ -17,6 +17,8 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.recorded_gateway import HostClock, record_whole
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
+from gateway.app.state.file import MarkerContent, SavedState
+from gateway.app.state.store import PreviousRun
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.prove.findings import Finding, Findings
 from gateway.diagnostics.prove.guide import Guide
@@ -51,11 +53,11 @@ class Onlooker:
 
     def __init__(self, answers: str = "", when: dict[str, Callable[[], object]] | None = None) -> None:
         self.stop, self.said, self.asked = asyncio.Event(), list[str](), list[str]()
-        self._answers, self._when = list(answers), dict(when or {})
+        self._answers, self.when = list(answers), dict(when or {})
 
     def _meet(self, text: str) -> None:
-        for words in [words for words in self._when if words in text]:
-            self._when.pop(words)()
+        for words in [words for words in self.when if words in text]:
+            self.when.pop(words)()
 
     def say(self, text: str) -> None:
         self.said.append(text)
@@ -85,6 +87,7 @@ class Proven:
         config: dict[str, Any] | None = None,
         every: float = 0.5,
         change: Callable[[Proven], None] = lambda proven: None,
+        left: MarkerContent | None = None,
         **simulated: Any,
     ) -> None:
         self.loop = asyncio.get_running_loop()
@@ -92,15 +95,17 @@ class Proven:
         loop = self.loop
         clock = self.clock = HostClock(loop, lambda: start + loop.passed, lambda: loop.passed)
         surfaces = [SurfaceConfig(at=f"{protocol}@web") for protocol in mounts() if protocol in streams()]
-        settings = MountConfig(at=f"{mount.partition(':')[0]}@sim", **({"sun": 40.0} | (config or {})))
+        settings = MountConfig(**({"at": f"{mount.partition(':')[0]}@sim", "sun": 40.0} | (config or {})))
         self.gateway = Gateway(settings, surfaces, WireLog(clock), clock=clock)
+        self.gateway.previous_run = PreviousRun(SavedState(1), left)
         self.sim = make_simulator(parse_endpoint(f"{mount}@sim"), clock=clock, site=site, **simulated)
         self.wire = SimulatedTransport("sim", self.sim.connection, latency)
         self.recorder = None if record is None else record_whole(record, self.gateway)
         self.truths: list[Truth] = []
         self._every, self._change = every, change
         self._sent: list[bytes] = []
-        self.findings, self.told = Findings(), dict[str, object]()
+        self.findings = Findings()
+        self.session: asyncio.Future[Findings]
 
     async def __aenter__(self) -> Proven:
         entrance = self.gateway.entrance
@@ -130,7 +135,7 @@ class Proven:
         return self._sent
 
     async def check(self, person: Onlooker) -> Findings:
-        guide = Guide(self.gateway, person, self.findings, lambda findings: None, told=self.told)
+        guide = Guide(self.gateway, person, self.findings, lambda findings: None)
         self.findings = await guide.run()
         return self.findings
 

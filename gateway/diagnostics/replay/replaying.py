@@ -118,7 +118,7 @@ def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
         mount = msgspec.convert(config["mount"], MountConfig)
         told = [{"hold-text": False, **surface} for surface in config["surface"]]  # a key that older versions lack
         surfaces = msgspec.convert(told, list[SurfaceConfig])
-        past = msgspec.convert(recording.settings["past"], PreviousRun)
+        past = msgspec.convert(recording.settings["past"], PreviousRun, str_keys=True)
     except (msgspec.ValidationError, KeyError, TypeError) as error:
         raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None
     gateway = Gateway(mount, surfaces, clock=clock)

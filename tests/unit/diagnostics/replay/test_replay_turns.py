@@ -17,12 +17,15 @@ import pytest
 
 from gateway.app.control.orders import stopped
 from gateway.app.recording.format import read
+from gateway.app.state.file import MarkerContent
 from gateway.cli import main
 from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.replay.replaying import Outcome, replay
+from gateway.mount.motion.left_moving import LeftMotion
 from gateway.transport.handler import ConnectionRefused
 from tests.support.busy_computer import Overtaking, Recorded, run_busy
 from tests.support.process import Running, ask
+from tests.support.proven import EVENING, Proven, run_calm
 from tests.support.sampling import as_a_rule
 
 LX200 = (
@@ -320,6 +323,20 @@ def test_a_gateway_of_its_own_that_is_recorded_replays(tmp_path: Path, started: 
     assert (outcome.clients, outcome.replies >= 16) == (16, True)
     assert read(path).settings["elapsed"] >= 0.0
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("since", [1.0, 3600.0])
+def test_one_begun_after_a_gateway_was_killed_in_motion_replays(since: float, tmp_path: Path) -> None:
+    left = MarkerContent("nexstar@sim", 9600, {}, EVENING - since, LeftMotion({1: 2.0}, 1))
+
+    async def next_gateway() -> None:
+        async with Proven(record=tmp_path / "next.rec", left=left):
+            await asyncio.sleep(3.0)
+
+    run_calm(next_gateway())
+    outcome = _replayed(tmp_path / "next.rec")
+    assert (outcome.differences, outcome.strayed) == ([], [])
+    assert outcome.requests > 20
 
 
 def test_a_recording_that_broke_off_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
