@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import EXIT_CODES, Commands, endpoints
+from gateway.cli.serve.live import Screen
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.errors import UserError
 
@@ -70,35 +71,40 @@ def _prove(arguments: argparse.Namespace) -> int:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}; --folder names another one") from None
-    kept, told, left = folder / "findings.json", dict[str, object](), False
+    kept, terminal = folder / "findings.json", Terminal()
+    going: bool | None = True  # False after q, None after a signal
+    code = 0
     for stages in (LOOKING, MOVING):  # apart, because a bundle holds nothing of the first
 
         async def guest(gateway: Gateway, stages: tuple[Stage, ...] = stages) -> None:
-            nonlocal left
-            with Terminal().open() as terminal:
-                guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages, told)
+            nonlocal going
+            await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
+            with terminal.open():
+                guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages)
                 await guide.run()
-                left = guide.left
+                going = not guide.left
             if (found := load(kept)).stages and gateway.config.record:
                 found.recordings.append(Path(gateway.config.record).name)
                 save(kept, found)
 
-        here = checked(config, folder, record=stages is MOVING)
-        if not left:
-            serve = partial(serve_mounts, here, watchdog=start_watchdog(here), guest=guest)
+        if going:
+            going = None
+            here = checked(config, folder, record=stages is MOVING)
+            screen = Aside(terminal, tells=stages is LOOKING)
+            serve = partial(serve_mounts, here, watchdog=start_watchdog(here), guest=guest, screen=screen)
             code = with_loop(False, serve, stages is MOVING)
     findings = load(kept)
-    if findings.stages:
-        asyncio.run(_afterwards(findings, Path(source.name) if source.is_file else None, folder))
+    if findings.stages and going is not None:
+        asyncio.run(_afterwards(findings, Path(source.name) if source.is_file else None, folder, terminal))
     return code
 
 
-async def _afterwards(findings: Findings, file: Path | None, folder: Path) -> None:
+async def _afterwards(findings: Findings, file: Path | None, folder: Path, terminal: Terminal) -> None:
     """Show what was found, and offer what follows from it: lines for gateway.toml, and a file for the authors."""
     from gateway.diagnostics.prove import bundle
     from gateway.diagnostics.prove.adapting import adapted, difference, written
 
-    with Terminal().open() as terminal:
+    with terminal.open():
         for line in summary(findings):
             terminal.say(line)
         if findings.keys:
@@ -158,6 +164,10 @@ def summary(findings: Findings) -> Iterator[str]:
     yield f"Your mount beside what the gateway assumed: {', '.join(counts)}."
     for finding in findings.of(DIFFERS):
         yield finding.line
+    from gateway.diagnostics.prove.guide import STAGES
+
+    if left := [stage.name for stage in STAGES if not findings.whole(stage.name) and stage.name != "place"]:
+        yield f"Not done: {', '.join(left)}. The same command goes on from there."
 
 
 class Terminal:
@@ -166,11 +176,12 @@ class Terminal:
     def __init__(self) -> None:
         self.stop = asyncio.Event()
         self._keys: asyncio.Queue[str] = asyncio.Queue()
-        self._bar = 0
+        self._bar, self._asks = 0, False
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Terminal]:
         """Read single keys while the block lasts."""
+        self.stop, self._keys = asyncio.Event(), asyncio.Queue()  # of this event loop
         if sys.platform == "win32":
             poll = asyncio.ensure_future(self._poll())
             try:
@@ -235,13 +246,34 @@ class Terminal:
     def _clear(self) -> None:
         if self._bar:
             print(" " * self._bar, end="\r")
-        self._bar = 0
+        elif self._asks:
+            print()
+        self._bar, self._asks = 0, False
 
     async def key(self, question: str, keys: str) -> str:
-        """Return one of these keys; what was pressed before the question does not count."""
-        self.say(question)
+        """Return one of these keys; what was pressed before the question does not count. Any other repeats it."""
         while not self._keys.empty():
             self._keys.get_nowait()
-        while (key := await self._keys.get()) not in keys:
-            pass
-        return key
+        while True:
+            self._clear()
+            print(textwrap.fill(question, COLUMNS - 4), end=" > ", flush=True)
+            self._asks = True
+            if (key := await self._keys.get()) in keys:
+                print(key, flush=True)
+                self._asks = False
+                return key
+
+
+class Aside(Screen):
+    """What the gateway says beside the check, in lines of the person's width: warnings, and all if it ``tells``."""
+
+    def __init__(self, person: Terminal, tells: bool) -> None:
+        super().__init__(None)
+        self._person, self._tells = person, tells
+
+    def say(self, text: str) -> None:
+        if self._tells:
+            self._person.say(text)
+
+    def warn(self, text: str) -> None:
+        self._person.say(text)

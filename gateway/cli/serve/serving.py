@@ -81,11 +81,15 @@ def start_watchdog(config: Config) -> Watchdog | None:
 
 
 async def serve_mounts(
-    config: Config, banner: str = "", watchdog: Watchdog | None = None, guest: Guest | None = None
+    config: Config,
+    banner: str = "",
+    watchdog: Watchdog | None = None,
+    guest: Guest | None = None,
+    screen: Screen | None = None,
 ) -> int:
     """Serve every mount until a signal comes; return the exit code. ``banner`` is printed once the ports are open.
 
-    A ``guest`` uses the first mount once it is ready; all ends when it has ended.
+    A ``guest`` uses the first mount once it is ready, and has a ``screen`` of its own; all ends when it has ended.
 
     Raises UserError if a port cannot be opened, or if no mount is found.
     """
@@ -98,7 +102,7 @@ async def serve_mounts(
     done, sky = until_signal(), Sky()
     # no status line together with the output of --log, which would be disturbed by it
     terminal = find_terminal() if config.status and not config.log else None
-    screen = Screen(terminal, config.night, as_json.wanted(config.log))
+    screen = screen or Screen(terminal, config.night, as_json.wanted(config.log))
     if watchdog is not None:
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []

@@ -61,7 +61,7 @@ def public(findings: Findings) -> Findings:
         return Finding(finding.what, finding.verdict) if hidden else finding
 
     stages = {stage: [shown(stage, one) for one in found] for stage, found in findings.stages.items()}
-    return replace(findings, stages=stages)
+    return replace(findings, stages=stages, told={})
 
 
 def name_of(findings: Findings) -> str:

@@ -33,6 +33,11 @@ class Finding(Struct, frozen=True):
         return f"{self.verdict}  {self.what}{beside}{f' (assumed: {self.assumed})' if self.assumed else ''}"
 
 
+def rest_of(stage: str) -> str:
+    """Return what has not been tried of a stage that ended before its time."""
+    return f"the rest of {stage}"
+
+
 class Report(Protocol):
     """Takes the findings of a stage, and how far it has come."""
 
@@ -42,7 +47,7 @@ class Report(Protocol):
 
 class Findings(Struct):
     """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle, and
-    ``recordings`` the files of its sessions.
+    ``recordings`` the files of its sessions. ``told`` is what it has told of its settings at first, by command.
     """
 
     mount: str = ""
@@ -50,7 +55,12 @@ class Findings(Struct):
     version: str = ""
     equatorial: bool = False
     recordings: list[str] = []
+    told: dict[str, str] = {}
     stages: dict[str, list[Finding]] = {}
+
+    def whole(self, stage: str) -> bool:
+        """Whether a stage has come to its end."""
+        return stage in self.stages and all(one.what != rest_of(stage) for one in self.stages[stage])
 
     def of(self, verdict: str) -> list[Finding]:
         return [finding for stage in self.stages.values() for finding in stage if finding.verdict == verdict]

@@ -17,8 +17,8 @@ from gateway.mount.motion.run_on import Place
 
 #: Seconds that a goto may take, and after which one is cancelled.
 LONGEST, CANCELLED = 300.0, 2.0
-#: Degrees: how far the goto goes, how near to its goal it must end, what is at rest.
-FAR, NEAR, RESTS = 5.0, 0.1, 0.1
+#: Degrees: how far the goto goes, how near to its goal it must end, what is at rest; so far from it nothing goes on.
+FAR, NEAR, RESTS, ELSEWHERE = 5.0, 0.1, 0.1, 1.0
 #: Degrees from the horizon, the zenith and the pole at which the small motions have room.
 ROOM, POLE = 20.0, 75.0
 #: Hour angles that are tried for a better place, and the part of the rounded latitude that its declination is.
@@ -54,7 +54,7 @@ async def to_place(telescope: Telescope, report: Report) -> None:
     report.progress(0, 1, "on its way to a better place")
     if refused := await telescope.goto(goal, LONGEST):
         raise Ended(f"{why}, and the goto was refused: {refused}")
-    await telescope.rest()
+    stay_if_elsewhere(await telescope.rest(), goal)
     if why := cramped(telescope):
         raise Ended(f"{why} still")
     report.found(Finding("goto to a better place", SAME))
@@ -93,7 +93,9 @@ async def run(telescope: Telescope, report: Report) -> None:
             return
         said = await telescope.look()
         took, here = telescope.now() - began, await telescope.rest()
-        report.found(_arrived(telescope, what, to, took, said, here))
+        early = telescope.drift(said, here) > RESTS
+        report.found(arrived(telescope, what, to, here, f"{took:.0f} s, ", early))
+        stay_if_elsewhere(here, to)
     report.progress(2, 4, "goto, cancelled on the way")
     if refused := await telescope.goto(goal, CANCELLED):
         report.found(Finding("cancelled goto", NOT_TRIED, refused))
@@ -109,18 +111,27 @@ async def run(telescope: Telescope, report: Report) -> None:
             means="" if stopped else "A stop may not end a goto: keep a hand at the mount's switch.",
         )
     )
-    report.progress(3, 4, "back")
+    report.progress(3, 4, "back to where it was")
     if separation(here.sky.ra, here.sky.dec, start.sky.ra, start.sky.dec) > RESTS:
         await telescope.goto(start.sky, inf)
         await telescope.rest()
 
 
-def _arrived(telescope: Telescope, what: str, goal: op.Equatorial, took: float, said: Place, here: Place) -> Finding:
+def stay_if_elsewhere(here: Place, goal: op.Equatorial) -> None:
+    """Raise Ended if a goto has ended far from its goal."""
+    if (off := separation(here.sky.ra, here.sky.dec, goal.ra, goal.dec)) > ELSEWHERE:
+        raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
+
+
+def arrived(
+    telescope: Telescope, what: str, goal: op.Equatorial, here: Place, took: str = "", early: bool = False
+) -> Finding:
+    """Return the finding on a goto that has ended here; ``early``: it moved on after it had told its end."""
     off = separation(here.sky.ra, here.sky.dec, goal.ra, goal.dec)
-    measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
+    measured = f"{took}{off * 60.0:.1f}' from its goal"
     if off > NEAR + max(telescope.ticks):
         return Finding(what, DIFFERS, measured, "at its goal", "Gotos of your mount end elsewhere than they should.")
-    if telescope.drift(said, here) > RESTS:
+    if early:
         means = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
         return Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", means)
     return Finding(what, SAME, measured)

@@ -1,8 +1,8 @@
 """Leads through the stages: asks before each, stops at once, and leaves the mount as it was.
 
-A stage that ends before its time leaves what it has found; what it has not is ``not tried``. After a stop nothing is
-moved: only tracking is put back to what it was. Findings are kept after every stage, so that another session goes on
-where this one ended.
+A stage that ends before its time leaves what it has found; what it has not is ``not tried``, and another session asks
+for that stage again. After a stop nothing is moved: only tracking is put back to what it was. Findings are kept after
+every stage, so that another session goes on where this one ended.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from typing import NamedTuple, Protocol
 from gateway.app.gateway import Gateway
 from gateway.core import operations as op
 from gateway.core import requests
+from gateway.core.errors import Fault
 from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions, view
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, Report
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, Report, rest_of
 from gateway.diagnostics.prove.telescope import WHO, Ended, StoppedByOthers, Telescope
 
-#: Seconds within which a stage that was told to end has ended.
-ENDS = 20.0
+#: What is asked after the space bar.
+AFTER_STOP = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
@@ -42,10 +43,10 @@ LOOKING: tuple[Stage, ...] = (
 )
 MOVING: tuple[Stage, ...] = (
     Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.cramped),
-    Stage("motions", "moves a little in all directions, at all rates.", True, small_motions.run),
-    Stage("goto", "goes 5° and back, and stops a goto on its way.", True, gotos.run),
-    Stage("guiding", "sends short pulses in all directions.", True, guiding.run),
-    Stage("program", "goes 5° and back as a program of another protocol.", True, view.run),
+    Stage("motions", "turns it all ways at all rates, up to 5°: 6 min.", True, small_motions.run),
+    Stage("goto", "goes 5° and back, stops a goto on its way: 1 min.", True, gotos.run),
+    Stage("guiding", "sends short pulses in all directions: 1 min.", True, guiding.run),
+    Stage("program", "goes 5° and back by another protocol: 1 min.", True, view.run),
     Stage("settings", "asks whether its settings are as they were.", False, reads.settings),
 )  # fmt: skip
 STAGES = LOOKING + MOVING
@@ -71,12 +72,9 @@ class Guide:
         findings: Findings,
         keep: Callable[[Findings], None],
         stages: tuple[Stage, ...] = STAGES,
-        told: dict[str, object] | None = None,
     ) -> None:
-        """``told`` is what the mount has told of its settings, which a later session compares."""
         self._telescope, self._person, self._findings, self._keep = Telescope(gateway), person, findings, keep
         self._stages, self.left = stages, False
-        self._telescope.settings = {} if told is None else told
         self._here: list[Finding] = []
 
     async def run(self) -> Findings:
@@ -87,30 +85,51 @@ class Guide:
             mount = " ".join(f"{identity.product} {identity.model} {identity.version}".split())
             if mount != self._findings.mount:
                 self._findings = Findings(mount, identity.model, identity.version)
-        person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
+        if self._stages[0] is STAGES[0]:
+            person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
+        else:
+            person.say("The gateway has begun anew: what passes on the line is recorded from here on.")
         telescope.begin()
+        telescope.settings = self._findings.told
         try:
             await telescope.look()
             self._findings.equatorial = telescope.status.equatorial
         except Ended as ended:
             person.say(f"{str(ended).capitalize()}.")
             return self._findings
+        if any(stage.moves for stage in self._stages):
+            person.say("Take care of its cables, and keep a hand near its switch.")
         for stage in self._stages:
-            number = STAGES.index(stage) + 1
-            if stage.name in self._findings.stages:
-                person.say(f"{number}/{len(STAGES)} {stage.name}: done before.")
+            title = f"{STAGES.index(stage) + 1}/{len(STAGES)} {stage.name}"
+            if self._findings.whole(stage.name):
+                person.say(f"{title}: done before.")
                 continue
             if not stage.why(telescope):
+                person.say(f"{title}: not needed.")
                 continue
-            person.say(f"{number}/{len(STAGES)} {stage.name}: {stage.will}")
-            if stage.moves and (why := self._why_not()):
-                person.say(f"Not now: {why}.")
-                continue
-            key = await self._answer("y: yes  s: skip it  q: leave", "ysq")
-            self.left = key == "q" or (key == "y" and not await self._stage(stage))
-            if self.left:
+            key = "a"
+            while key == "a":
+                person.say(f"{title}: {stage.will}{self._where() * stage.moves}")
+                if stage.moves and (why := self._why_not()):
+                    person.say(f"Not now: {why}.")
+                    break
+                key = await self._answer("y: yes  s: skip it  q: leave", "ysq")
+                if key == "y":
+                    key = await self._stage(stage)
+            if key == "q":
+                self.left = True
                 break
         return self._findings
+
+    def _where(self) -> str:
+        """Return in words where it points; empty if that is not known."""
+        if (latest := self._telescope.latest) is None:
+            return ""
+        try:
+            here = self._telescope.controller.astrometry.horizon(latest.sky)
+        except Fault:
+            return ""
+        return f" It points {here.alt:.0f}° high, at azimuth {here.az:.0f}°."
 
     def _why_not(self) -> str:
         """Return why nothing may be moved now; empty if it may."""
@@ -119,18 +138,26 @@ class Guide:
             return "it is held (mount-gateway stop --release ends that)"
         if controller.driver.asleep or controller.driver.parked:
             return "it is parked or asleep; take it up first (mount-gateway unpark)"
+        status: op.Status | None = controller.cache.value(op.GetStatus)
+        if status is not None and not status.aligned:
+            return "it is not aligned, so that it does not know where it points; align it first"
         return ""
 
-    async def _stage(self, stage: Stage) -> bool:
-        """Carry out a stage; return whether to go on to the next."""
+    async def _stage(self, stage: Stage) -> str:
+        """Carry out a stage; return the key for what comes then: y for the next, a for this again, q for none."""
         self._here, telescope, person = [], self._telescope, self._person
         telescope.begin()
-        tracked = telescope.status.tracking
+        try:
+            await telescope.look()
+            tracked = telescope.status.tracking
+        except Ended as ended:
+            person.say(f"Not now: {ended}.")
+            return "y"
         if person.stop.is_set():  # pressed before the stage began
-            return await self._answer("y: go on  q: leave", "yq") == "y"
+            return await self._answer(AFTER_STOP, "yaq")
         work = asyncio.ensure_future(stage.run(telescope, self))
         space = asyncio.ensure_future(person.stop.wait())
-        stopped = whole = theirs = False
+        stopped = theirs = False
         try:
             await asyncio.wait((work, space), return_when=asyncio.FIRST_COMPLETED)
             if stopped := not work.done():
@@ -138,13 +165,12 @@ class Guide:
                 person.stop.clear()
                 await self._stop()
             await work
-            whole = True
         except (Ended, asyncio.CancelledError) as ended:
             if isinstance(ended, asyncio.CancelledError) and not stopped:
                 raise  # this session itself is ended
             words, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
             person.say(f"This stage ends: {words}.")
-            self.found(Finding(f"the rest of {stage.name}", NOT_TRIED, words))
+            self.found(Finding(rest_of(stage.name), NOT_TRIED, words))
         finally:
             for task in (space, work):
                 task.cancel()
@@ -152,10 +178,10 @@ class Guide:
                 await work
             if not theirs:
                 await self._restore(tracked)
-        if whole:
-            self._findings.stages[stage.name] = self._here
-            self._keep(self._findings)
-        return not stopped or await self._answer("y: go on  q: leave", "yq") == "y"
+        stages = self._findings.stages | {stage.name: self._here}
+        self._findings.stages = {one.name: stages[one.name] for one in STAGES if one.name in stages}
+        self._keep(self._findings)
+        return await self._answer(AFTER_STOP, "yaq") if stopped else "y"
 
     async def _answer(self, question: str, keys: str) -> str:
         """Return the key that the person presses; the space bar stops the mount here, too, and just before."""
@@ -173,6 +199,7 @@ class Guide:
                 space.cancel()
 
     async def _stop(self) -> None:
+        self._person.say("Stopping …")
         trouble = await self._telescope.stop()
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 

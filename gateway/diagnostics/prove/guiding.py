@@ -9,14 +9,14 @@ from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
 from gateway.diagnostics.prove.programs import Program
 from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_words
-from gateway.diagnostics.prove.telescope import Telescope
+from gateway.diagnostics.prove.telescope import ACROSS, Ended, Telescope
 from gateway.protocols.registry import surfaces
 from gateway.protocols.wireformat.command_set import load
 
 #: Pulses in each direction, seconds of each, and seconds from one to the next.
 PULSES, LASTS, EVERY = 20, 0.2, 0.5
-#: Exchanges that a pulse takes on an alt-az mount; seconds of one with which pulses are timed well enough.
-EXCHANGES, SOON = 8, 0.15
+#: Exchanges that a pulse takes on an alt-az mount at most; seconds of one with which pulses are timed well enough.
+EXCHANGES, SOON = 16, 0.15
 #: The part of the guide rate by which it may be off.
 OFF = 0.25
 
@@ -45,8 +45,13 @@ async def run(telescope: Telescope, report: Report) -> None:
                     await program.ask(pulse, direction=direction.value, ms=int(LASTS * 1000.0))
                     await asyncio.sleep(max(EVERY, EXCHANGES * exchange))
                     telescope.check()
-                ways.append(telescope.turned(before, await telescope.rest())[axis - 1])
+                after = await telescope.rest()
+                if telescope.moved(before, after, tracks=True) > ACROSS:
+                    raise Ended("it was turned much farther than pulses do: somebody used its keys")
+                ways.append(telescope.turned(before, after)[axis - 1])
             rate = (ways[0] - ways[1]) / 2.0 / (PULSES * LASTS)
+            if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
+                rate = abs(rate)
             assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
             report.found(_judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, tick))
     finally:

@@ -18,8 +18,9 @@ from gateway.protocols.registry import streams
 
 #: Questions that are not asked: names that people have given to sites, and lists that a question leafs through.
 LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-"))
-#: Answers that are of their moment only: the target, motion, dates.
-PASSING = frozenset(("Gr", "Gd", "D", "L", "GC", "h?"))
+#: Fields of answers that are of their moment only: positions, motion, time, temperature.
+PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "sidereal", "time", "date", "year", "month",
+                     "day", "hour", "minute", "second", "value"))  # fmt: skip
 #: In the words for a reply that has no form of its command; a refusal has one.
 GARBLED = "garbled"
 #: Seconds: a usual line answers sooner; and one that takes so much longer than its usual time is busy.
@@ -70,8 +71,8 @@ async def run(telescope: Telescope, report: Report) -> None:
             report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
             heard = await program.ask(name)
             telescope.check()
-            if heard is not None and heard.values and name not in PASSING:
-                telescope.settings[name] = heard.values
+            if heard is not None and heard.values and not PASSING & heard.fields.keys():
+                telescope.settings[name] = repr(heard.values)
     finally:
         gateway.wire_log.remove(line.put)
         program.close()
@@ -82,7 +83,7 @@ async def run(telescope: Telescope, report: Report) -> None:
 async def settings(telescope: Telescope, report: Report) -> None:
     """Ask again what the mount keeps, and compare it with what it told at first. Raises Ended."""
     if not telescope.settings:
-        report.found(Finding("settings", NOT_TRIED, "they are compared within one session"))
+        report.found(Finding("settings", NOT_TRIED, "the first stage was not done"))
         return
     program = Program(telescope.gateway, telescope.driver.protocol.name, "settings")
     try:
@@ -93,7 +94,7 @@ async def settings(telescope: Telescope, report: Report) -> None:
     changed = [
         f"{name} ({helps[name].help})"
         for name, values in telescope.settings.items()
-        if (heard := after[name]) is not None and heard.values != values
+        if (heard := after[name]) is not None and repr(heard.values) != values
     ]
     means = "Set it back at the hand control, and tell the author of the gateway."
     if changed:

@@ -47,7 +47,8 @@ def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
         return Finding("site", NOT_MEASURABLE, "nobody tells it")
-    away = 0.0 if clock is None else abs(wrap180(sites[0].place.longitude - 15.0 * clock[0].offset))
+    zone = clock[0].offset if clock is not None else 0.0  # one that is set to UTC says nothing
+    away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
     if sites[0].source == MOUNT and away > ZONE:
         means = "The longitude, its sign, or the zone is wrong: one of them."
         return Finding("site and zone", DIFFERS, f"{away:.0f}° from the longitude of its zone", "", means)

@@ -19,8 +19,9 @@ from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
 #: The keys of the hand control, by whose numbers programs name the rates; of several with one speed the last is tried.
 KEYS: Sequence[int] = range(9, 0, -1)
-#: The parts of a rate by which it may be off: measured between readings, and by the whole way of a short motion.
-EVEN, SHORT = 0.08, 0.35
+#: The parts of a rate by which it may be off: measured between readings, of small gotos one after the other, and by
+#: the whole way of a short motion.
+EVEN, STEPPED, SHORT = 0.08, 0.25, 0.35
 #: Seconds between readings that show a rate at least; and for which tracking is watched.
 SPAN, WATCHED = 1.5, 10.0
 #: A way of fewer steps of the mount's reading shows nothing.
@@ -60,7 +61,8 @@ def velocity(telescope: Telescope, motion: Motion, axis: int, speed: float) -> V
     elif len(two := even[:1] + even[-1:] if not short else list(motion.places[-2:])) == 2:
         span = two[1].at - two[0].at
         rate = telescope.turned(*two)[number] / span
-        error = (SHORT if short else EVEN) * abs(rate) + 2.0 * tick / span
+        part = SHORT if short else STEPPED if telescope.driver.moves_by_gotos else EVEN
+        error = part * abs(rate) + 2.0 * tick / span
     else:
         rate, error = copysign(speed, way), inf
     return Velocity(rate, error, abs(way), rest - abs(rate) * left, short)
@@ -112,10 +114,12 @@ def judged(what: str, rate: float, error: float, speed: float, one: Velocity, wa
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", assumed)
     if error == inf:
         return Finding(what, NOT_MEASURABLE, "it runs on for too long", assumed)
-    if abs(rate - speed) <= max(error, EVEN * speed):
+    off = abs(rate - speed)
+    if off <= max(EVEN * speed, 0.0 if one.short else error):
         return Finding(what, SAME, measured, assumed)
-    if one.short and rate < speed and FARTHEST / speed < 2.0 * RUN_UP and rate > (1.0 - SHORT) ** 2 * speed:
-        return Finding(what, NOT_MEASURABLE, f"{measured}, still speeding up", assumed)
+    runs_up = rate < speed and FARTHEST / speed < 2.0 * RUN_UP and rate > (1.0 - SHORT) ** 2 * speed
+    if one.short and (off <= error or runs_up):
+        return Finding(what, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
     return Finding(what, DIFFERS, measured, assumed, MEANS)
 
 
@@ -139,7 +143,7 @@ def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) ->
     what = "run-on after a stop"
     if not run_ons:
         return Finding(what, NOT_TRIED)
-    rate, most = max(run_ons, key=lambda pair: pair[1] - pair[0] * lasts)
+    rate, most = max(run_ons, key=lambda pair: (max(0.0, pair[1] - pair[0] * lasts), pair[0]))
     allowed = rate * (lasts + 2.0 * exchange)
     measured, assumed = f"{max(0.0, most):.1f}° from {rate_words(rate)}", f"{rate * lasts:.1f}°"
     if most <= 1.5 * allowed + MORE:

@@ -68,7 +68,7 @@ class Telescope:
         self.now, self.driver = self.controller.now, self.controller.driver
         self._stops, self._places = self.controller.stops, list[Place]()
         #: Whether a motion of the check is under way; what the mount had told of its settings at first.
-        self.mine, self.settings = False, dict[str, object]()
+        self.mine, self.settings = False, dict[str, str]()
         self._epoch: Pair | None = None
         self.controller.reader.position.connect(lambda _: self._places.extend(filter(None, [self.latest])))
 
@@ -191,7 +191,7 @@ class Telescope:
         places = tuple(place for place in self._places if place.asked > began and place.at < ended)
         after = await self.rest()
         across = abs(self.turned(before, after)[2 - direction.axis])
-        if across > ACROSS + abs(SIDEREAL_RATE) * (after.at - before.at):
+        if across > ACROSS + abs(SIDEREAL_RATE) * (after.at - before.at) and not self.driver.moves_by_gotos:
             raise Ended(
                 f"the other axis was turned as well, by {across:.1f}°: somebody used its keys, or axes are swapped"
             )
@@ -226,7 +226,7 @@ class Telescope:
         return self.driver.ticks
 
     def axes(self, place: Place) -> Pair:
-        """Return hour angle and declination, or on an alt-az mount azimuth and altitude. Raises Ended."""
+        """Return hour angle and declination, or on an alt-az mount with motors azimuth and altitude. Raises Ended."""
         if self._epoch is None:
             try:
                 self._epoch = self.now(), self.controller.astrometry.sidereal_time()
@@ -235,7 +235,7 @@ class Telescope:
                     raise Ended("the site is not known: without it an alt-az mount cannot be measured") from None
                 self._epoch = self.now(), 0.0
         hour_angle = self._epoch[1] + SIDEREAL_RATE * (place.at - self._epoch[0]) - place.sky.ra
-        if self.status.equatorial:
+        if self.status.equatorial or self.driver.moves_by_gotos:
             return hour_angle, place.sky.dec
         return hour_angle_to_horizon(hour_angle, place.sky.dec, self.controller.astrometry.place().latitude)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, Report
-from gateway.diagnostics.prove.gotos import LONGEST, NEAR, near
+from gateway.diagnostics.prove.gotos import LONGEST, NEAR, near, stay_if_elsewhere
 from gateway.diagnostics.prove.programs import Program
 from gateway.diagnostics.prove.telescope import Telescope
 from gateway.protocols.registry import other_surface
@@ -25,6 +25,7 @@ async def run(telescope: Telescope, report: Report) -> None:
         for number, to in enumerate((goal, start.sky)):
             report.progress(number, 2, f"goto of a program ({presented})")
             report.found(await _goto(telescope, program, to))
+            stay_if_elsewhere(await telescope.look(), to)
     finally:
         program.close()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -61,9 +62,19 @@ def test_the_summary_names_what_differs() -> None:
     findings = Findings(
         stages={"reads": [Finding("identity", SAME), Finding("rate 9", DIFFERS, "3°/s", "5°/s", "Slow.")]}
     )
-    first, second = summary(findings)
+    first, second, third = summary(findings)
     assert "1 same, 1 differs" in first
     assert second == "differs  rate 9: 3°/s (assumed: 5°/s)"
+    assert "Not done: sky, motions" in third
+
+
+def test_after_a_signal_nothing_else_begins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Ctrl-C in the first stages ends the whole check, and nobody is asked anything."""
+    begun = list[object]()
+    monkeypatch.setattr("gateway.cli.serve.serving.with_loop", lambda *arguments: len(begun.append(arguments) or ""))
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    assert main(["prove", "--mount", "nexstar@sim", "--folder", str(tmp_path)]) == 0
+    assert len(begun) == 1
 
 
 def test_without_a_terminal_it_says_so(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -13,32 +14,47 @@ import pytest
 from gateway.core import operations as op
 from gateway.core import requests
 from gateway.diagnostics.prove import small_motions
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Findings, load, save
+from gateway.diagnostics.prove.findings import SAME, Findings, load, save
 from gateway.diagnostics.prove.guide import STAGES
-from gateway.protocols.wireformat.command_set import load as commands
+from tests.soak.true_mounts import CHECKS, SLEWS, alarms, point
+from tests.soak.true_mounts import MOUNTS as TRUE
 from tests.support.proven import Onlooker, Proven, run_calm
 from tests.support.sampling import as_a_rule
 
 #: Seconds in which a motor has come to rest after a stop, and for which it is watched then.
 RESTS, WATCHED = 6.0, 10.0
-#: Seconds for which the cable is out.
-CABLE = 6.0
+#: Seconds for which the cable is out, or somebody else moves the mount and what follows from that.
+OTHERS = {"the cable is out": 6.0, "another program moves it": 3.0, "the hand control is used": 3.0}
 #: What changes an alignment, a setting or a parked state, typed from the manuals.
 FORBIDDEN = {
     "nexstar": (b"s", b"S", b"W", b"H", b"I", b"x", b"y", b"b", b"B", b"P\x02\x10\x46", b"P\x02\x11\x46"),
-    "lx200": (b":CM", b":CL", b":St", b":Sg", b":SG", b":SL", b":SC", b":hP", b":hN", b":hS", b":hF", b":A", b":W"),
+    "lx200": (b":CM", b":CL", b":St", b":Sg", b":SG", b":SL", b":SC", b":hP", b":hN", b":hS", b":hF", b":AP", b":W"),
+    "alpaca": (b"synctocoordinates", b"park", b"unpark", b"setpark", b"utcdate ", b"sitelatitude ", b"sitelongitude "),
 }
-SOME = ["lx200:lx200gps", "nexstar:cgem"]
-MODELS = as_a_rule(
-    ["nexstar:6-8se", "lx200:lx200gps"],
-    whole=[f"{protocol}:{model}" for protocol in FORBIDDEN for model in commands(protocol).models],
+#: What a simulated mount keeps until somebody sets it: the settings, the site, the clock and the rates.
+KEPT = ("sites", "site", "zone", "daylight", "offset", "ahead", "rtc_ahead", "aligned", "mode", "parked",
+        "asleep", "high", "guides", "drive_rate", "target_tracking")  # fmt: skip
+MOUNTS = as_a_rule(
+    ["nexstar:6-8se"],
+    whole=["nexstar:6-8se", "nexstar:cgem", "lx200:lx200gps", "lx200:lx200", "lx200:onstep", "alpaca:german"],
 )
 
 
-def left_alone(proven: Proven) -> None:
-    """Nothing forbidden was sent, and by truth the tube was never below the horizon."""
+def kept(proven: Proven) -> dict[str, str]:
+    """Return the mount's settings as it keeps them, whether it tracks, and how fast."""
+    sim = proven.sim
+    sim.advance_to_now()
+    own = {name: repr(value) for name, value in vars(sim).items() if name in KEPT}
+    own["settings"] = repr({name: value for name, value in getattr(sim, "settings", {}).items() if value})
+    return own | {"tracks": repr(sim.tracking), "drives": repr(sim.mechanics._drive_rate)}
+
+
+def left_alone(proven: Proven, before: dict[str, str], but: tuple[str, ...] = ()) -> None:
+    """Nothing forbidden was sent, all is as it was, and by truth the tube was never below the horizon."""
     wrong = [sent for sent in proven.sent() if sent.startswith(FORBIDDEN[proven.gateway.mount.protocol])]
     assert not wrong
+    changed = {name: value for name, value in kept(proven).items() if before[name] != value and name not in but}
+    assert not changed
     assert min(truth.altitude for truth in proven.truths) > -0.1
 
 
@@ -50,65 +66,170 @@ async def rests(proven: Proven, soon: float = RESTS) -> None:
     assert not any(truth.moving for truth in proven.truths[before:])
 
 
-@pytest.mark.parametrize("mount", MODELS)
-def test_a_true_mount_raises_no_alarm_and_is_left_as_it_was(mount: str) -> None:
-    async def whole() -> None:
-        async with Proven(mount, every=5.0) as proven:
-            tracked = proven.sim.tracking
-            with patch.object(small_motions, "KEYS", as_a_rule((9, 6, 1), whole=small_motions.KEYS)):
-                findings = await proven.check(Onlooker())
-            assert [one.line for one in findings.of(DIFFERS)] == []
-            assert findings.stages.keys() >= {"reads", "sky", "motions", "goto"} or findings.model == "unknown"
-            await rests(proven)
-            assert proven.sim.tracking == tracked
-            left_alone(proven)
-
-    run_calm(whole())
+@pytest.mark.parametrize("seed", range(as_a_rule(1, whole=CHECKS)))
+@pytest.mark.parametrize("mount", as_a_rule(["nexstar:6-8se", "lx200:lx200gps", "alpaca:polar"], whole=TRUE))
+def test_a_true_mount_raises_no_alarm_and_is_left_as_it_was(mount: str, seed: int) -> None:
+    """``python -m tests.soak.true_mounts`` checks at all rates."""
+    assert alarms(mount, seed, (9, 6, 1)) == []
 
 
-#: Words at which something happens, by stage; the answers that lead there; and whether it moves then.
-MOMENTS = {
-    "reads": ("tracking", ""),
-    "sky": ("altitude and azimuth", "s"),
-    "a small motion": ("rate 9 north/south", "ss"),
-    "a goto": ("goto of 5°", "sss"),
-    "a goto back": ("goto back", "sss"),
-    "a cancelled goto": ("goto, cancelled on the way", "sss"),
+# --- a fool: every stage, everything that can happen in it ------------------------------------------------------------
+
+#: By stage: the words at which something happens, seconds later, the answers that lead there, and the declination.
+MOMENTS: dict[str, tuple[str, float, str, float]] = {
+    "reads": ("tracking", 0.1, "", 20.0),
+    "sky": ("altitude and azimuth", 0.05, "s", 20.0),
+    "place": ("on its way to a better place", 1.2, "ss", -27.0),
+    "a small motion": ("rate 9 north/south", 1.2, "ss", 20.0),
+    "a goto": ("goto of 5°", 1.2, "sss", 20.0),
+    "a goto back": ("goto back", 1.2, "sss", 20.0),
+    "a cancelled goto": ("goto, cancelled on the way", 1.2, "sss", 20.0),
+    "guiding": ("pulses south", 1.2, "ssss", 20.0),
+    "program": ("goto of a program", 1.2, "sssss", 20.0),
+    "settings": ("8/8", 0.1, "ysssss", 20.0),
+}
+#: The stages in which something of the check moves.
+MOVE = list(MOMENTS)[2:9]
+
+
+def _space(proven: Proven, person: Onlooker) -> None:
+    person.stop.set()
+
+
+def _ctrl_c(proven: Proven, person: Onlooker) -> None:
+    """As ``serve_mounts`` does at a signal: Ctrl-C, SIGTERM, or SIGHUP of a terminal that is closed."""
+    proven.session.cancel()
+
+
+def _terminal_gone(proven: Proven, person: Onlooker) -> None:
+    """Nothing can be written any more; the signal comes a little later."""
+
+    def gone(*_: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    person.say = person.progress = gone  # type: ignore[method-assign]
+    proven.loop.call_later(1.0, proven.session.cancel)
+
+
+def _pull(proven: Proven, person: Onlooker) -> None:
+    proven.owner.cable.pull()
+    proven.loop.call_later(OTHERS["the cable is out"], setattr, proven.owner.cable, "out", False)
+
+
+def _program(proven: Proven, person: Onlooker) -> None:
+    """Another program presses an arrow, and lets it go."""
+    take, number = proven.gateway.request_handler.take, requests.new_number()
+    press = requests.Press(direction=op.Direction.WEST, key=6, number=number, who="192.168.1.7")
+    proven.loop.create_task(take(press))
+    proven.loop.call_later(3.0, lambda: proven.loop.create_task(take(requests.LetGo(number=number))))
+
+
+def _keys(proven: Proven, person: Onlooker) -> None:
+    """Somebody presses a key of the hand control, and lets it go."""
+    if proven.gateway.mount.protocol == "alpaca":
+        sim = proven.sim
+        sim.mechanics.move(sim.now, 1, -1.0)
+        proven.loop.call_later(3.0, lambda: sim.mechanics.resume(sim.clock()))
+        return
+    proven.owner.keys("back")
+    proven.loop.call_later(3.0, proven.owner.keys, "first let go")
+
+
+def _page_stop(proven: Proven, person: Onlooker) -> None:
+    proven.loop.create_task(proven.controller.stop("the page"))
+
+
+def _hold(proven: Proven, person: Onlooker) -> None:
+    proven.controller.hold.on = True
+    proven.loop.create_task(proven.controller.stop("mount-gateway stop"))
+
+
+#: What happens, and what is said where the check moves the mount.
+MISHAPS: dict[str, tuple[Callable[[Proven, Onlooker], None], str]] = {
+    "space": (_space, "STOPPED."),
+    "Ctrl-C": (_ctrl_c, ""),
+    "the terminal is gone": (_terminal_gone, ""),
+    "the cable is out": (_pull, "This stage ends: "),
+    "the hand control is used": (_keys, "This stage ends: "),
+    "another program moves it": (_program, "another program moves the mount (192.168.1.7)"),
+    "STOP on the page": (_page_stop, "stopped by the page"),
+    "hold": (_hold, "the mount was stopped"),
 }
 
 
-def _played(
-    mount: str, moment: str, act: Callable[[Proven], Any], later: float = 1.0, **settings: Any
-) -> tuple[Findings, list[str], bool]:
-    """Let something happen a second after a moment; return the findings, what was said, and whether it still tracks."""
-    words, answers = MOMENTS[moment]
-
-    async def play() -> tuple[Findings, list[str], bool]:
-        async with Proven(mount, **settings) as proven:
-            tracked = proven.sim.tracking
-
-            def soon() -> None:
-                asyncio.get_running_loop().call_later(later, act, proven)
-
-            person = Onlooker(answers + "yq", {words: soon})
-            proven.person = person  # type: ignore[attr-defined]
-            with patch.object(small_motions, "KEYS", (9,)):  # so that its moment comes soon
-                findings = await proven.check(person)
-            await rests(proven, RESTS + CABLE * (act is _pull))
-            left_alone(proven)
-            return findings, person.said, proven.sim.tracking == tracked
-
-    result: tuple[Findings, list[str], bool] = run_calm(play())
-    return result
-
-
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.parametrize("mount", as_a_rule(["nexstar:6-8se"], whole=["nexstar:6-8se", *SOME]))
-def test_the_space_bar_stops_everything_and_tracking_is_as_before(mount: str, moment: str) -> None:
-    later = 0.1 if moment in ("reads", "sky") else 1.2
-    _, said, tracks = _played(mount, moment, lambda proven: proven.person.stop.set(), later)  # type: ignore[attr-defined]
-    assert "STOPPED." in said
-    assert tracks
+@pytest.mark.parametrize("mishap", MISHAPS)
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_nothing_moves_after_a_mishap_and_all_is_as_before(mount: str, mishap: str, moment: str) -> None:
+    words, later, answers, dec = MOMENTS[moment]
+    act, said = MISHAPS[mishap]
+
+    async def play() -> None:
+        async with Proven(mount, change=lambda proven: point(proven, -20.0, dec)) as proven:
+            await asyncio.sleep(SLEWS)
+            before, person, acted = kept(proven), Onlooker(answers + "yq"), list[float]()
+
+            def happens() -> None:
+                acted.append(proven.clock())
+                act(proven, person)
+
+            person.when[words] = lambda: proven.loop.call_later(later, happens)
+            with patch.object(small_motions, "KEYS", (9,)):  # so that its moment comes soon
+                proven.session = asyncio.ensure_future(proven.check(person))
+                with suppress(asyncio.CancelledError, OSError):
+                    await proven.session
+            assert acted or moment not in MOVE, person.said
+            if proven.session.cancelled():
+                await proven.gateway.close()
+            others = OTHERS.get(mishap, 0.0)
+            await asyncio.sleep(others)
+            await rests(proven)
+            if mishap == "the hand control is used":  # some end a stage only when they show, at its next position
+                acted.clear()
+            late = [truth for truth in proven.truths if acted and truth.t > acted[0] + RESTS + others]
+            assert not any(truth.moving for truth in late)
+            left_alone(proven, before, ("tracks", "mode") if mishap == "the hand control is used" else ())
+            hidden = mishap == "the hand control is used" and moment != "a small motion"  # it may arrive all the same
+            if moment in MOVE and not hidden:
+                assert any(said in line for line in person.said), person.said
+                assert not proven.findings.whole(STAGES[len(answers)].name)
+
+    run_calm(play())
+
+
+#: What may be so from the beginning: the settings, and the altitudes within which the tube stays.
+NOON = 1768514400.0 + 13.3 * 3600.0
+CONDITIONS: dict[str, tuple[dict[str, Any], tuple[float, float], str]] = {
+    "unaligned": ({"aligned": False}, (0.0, 90.0), "Not now: it is not aligned"),
+    "near a limit": ({"config": {"lowest": 40.0, "highest": 50.0}}, (39.0, 51.0), ""),
+    "near the Sun": ({"start": NOON, "site": (24.0, 10.0)}, (0.0, 90.0), ""),  # both are at 45° in the south
+    "held": ({}, (0.0, 90.0), "Not now: it is held"),
+}
+
+
+@pytest.mark.parametrize("what", CONDITIONS)
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_limits_the_sun_and_a_hold_are_kept(mount: str, what: str) -> None:
+    settings, (low, high), words = CONDITIONS[what]
+
+    async def play() -> None:
+        async with Proven(mount, **settings) as proven:
+            proven.controller.hold.on = what == "held"
+            before, person = kept(proven), Onlooker()
+            with patch.object(small_motions, "KEYS", (9, 7)):
+                await proven.check(person)
+            await rests(proven)
+            left_alone(proven, before)
+            assert all(low < truth.altitude < high for truth in proven.truths)
+            if what == "near the Sun":
+                first = proven.truths[0].sun_distance
+                assert min(truth.sun_distance for truth in proven.truths) > min(first, 40.0) - 0.2
+            if what == "held" or (what == "unaligned" and "nexstar" in mount):  # the others do not tell that
+                assert sum(words in line for line in person.said) >= 4
+                assert not any(truth.moving for truth in proven.truths)
+
+    run_calm(play())
 
 
 def test_a_space_that_comes_between_two_questions_stops_the_mount_too() -> None:
@@ -117,94 +238,9 @@ def test_a_space_that_comes_between_two_questions_stops_the_mount_too() -> None:
     async def play() -> None:
         async with Proven() as proven:
             person = Onlooker("sq")
-            person._when["1/"] = person.stop.set
+            person.when["1/"] = person.stop.set
             await proven.check(person)
             assert "STOPPED." in person.said
-            left_alone(proven)
-
-    run_calm(play())
-
-
-def _pull(proven: Proven) -> None:
-    proven.owner.cable.pull()
-    asyncio.get_running_loop().call_later(CABLE, setattr, proven.owner.cable, "out", False)
-
-
-def _program(proven: Proven) -> None:
-    """Another program presses an arrow, and lets it go."""
-    take, loop = proven.gateway.request_handler.take, asyncio.get_running_loop()
-    number = requests.new_number()
-    press = requests.Press(direction=op.Direction.WEST, key=6, number=number, who="192.168.1.7")
-    loop.create_task(take(press))
-    loop.call_later(3.0, lambda: loop.create_task(take(requests.LetGo(number=number))))
-
-
-def _keys(proven: Proven) -> None:
-    proven.owner.keys("back")
-    asyncio.get_running_loop().call_later(3.0, proven.owner.keys, "first let go")
-
-
-async def _page_stop(proven: Proven) -> None:
-    await proven.controller.stop("the page")
-
-
-EVENTS: dict[str, tuple[str, Callable[[Proven], Any], str]] = {
-    "the cable is out": ("a small motion", _pull, "does not answer"),
-    "another program moves it": ("a goto", _program, "another program moves the mount (192.168.1.7)"),
-    "somebody stops it": (
-        "a goto back", lambda proven: asyncio.ensure_future(_page_stop(proven)), "stopped by the page"),
-    "the hand control is used": ("a small motion", _keys, "somebody used its keys"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("event", EVENTS)
-def test_what_others_do_ends_the_stage_and_nothing_is_moved_any_more(event: str) -> None:
-    moment, act, why = EVENTS[event]
-    findings, said, tracks = _played("nexstar:6-8se", moment, act)
-    assert tracks
-    assert any(line.startswith("This stage ends:") and why in line for line in said), said
-    assert not findings.stages
-
-
-def test_a_mount_that_may_not_move_is_left_alone() -> None:
-    async def play() -> None:
-        async with Proven(aligned=False) as proven:
-            with patch.object(small_motions, "KEYS", (9,)):
-                findings = await proven.check(Onlooker("sss"))
-            [goto] = findings.stages["goto"]
-            assert goto.verdict == NOT_TRIED and "align" in goto.measured.lower()
-        async with Proven() as held:
-            held.controller.hold.on = True
-            person = Onlooker("ss")
-            await held.check(person)
-            assert sum("it is held" in line for line in person.said) == 4
-            await rests(held)
-
-    run_calm(play())
-
-
-@pytest.mark.parametrize("where", ["near a limit", "near the Sun"])
-def test_limits_and_the_sun_are_kept(where: str) -> None:
-    """The mount points at 45° of altitude in the south; at noon the Sun is there, too."""
-    noon = 1768514400.0 + 13.3 * 3600.0
-    settings: dict[str, Any] = {"config": {"lowest": 40.0, "highest": 50.0}}
-    if where == "near the Sun":
-        settings = {"start": noon, "site": (24.0, 10.0)}
-
-    async def play() -> None:
-        async with Proven(**settings) as proven:
-            begins = proven.truths[0] if proven.truths else None
-            person = Onlooker("ss")
-            with patch.object(small_motions, "KEYS", (9, 7)):
-                await proven.check(person)
-            await rests(proven)
-            left_alone(proven)
-            if where == "near a limit":
-                assert all(39.0 < truth.altitude < 51.0 for truth in proven.truths)
-            else:
-                nearest = min(truth.sun_distance for truth in proven.truths)
-                first = begins.sun_distance if begins is not None else proven.truths[0].sun_distance
-                assert nearest > min(first, 40.0) - 0.2, (first, nearest)
 
     run_calm(play())
 
