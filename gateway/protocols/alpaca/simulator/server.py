@@ -48,7 +48,7 @@ class RequestFramer:
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Return the whole requests, in order."""
-        self._rest += data
+        self._rest = (self._rest + data).lstrip(b"\r\n")  # a gateway that begins anew ends what may have been begun
         frames = []
         while end := self._end():
             frames.append(self._rest[:end])
