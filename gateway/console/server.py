@@ -120,7 +120,7 @@ class Console:
     # --- requests ---------------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return self._files.index(token=self._token, can="act" if self._may_act(request) else "look")
+        return self._files.index(request, token=self._token, can="act" if self._may_act(request) else "look")
 
     async def _metrics_text(self, request: web.Request) -> web.StreamResponse:
         if (text := await self._metrics.text()) is None:

@@ -1,8 +1,9 @@
 """What the web servers of the console and the fleet share: static files, access checks.
 
 The files are read once at the start; a path to any other file is not served. Every refusal is one plain line of text.
-A page's scripts are sent as one, its style sheets too. The page names its files by a path with a digest of all of them,
-under which a browser keeps them for a year: after an update the path is another one.
+A page's modules are sent as one. Its style sheets and plain scripts are in the page itself, admitted by their digests:
+so it is there after few round trips. The page names its files by a path with a digest of all of them, under which a
+browser keeps them for a year: after an update the path is another one.
 
 Only the server's own page may send requests, in a browser that reached it by an address of this computer. A foreign
 page in the same browser could send requests here, or let its own name point here (DNS rebinding). So ``Host`` must be
@@ -12,6 +13,7 @@ the served page has. The port is not compared: an SSH tunnel may use another one
 
 from __future__ import annotations
 
+import base64
 import gzip
 import hashlib
 import hmac
@@ -32,16 +34,16 @@ TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".j
          ".txt": "text/plain"}  # fmt: skip
 
 _TEXTS = {kind for suffix, kind in TYPES.items() if suffix not in (".png", ".mp4")}
-#: In a page: the addresses of its own files, its style sheets, and the script of its modules.
+#: In a page: the addresses of its own files, its style sheets and plain scripts, and the script of its modules.
 _LINKS = re.compile(r'\b(href|src)="([\w./-]+\.\w+)"')
-_SHEET = re.compile(r'<link rel="stylesheet" href="([^"]+)">\n?')
+_INSIDE = re.compile(r'<(?:link rel="stylesheet" href|script src)="([^"]+)">(?:</script>)?')
 _SCRIPT = re.compile(r'<script type="module" src="([^"]+)">')
-_ALL = '<link rel="stylesheet" href="all.css">\n'
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 #: Headers of every response: the browser loads and runs only files of this server, and allows no frames around it.
+POLICY = "Content-Security-Policy"
 HEADERS = {
-    "Content-Security-Policy": (
+    POLICY: (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; "
         "connect-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
@@ -63,14 +65,12 @@ class Pages:
         self._packed: dict[str, bytes] = {}
         digest = hashlib.sha256(b"".join(body for _, (body, _) in sorted(self._files.items())))
         self._kept = f"files/{digest.hexdigest()[:16]}/"
-        self._index = _LINKS.sub(rf'\1="{self._kept}\2"', self._in_one(self._files["index.html"][0].decode()))
+        self._policy = HEADERS[POLICY]
+        self._index = self._in_one(self._files["index.html"][0].decode())
 
     def _in_one(self, page: str) -> str:
-        """Return the page with one script and one style sheet, which are added to the files."""
+        """Return the page with its style sheets and plain scripts in it; its modules are one file."""
         texts = {name: body.decode() for name, (body, kind) in self._files.items() if kind in _TEXTS}
-        sheets = _SHEET.findall(page)
-        self._files["all.css"] = "\n".join(texts[name] for name in sheets).encode(), TYPES[".css"]
-        page = _SHEET.sub(lambda found: _ALL if found[1] == sheets[0] else "", page)
 
         def script(found: re.Match[str]) -> str:
             folder = found[1].rpartition("/")[0]
@@ -78,34 +78,39 @@ class Pages:
             self._files[one] = scripts(texts, found[1], folder).encode(), TYPES[".js"]
             return found[0].replace(found[1], one)
 
-        return _SCRIPT.sub(script, page)
+        def inside(found: re.Match[str]) -> str:
+            text, tag = texts[found[1].removeprefix(self._kept)], "style" if found[1].endswith(".css") else "script"
+            digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+            self._policy = self._policy.replace(f"{tag}-src 'self'", f"{tag}-src 'self' 'sha256-{digest}'")
+            return f"<{tag}>{text}</{tag}>"
 
-    def index(self, **words: str) -> web.Response:
+        return _INSIDE.sub(inside, _LINKS.sub(rf'\1="{self._kept}\2"', _SCRIPT.sub(script, page)))
+
+    def index(self, request: web.Request, **words: str) -> web.Response:
         """Return the page with each ``{{name}}`` replaced by the word of that name."""
         page = self._index
         for name, word in words.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
-        return _answer(page.encode(), TYPES[".html"], {"Cache-Control": "no-store"})
+        kept = {"Cache-Control": "no-store", POLICY: self._policy}
+        return self._answer(request, page, page.encode(), TYPES[".html"], kept)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """Serve any other file, by the ``path`` of its route."""
         name = request.match_info["path"].removeprefix(self._kept)
         if name not in self._files:
             raise web.HTTPNotFound
-        body, kind = self._files[name]
         kept = name != request.match_info["path"]
-        headers = {"Cache-Control": "public, max-age=31536000, immutable" if kept else "no-cache"}
+        control = "public, max-age=31536000, immutable" if kept else "no-cache"
+        return self._answer(request, name, *self._files[name], {"Cache-Control": control})
+
+    def _answer(self, request: web.Request, name: str, body: bytes, kind: str, headers: dict[str, str]) -> web.Response:
+        """Return a body, a text compressed if the browser takes that; ``name`` is by which it is kept compressed."""
         if kind in _TEXTS:
             headers["Vary"] = "Accept-Encoding"
             if "gzip" in request.headers.get("Accept-Encoding", ""):
                 headers["Content-Encoding"] = "gzip"
                 body = self._packed.get(name) or self._packed.setdefault(name, gzip.compress(body, 6, mtime=0))
-        return _answer(body, kind, headers)
-
-
-def _answer(body: bytes, kind: str, headers: Mapping[str, str]) -> web.Response:
-    charset = "utf-8" if kind in _TEXTS else None
-    return web.Response(body=body, content_type=kind, charset=charset, headers=headers)
+        return web.Response(body=body, content_type=kind, charset="utf-8" if kind in _TEXTS else None, headers=headers)
 
 
 def guarded(refused: Callable[[web.Request], str]) -> Any:
@@ -120,7 +125,8 @@ def guarded(refused: Callable[[web.Request], str]) -> Any:
         except web.HTTPException as error:
             response = web.Response(status=error.status, text=f"{error.reason}\n")
         if not response.prepared:
-            response.headers.update(HEADERS)
+            for name, value in HEADERS.items():
+                response.headers.setdefault(name, value)
         return response
 
     return admit

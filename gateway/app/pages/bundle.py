@@ -1,8 +1,8 @@
-"""One script of many modules, and one style sheet of many, so that a page is there after few round trips.
+"""One script of many modules, so that a page is there after few round trips.
 
-Nothing is compiled or shortened: every module becomes a function that is called when it is first needed, and its
-exports are those that other modules name. The modules keep to one style: imports at the beginning of a line, no default
-exports, no circles, no exported variable that changes. What does not is an error at the start.
+Nothing is compiled; lines of comments are left out. Every module becomes a function that is called when it is first
+needed, and its exports are those that other modules name. The modules keep to one style: imports at the beginning of a
+line, no default exports, no circles, no exported variable that changes. What does not is an error at the start.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Mapping
 _IMPORT = re.compile(r'^import\s+(?:\*\s+as\s+(\w+)|(\{[^}]*\}))\s+from\s+"([^"]+)";', re.M)
 _LATER = re.compile(r'\bimport\("([^"]+)"\)')
 _EXPORT = re.compile(r"^export\s+((?:async\s+)?(?:function|class|const)\s+(\w+))", re.M)
+_COMMENT = re.compile(r"^[ \t]*(?://.*|/\*\*(?:.|\n)*?\*/[ \t]*)\n", re.M)
 _UNKNOWN = re.compile(r"^(?:import|export)\b.*", re.M)
 
 
@@ -32,7 +33,7 @@ def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
         if path in bodies:
             return list(bodies).index(path)
         under_way.append(path)
-        text = texts[path]
+        text = _COMMENT.sub("", texts[path])
 
         def of(other: str) -> str:
             return posixpath.normpath(posixpath.join(posixpath.dirname(path), other))

@@ -126,14 +126,17 @@ def test_it_is_there_within_a_second(visit: Callable[..., Visit]) -> None:
 
 
 def test_few_requests_bring_it_and_a_reload_brings_nothing_again(visit: Callable[..., Visit]) -> None:
-    """So it is there within a second at 0.15 s of round trip: two for the page and its script, one for the socket."""
+    """So it is there within a second at 0.15 s of round trip: two for the page, two for its script and the socket."""
     page = visit()
     loaded = "performance.getEntriesByType('resource').map(one => [one.name.split('/').at(-1), one.transferSize])"
-    names = ["all.css", "all.js", "first.js", "icon.svg", "stars.json"]
+    names = ["all.js", "icon.svg", "stars.json"]
     page.until("all is loaded", lambda: sorted(name for name, _ in page.page.evaluate(loaded)) == names)
+    sockets: list[str] = []
+    page.page.on("websocket", lambda opened: sockets.append(opened.url))
     page.page.reload()
     page.until("it shows the mount", lambda: page.text("#name").startswith("Celestron"))
     assert sum(size for _, size in page.page.evaluate(loaded)) == 0
+    assert len(sockets) == 1, "the modules take over the connection that was begun before them"
 
 
 def test_it_is_small() -> None:

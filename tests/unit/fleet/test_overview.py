@@ -60,7 +60,7 @@ def test_the_page_and_all_that_it_needs_are_served_and_nothing_else() -> None:
         async with opened() as there:
             text = await (await there.get("")).text()
             needed = re.findall(r'(?:href|src)="([^"]+)"', text)
-            assert [name.rpartition("/")[2] for name in needed] == ["first.js", "all.css", "icon.svg", "all.js"]
+            assert [name.rpartition("/")[2] for name in needed] == ["icon.svg", "all.js"]
             for name in needed:
                 assert (await there.get(name)).status == 200
             assert (await there.get("js/core/dom.js")).status == 200

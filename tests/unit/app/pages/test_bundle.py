@@ -1,9 +1,11 @@
-"""A page's files: one script and one style sheet, kept by the browser for a year, and never after an update."""
+"""A page: its sheets and plain scripts in it, its modules one file that the browser keeps until an update."""
 
 from __future__ import annotations
 
 import asyncio
+import base64
 import gzip
+import hashlib
 import re
 from pathlib import Path
 
@@ -16,12 +18,14 @@ from gateway.app.pages.bundle import scripts
 
 PAGE = """<link rel="stylesheet" href="a.css">
 <link rel="stylesheet" href="b.css">
+<script src="js/plain.js"></script>
 <a href="#/x">{{word}}</a>
 <script type="module" src="js/main.js"></script>"""
 FILES = {
     "index.html": PAGE,
     "a.css": "a {}",
     "b.css": "b {}",
+    "js/plain.js": "plain();",
     "js/main.js": 'import { one } from "./x/one.js";\none();\n',
     "js/x/one.js": "export const one = () => 1;\n",
 }
@@ -48,18 +52,31 @@ def text(answer: web.Response) -> str:
 
 
 def links(served: Pages) -> list[str]:
-    return re.findall(r'(?:href|src)="([^"#]+)"', text(served.index(word="<x>")))
+    return re.findall(r'(?:href|src)="([^"#]+)"', text(index(served)))
 
 
-def test_one_script_and_one_style_sheet_are_kept_for_a_year(tmp_path: Path) -> None:
+def index(served: Pages, encoding: str = "") -> web.Response:
+    return served.index(make_mocked_request("GET", "/", {"Accept-Encoding": encoding}), word="<x>")
+
+
+def test_one_script_is_kept_for_a_year_and_the_rest_is_in_the_page(tmp_path: Path) -> None:
     served = pages(tmp_path)
-    sheet, script = links(served)
+    [script] = links(served)
     for encoding in ("", "gzip, deflate"):
-        answer = get(served, sheet, encoding)
-        assert text(answer) == "a {}\nb {}" and "max-age=31536000, immutable" in answer.headers["Cache-Control"]
-        assert (answer.headers.get("Content-Encoding") == "gzip") == bool(encoding)
-        assert "one();" in text(get(served, script, encoding))
-    assert "&lt;x&gt;" in text(served.index(word="<x>")) and 'href="#/x"' in text(served.index(word=""))
+        answer = get(served, script, encoding)
+        assert "one();" in text(answer) and "max-age=31536000, immutable" in answer.headers["Cache-Control"]
+        page = index(served, encoding)
+        for one in (answer, page):
+            assert (one.headers.get("Content-Encoding") == "gzip") == bool(encoding)
+        assert "&lt;x&gt;" in text(page) and 'href="#/x"' in text(page) and page.headers["Cache-Control"] == "no-store"
+    policy = page.headers["Content-Security-Policy"]
+    for inside in ("<style>a {}</style>", "<style>b {}</style>", "<script>plain();</script>"):
+        tag, body = inside[1:-1].split("<")[0].split(">")
+        assert inside in text(page)
+        digest = base64.b64encode(hashlib.sha256(body.encode()).digest()).decode()
+        [source] = re.findall(f"{tag}-src ([^;]*)", policy)
+        assert source.startswith("'self'") and f"'sha256-{digest}'" in source
+    assert "unsafe" not in policy
 
 
 def test_after_an_update_the_old_path_is_not_served(tmp_path: Path) -> None:
@@ -76,7 +93,7 @@ def test_modules_are_run_once_and_in_their_order() -> None:
         {
             "js/main.js": 'import * as b from "./b.js";\nimport { a as first, two } from "./x/a.js";\nb.start(first);\n'
             'const later = import("./late.js");\n',
-            "js/b.js": 'import { a } from "./x/a.js";\nexport function start() {}\n',
+            "js/b.js": '// law\n/**\n * of it\n */\nimport { a } from "./x/a.js";\nexport function start() {} // end\n',
             "js/x/a.js": "export const a = 1, two = 2;\nexport const where = import.meta.url;\n",
             "js/late.js": "export class Late {}\n",
         },
@@ -84,6 +101,7 @@ def test_modules_are_run_once_and_in_their_order() -> None:
         "js",
     )
     assert "const { a: first, two } = get(0);" in made and "const b = get(1);" in made
+    assert "law" not in made and "of it" not in made and "// end" in made
     assert "return { a, two, where };" in made and made.count("const a = 1") == 1
     assert 'new URL("x/a.js", import.meta.url)' in made and "Promise.resolve().then(() => get(2))" in made
 

@@ -72,17 +72,22 @@ function hear(event) {
 
 export function connect() {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  const mine = new WebSocket(`${scheme}//${location.host}/socket?token=${encodeURIComponent(token)}`);
+  const early = globalThis.early?.ws.readyState <= WebSocket.OPEN ? globalThis.early : null;
+  const mine = early?.ws ?? new WebSocket(`${scheme}//${location.host}/socket?token=${encodeURIComponent(token)}`);
   ws = mine;
   heard = performance.now();
   asked = false;
-  mine.addEventListener("open", () => {
+  const begin = () => {
     attempts = 0;
     state.connected = true;
     changed();
     emit("open");
-  });
-  mine.addEventListener("message", hear);
+  };
+  if (mine.readyState === WebSocket.OPEN) begin();
+  else mine.addEventListener("open", begin);
+  mine.onmessage = hear;
+  early?.heard.forEach(hear);
+  globalThis.early = null;
   mine.addEventListener("close", (event) => mine === ws && lost(event.code === CROWDED));
 }
 
