@@ -174,7 +174,7 @@ def mount_state(
     by_hand = bool(wanted.axes) or (others and not ends)
     look = StatusLine(
         name or (mount if identity is None else model or product), line.state, line.reason, position,
-        readings.age(op.Position, now), controller.slewing, by_hand, readings.value(op.GetStatus), len(programs),
+        readings.age(op.Position, now), controller.slewing, by_hand, readings.last(op.GetStatus), len(programs),
         0.0, driver.asleep, controller.hold.on, ends, run_on.unknown, driver.parked,
     )  # fmt: skip
     sites, times = tuple(controller.sources.sites()), tuple(controller.sources.times())

@@ -25,6 +25,7 @@ class StatusLine(Struct, frozen=True):
 
     ``rate`` is exchanges with the mount per second. ``by_hand`` includes motion at the mount's own keys; ``ends``: a
     motion was ended, and the position does not show the mount at rest yet; ``unknown``: it has not reported one since.
+    ``parked``: it stands at its park position.
     """
 
     name: str

@@ -88,12 +88,13 @@ class Direction(NamedTuple):
     surface: str
     position: tuple[bytes, ...]
     slewing: bytes
-    #: The requests to the mount that make up one heartbeat: a position's, and the site's of a mount that keeps its own.
+    #: The requests to the mount within a heartbeat at most: a position, the site of a mount that keeps its own, the
+    #: status.
     heartbeat: int
 
 
-LX200_ON_NEXSTAR = Direction("LX200 on NexStar", "nexstar:6-8se", "nexstar", "lx200", (b":GR#", b":GD#"), b":D#", 2)
-NEXSTAR_ON_LX200 = Direction("NexStar on LX200", "lx200:lx200gps", "lx200", "nexstar", (b"e",), b"L", 2)
+LX200_ON_NEXSTAR = Direction("LX200 on NexStar", "nexstar:6-8se", "nexstar", "lx200", (b":GR#", b":GD#"), b":D#", 4)
+NEXSTAR_ON_LX200 = Direction("NexStar on LX200", "lx200:lx200gps", "lx200", "nexstar", (b"e",), b"L", 3)
 DIRECTIONS = (LX200_ON_NEXSTAR, NEXSTAR_ON_LX200)
 
 

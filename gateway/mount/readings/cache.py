@@ -164,6 +164,11 @@ class ReadingsCache:
         lasts = max(entry.lasts, EXCHANGES * link.typical_rtt) if link.state == "up" else LAST_POSITION
         return entry.value if age <= lasts else NOT_CACHED
 
+    def last(self, kind: Kind) -> Any:
+        """Return the last reading, even one that is no longer true, until there is another; None before the first."""
+        entry = self.entries.get(kind)
+        return None if entry is None else entry.value
+
     def until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the readings of these kinds are fresh."""
         entries = [self.entries.get(kind) for kind in kinds]

@@ -7,6 +7,7 @@ twice a second if the line is fast enough. Without clients there is one heartbea
 from __future__ import annotations
 
 import asyncio
+from math import inf
 
 from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES
@@ -31,6 +32,9 @@ SITE_AGE = 4.5
 ASK_AGAIN = 1.0
 #: Seconds until the axes are read again after the mount did not report them, unless a client polls them.
 AXES_AGAIN = 10.0
+#: Seconds between two reads of the status that no client asks for: pages show it and do not ask; and from the end of a
+#: motion until the next: by then a parked mount no longer tracks, and no other arrow is likely to follow at once.
+STATUS_ALONE, AFTER_MOTION = 12.0, 5.0
 #: Seconds that a task sleeps whose reading is not needed; a new reading or a motion wakes it.
 IDLE = 3600.0
 #: Seconds between two exchanges of the same kind at least: others need the line, too.
@@ -57,11 +61,14 @@ class Poller:
     ) -> None:
         self._context, self._link, self._cache = context, context.link, context.cache
         self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
-        self._axes_refused = -1e9
+        self._axes_refused = self._status_refused = -1e9
+        #: The loop time by which the status is read although it is not old.
+        self._status_due = inf
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
         self._own: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
         self._asked_own = self._asked_site = context.now()
+        reader.goto_over.connect(self._goto_ended)
 
     def start(self) -> None:
         for kind in POLL_PERIOD:
@@ -134,10 +141,14 @@ class Poller:
         runs_on = self._context.run_on.value is not None
         return self._context.movement.anything or self._watch.moved_by_others or self._ends.pending or runs_on
 
+    def _goto_ended(self, _: None) -> None:
+        self._status_due = self._context.now() + AFTER_MOTION
+        self._cache.due[op.GetStatus].set()
+
     def _pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if not self._needed(kind, now):
-            return IDLE
+            return self._status_pause(now) if kind is op.GetStatus else IDLE
         ahead = (self._reader.exchanges.get(kind, 1) + WAIT_FOR_LINE) * self._link.typical_rtt
         every = POLL_PERIOD[kind]
         if kind is op.Position and self._watch.found_moving:
@@ -146,9 +157,19 @@ class Poller:
             every = self._watch.axes_interval or every
         return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)
 
+    def _status_pause(self, now: float) -> float:
+        """Return the seconds until the status is read that no client polls; in motion, positions have the line."""
+        if self._watched:
+            return STATUS_ALONE
+        old = min(self._cache.age(op.GetStatus, now), now - self._status_refused)
+        rests = now - self._watch.at_rest_since
+        return max(min(STATUS_ALONE - old, self._status_due - now), AFTER_MOTION - rests)
+
     async def renew(self, kind: Kind) -> None:
         """Ask the mount again. The log records the decision, so that a replay asks at the same moments."""
         self._context.log.put("hub", "r", note=kind.__name__)
+        if kind is op.GetStatus:
+            self._status_due = inf
         if kind is op.GetSite or kind is op.GetClock:
             await self._settings.renew(kind)
             return
@@ -159,5 +180,7 @@ class Poller:
                 self._context.note_once(f"{kind.__name__}: {fault}")
             if kind is op.AxisPosition:
                 self._axes_refused = self._context.now()
+            if kind is op.GetStatus:
+                self._status_refused = self._context.now()
             if self._cache.age(kind, self._context.now()) > POLL_PERIOD[kind]:
                 await asyncio.sleep(POLL_PERIOD[kind])

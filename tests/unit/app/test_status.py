@@ -112,7 +112,7 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
             for _ in range(300):
                 assert status_line(pier, rate).state == "up"
                 await asyncio.sleep(0.1)
-            assert len(bridge.sent()) - unseen <= unseen - settled + 2  # heartbeats and site, as before
+            assert len(bridge.sent()) - unseen <= unseen - settled + 4  # heartbeats, site and status, as before
             first = status_line(pier, rate)
             assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
             assert first.position is not None and first.status is not None and first.status.aligned

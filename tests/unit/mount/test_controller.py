@@ -35,7 +35,7 @@ def test_twenty_pollers_cost_the_line_what_one_costs() -> None:
     run(program())
 
 
-def test_with_nobody_polling_there_are_two_questions_in_five_seconds() -> None:
+def test_with_nobody_polling_there_are_two_questions_in_five_seconds_and_the_status_in_twelve() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             await asyncio.sleep(20)
@@ -44,7 +44,8 @@ def test_with_nobody_polling_there_are_two_questions_in_five_seconds() -> None:
             asked = bridge.sent()[before:]
             assert 1 <= asked.count(b"e") <= 12
             assert 6 <= asked.count(b"w") <= 12, "its owner may set the site at its keys"
-            assert len(asked) <= 24
+            status = asked.count(b"t") + asked.count(b"J")
+            assert len(asked) - status <= 24 and asked.count(b"t") <= 6 and status <= 12
 
     run(program())
 

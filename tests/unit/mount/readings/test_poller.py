@@ -1,0 +1,56 @@
+"""The status that no program asks for is known all the same: pages show it, and they do not ask the mount."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.app.mount_state import mount_state
+from gateway.app.status import activity
+from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
+from tests.support.in_process_gateway import Bridge
+
+MOUNTS = pytest.mark.parametrize(("mount", "driven"), [("6-8se", "nexstar"), ("lx200gps", "lx200")])
+
+
+def shown(bridge: Bridge) -> str:
+    return activity(mount_state(bridge.controller).look)
+
+
+def played(mount: str, driven: str, order: op.Operation, after: float, speed: float = 1.0) -> list[str]:
+    """What is shown after an order without any program: at once, and after so many seconds."""
+
+    async def program() -> list[str]:
+        async with Bridge(mount, driven=driven, speed=speed, config={"lowest": -90.0}) as bridge:
+            await asyncio.sleep(3.0)
+            await bridge.controller.perform(order)
+            first = shown(bridge)
+            await asyncio.sleep(after)
+            return [first, shown(bridge)]
+
+    return run(program())
+
+
+@MOUNTS
+def test_tracking_that_was_switched_is_never_unknown(mount: str, driven: str) -> None:
+    first, then = played(mount, driven, op.SetTracking(False), 2.0)
+    assert first in ("tracking", "not tracking") and then == "not tracking"
+
+
+@MOUNTS
+def test_a_mount_that_has_parked_is_shown_as_parked(mount: str, driven: str) -> None:
+    assert played(mount, driven, op.Park(), 120.0, speed=4.0)[1] == "parked"
+
+
+def test_tracking_that_the_owner_switches_at_the_hand_control_is_seen() -> None:
+    async def program() -> str:
+        async with Bridge("6-8se") as bridge:
+            await asyncio.sleep(3.0)
+            assert shown(bridge) == "tracking"
+            bridge.sim.connection(lambda _: None)(b"T\0")
+            await asyncio.sleep(13.0)
+            return shown(bridge)
+
+    assert run(program()) == "not tracking"
