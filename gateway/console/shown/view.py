@@ -5,7 +5,7 @@ Angles are degrees, azimuth from north through east, times Unix seconds. The sen
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from gateway.app.gateway import Gateway
@@ -17,8 +17,6 @@ from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.safety.admission.contradictions import site_text, time_unknown
 
-#: Into how many steps the path of a goto is divided.
-STEPS = 24
 #: Decimal places of degrees: 0.04 arcseconds for positions, 0.001 degrees for azimuth and altitude; the rest is noise.
 FINE, COARSE = 5, 3
 #: The operations that the page offers only where the mount has them.
@@ -54,7 +52,7 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         **_site_and_clock(state),
         "site_holds": controller.settings.holds_for(),
     }
-    yield _goal(controller, state, here)
+    yield _goal(controller, state)
 
 
 def _abilities(controller: MountController, status: op.Status | None) -> dict[str, Any]:
@@ -113,36 +111,15 @@ def _sky(controller: MountController, state: MountState) -> dict[str, Any]:
     return {"sidereal": round(sidereal, COARSE), "hour_angle": angle}
 
 
-def _goal(controller: MountController, state: MountState, here: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Return the target of the goto under way, and its expected path in azimuth and altitude."""
+def _goal(controller: MountController, state: MountState) -> dict[str, Any]:
+    """Return the target of the goto under way."""
     goal: dict[str, Any] | None = None
     if isinstance(state.goal, op.Equatorial):
         goal = {**coordinates(controller, state.goal), "words": state.goal_words}
     elif isinstance(state.wanted.motion, Slew) and isinstance(state.wanted.motion.operation, op.GotoHorizontal):
         assert state.goal is not None
         goal = {"ra": None, "dec": None, "alt": state.goal.alt, "az": state.goal.az, "words": state.goal_words}
-    return {"target": goal, "way": expected_path(controller, state.look.status, here, goal) if goal else []}
-
-
-def expected_path(
-    controller: MountController, status: op.Status | None, here: Mapping[str, Any] | None, goal: Mapping[str, Any]
-) -> list[tuple[float, float]]:
-    """Return azimuth and altitude step by step. Both axes turn at once: in azimuth and altitude on an alt-az fork,
-    else in right ascension and declination."""
-    if here is None or here["alt"] is None or goal["alt"] is None:
-        return []
-    parts = [step / STEPS for step in range(STEPS + 1)]
-    if status is None or not status.equatorial or goal.get("ra") is None:
-        turn, rise = wrap180(goal["az"] - here["az"]), goal["alt"] - here["alt"]
-        return [(round((here["az"] + turn * part) % 360.0, 1), round(here["alt"] + rise * part, 1)) for part in parts]
-    turn, rise = wrap180(goal["ra"] - here["ra"]), goal["dec"] - here["dec"]
-    path = []
-    for part in parts:
-        over = controller.astrometry.horizon(
-            op.Equatorial((here["ra"] + turn * part) % 360.0, here["dec"] + rise * part)
-        )
-        path.append((round(over.az, 1), round(over.alt, 1)))
-    return path
+    return {"target": goal}
 
 
 def _site_and_clock(state: MountState) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -154,3 +155,18 @@ def test_nothing_in_it_is_parsed_as_markup() -> None:
         text = path.read_text("utf-8")
         for word in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
             assert word not in text, path
+
+
+def test_its_labels_stand_in_one_table() -> None:
+    """Also names for screen readers; the page itself has but what must be there before its scripts."""
+    made = re.compile(
+        r'(?:\bbutton|\bgroup|\brow|\bchips|\blist)\([`"]\w|\bel\("(?:h\d|dt|label|summary)", \{[^}]*\}, "'
+        r'|(?:"aria-label"|placeholder|title|yes): "|^ +\["\w[^"]*", \(', re.M
+    )  # fmt: skip
+    for path in PAGE.rglob("*.js"):
+        if path.name != "labels.js":
+            assert not made.findall(path.read_text("utf-8")), path
+    page = (PAGE / "index.html").read_text("utf-8")
+    assert not re.findall(r' (?:aria-label|placeholder)="', page)
+    texts = set(re.findall(r">\s*([^<>{}]*\w[^<>{}]*?)\s*<", page.partition("<body")[2].partition("<noscript>")[0]))
+    assert texts == {"Connecting…", "mount-gateway", "STOP", "all motion"}

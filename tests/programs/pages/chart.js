@@ -12,7 +12,7 @@ addEventListener("unhandledrejection", (event) => found.errors.push(String(event
 
 const mount = {
   index: 0, site: { latitude: 48.1, longitude: 11.6 }, sidereal: 300, position: { alt: 52, az: 110 },
-  target: { alt: 30, az: 230 }, way: [[110, 52], [170, 40], [230, 30]], equatorial: true, german: false,
+  target: { alt: 30, az: 230 }, equatorial: true, german: false,
   limits: { lowest: 12, highest: 85, sun: 20, hour_angle: 95 },
   bodies: [
     { name: "Sun", ra2000: 270, dec2000: -10 }, { name: "Moon", ra2000: 345, dec2000: -8 },

@@ -241,7 +241,6 @@ def test_a_goto_is_seen_from_its_beginning_to_its_end(tmp_path: Path) -> None:
             assert answer["ok"], answer
             await page.until(lambda: page.mount["slewing"] and page.mount["target"])
             assert page.mount["target"]["dec2000"] == pytest.approx(goal["dec"], abs=0.01)
-            assert len(page.mount["way"]) > 2
             await page.until(lambda: not page.mount["slewing"])
             await page.until(lambda: abs(page.mount["position"]["dec2000"] - goal["dec"]) < 0.05)
 

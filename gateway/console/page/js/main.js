@@ -5,6 +5,7 @@ import * as jog from "./control/jog.js";
 import * as look from "./control/look.js";
 import * as orders from "./control/orders.js";
 import * as steps from "./control/steps.js";
+import * as labels from "./core/labels.js";
 import * as socket from "./core/socket.js";
 import { state } from "./core/store.js";
 import * as views from "./core/views.js";
@@ -23,6 +24,7 @@ import * as readings from "./readings/readings.js";
 import * as talk from "./talk/talk.js";
 
 stop.start(); // first, so that it works even if something below fails
+labels.write();
 for (const part of [night, awake, header, mounts, banners, glance, search, place, look, orders, steps, jog, gamepad, readings, talk, more, views]) part.start();
 socket.on("open", () => state.pin && socket.ask({ do: "pin", pin: state.pin }).then((answer) => (state.act ||= answer.ok)));
 socket.connect();

@@ -1,5 +1,6 @@
 // The view "More": colours, permissions of this page, and information about gateway and mount.
 
+import { BUTTONS, CHOICES, HEADINGS } from "./core/labels.js";
 import { button, byId, choice, el, say } from "./core/dom.js";
 import { angle } from "./core/format.js";
 import { ask } from "./core/socket.js";
@@ -11,22 +12,14 @@ import { askForPin } from "./frame/banners.js";
 import { limitsButtons } from "./readings/limits.js";
 import { light, onLight, setMode, setStep, sunAltitude } from "./frame/night.js";
 
-const KEYS = [
-  ["Esc", "stops everything, wherever you are"],
-  ["Space", "stops everything, except where you type"],
-  ["← ↑ → ↓", "move by hand while held, when the pad is chosen (Tab leads there)"],
-  ["1 … 9", "the rate of motion by hand"],
-  ["Enter", "presses a button"],
-];
-
 const group = (title, ...content) => el("section", { class: "group" }, el("h3", {}, title), ...content);
 const chips = (label) => el("div", { class: "chips", role: "radiogroup", "aria-label": label });
 
 function lightGroup() {
-  const modes = chips("Light");
-  const steps = chips("Brightness by night");
-  const mode = choice(modes, [["auto", "By the Sun"], ["day", "Day"], ["night", "Red"]], setMode);
-  const step = choice(steps, [["-1", "1, dim"], ["0", "2"], ["1", "3"], ["2", "4"], ["3", "5"], ["4", "6, full"]], (value) => setStep(Number(value)));
+  const modes = chips(HEADINGS.light);
+  const steps = chips(HEADINGS.brightness);
+  const mode = choice(modes, CHOICES.light, setMode);
+  const step = choice(steps, CHOICES.brightness, (value) => setStep(Number(value)));
   const words = el("p", { class: "hint" });
   onLight(() => {
     mode.set(light().mode);
@@ -35,13 +28,13 @@ function lightGroup() {
   subscribe(() => say(words, sunAltitude() === null
     ? "By the Sun: red while it stands lower than −6° at the mount. Its altitude is not known yet."
     : `By the Sun: red while it stands lower than −6° at the mount. Now it stands at ${angle(sunAltitude())}.`));
-  return group("Light", modes, words, el("h4", {}, "Brightness of the red light"), steps);
+  return group(HEADINGS.light, modes, words, el("h4", {}, HEADINGS.brightness), steps);
 }
 
 function pageGroup() {
   const words = el("p", {});
   const version = el("p", { class: "hint" });
-  const pin = button("Type the pin", askForPin);
+  const pin = button(BUTTONS.pin, askForPin);
   subscribe(() => {
     say(words, state.act ? "It may move the mount." : "It only looks. STOP works all the same.");
     say(version, state.hello ? `mount-gateway ${state.hello.version}` : "");
@@ -49,15 +42,13 @@ function pageGroup() {
   });
   const screen = el("p", { class: "hint" });
   subscribe(() => say(screen, `${awake.words()} ${gamepad.words()}`));
-  return group("This page", words, version, screen, pin);
+  return group(HEADINGS.page, words, version, screen, pin);
 }
 
-const GUIDES = [["0.25", "¼"], ["0.5", "½"], ["0.75", "¾"], ["1", "1"]];
-
 function guideGroup() {
-  const box = el("div", { class: "chips", role: "group", "aria-label": "Guide rate" });
-  const rates = choice(box, GUIDES, async (rate) => answered(await ask({ do: "guide_rate", rate: Number(rate) })));
-  const whole = group("Guide rate, a part of sidereal", box);
+  const box = el("div", { class: "chips", role: "group", "aria-label": HEADINGS.guide });
+  const rates = choice(box, CHOICES.guides, async (rate) => answered(await ask({ do: "guide_rate", rate: Number(rate) })));
+  const whole = group(HEADINGS.guide, box);
   subscribe(() => {
     const seen = mount();
     whole.hidden = !seen?.can?.includes("SetGuideRate");
@@ -83,10 +74,10 @@ function list(title, lines, none, ...more) {
 export function start() {
   byId("more").replaceChildren(
     lightGroup(),
-    list("Where programs connect", (seen) => seen.surfaces, "nowhere"),
-    list("What is allowed", (seen) => seen.allowed, "everything", ...limitsButtons()),
+    list(HEADINGS.surfaces, (seen) => seen.surfaces, "nowhere"),
+    list(HEADINGS.allowed, (seen) => seen.allowed, "everything", ...limitsButtons()),
     guideGroup(),
-    group("Keys", el("dl", { class: "keys" }, ...KEYS.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
+    group(HEADINGS.keys, el("dl", { class: "keys" }, ...CHOICES.keys.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
     pageGroup(),
   );
 }

@@ -103,6 +103,10 @@ def test_a_night_has_its_list(evening: Evening) -> None:
         if abs(dec) < math.radians(85.0):
             assert abs(math.asin(math.sin(az) * math.cos(alt) / math.cos(dec))) < math.radians(0.25)
     assert [one["altitude"] for one in transits] == pytest.approx(list(seen.alt.deg), abs=0.05)
+    for star, one in zip(stars, transits, strict=True):
+        for event in ("rises", "sets"):
+            assert one[event] is None or altitude(star, one[event]) == pytest.approx(0.0, abs=0.05)
+    assert any(one["sets"] is not None for one in transits)
     # Sun and Moon through the night.
     hours = [sun_and_moon["begins"] + 3600.0 * hour for hour in range(17)]
     for body in ("sun", "moon"):

@@ -94,6 +94,7 @@ function face() {
   const now = turnedUp() === "south" && !altaz;
   if (now !== turned) letAllGo();
   turned = now;
+  byId("pad").dataset.names = altaz ? "tube" : "sky";
   byId("pad").dataset.up = turned ? "south" : "north";
   for (const one of byId("pad").querySelectorAll("[data-go]")) {
     const way = WAYS[one.dataset.go].names[Number(altaz)];

@@ -1,6 +1,7 @@
 // Orders other than motion by hand: tracking and its rate, park and home, search, sync, hold and release. What the
 // mount cannot do is not offered. What leads the telescope far away asks first.
 
+import { BUTTONS, CHOICES, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, choice, el, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
 import { state, mount, subscribe } from "../core/store.js";
@@ -10,7 +11,6 @@ import { question } from "../frame/question.js";
 import { following, look } from "./look.js";
 import { search } from "./steps.js";
 
-const RATES = [["sidereal", "Stars"], ["lunar", "Moon"], ["solar", "Sun"]];
 const send = async (request) => answered(await ask(request));
 
 function row(title, ...content) {
@@ -27,20 +27,20 @@ async function goFar(request, title, words) {
 }
 
 export function start() {
-  const [onOff, tracks] = group("Tracking", [["on", "On"], ["off", "Off"]], (value) => send({ do: "track", on: value === "on" }));
-  const [rates, follows] = group("Rate of tracking", RATES, (rate) => send({ do: "track", on: true, rate }).then(look));
-  const syncs = button("Sync…", sync);
-  const wakes = button("Wake", () => send({ do: "wake" }));
-  const holds = button("Hold still", () => send({ do: mount()?.held ? "release" : "hold" }));
-  const parks = button("Park…", () => goFar({ do: "park" }, "Park", "It slews to its park position, and tracking ends there."));
-  const homes = button("Home…", () => goFar({ do: "home" }, "Go home", "It slews to its home position."));
-  const searches = button("Search…", search);
-  const [tracking, followed] = [row("Tracking", onOff), row("Follow", rates)];
+  const [onOff, tracks] = group(HEADINGS.tracking, CHOICES.tracking, (value) => send({ do: "track", on: value === "on" }));
+  const [rates, follows] = group(NAMES.rates, CHOICES.rates, (rate) => send({ do: "track", on: true, rate }).then(look));
+  const syncs = button(BUTTONS.sync, sync);
+  const wakes = button(BUTTONS.wake, () => send({ do: "wake" }));
+  const holds = button(BUTTONS.hold, () => send({ do: mount()?.held ? "release" : "hold" }));
+  const parks = button(BUTTONS.park, () => goFar({ do: "park" }, HEADINGS.park, "It slews to its park position, and tracking ends there."));
+  const homes = button(BUTTONS.home, () => goFar({ do: "home" }, HEADINGS.home, "It slews to its home position."));
+  const searches = button(BUTTONS.search, search);
+  const [tracking, followed] = [row(HEADINGS.tracking, onOff), row(HEADINGS.follow, rates)];
   byId("orders").replaceChildren(
     tracking,
     followed,
-    row("Park", el("div", { class: "chips" }, parks, homes, button("Unpark", () => send({ do: "unpark" }).then(look)))),
-    row("Mount", el("div", { class: "chips" }, wakes, holds, searches, syncs)),
+    row(HEADINGS.park, el("div", { class: "chips" }, parks, homes, button(BUTTONS.unpark, () => send({ do: "unpark" }).then(look)))),
+    row(HEADINGS.mount, el("div", { class: "chips" }, wakes, holds, searches, syncs)),
   );
   subscribe(() => {
     const seen = mount();
@@ -52,7 +52,7 @@ export function start() {
     // An alt-azimuth mount tracks at the sidereal rate only: its two motors have no other.
     followed.hidden = !can("TrackRate") || seen?.equatorial === false;
     for (const [one, name] of [[parks, "Park"], [homes, "Home"], [syncs, "Sync"]]) one.hidden = !can(name);
-    say(holds, seen?.held ? "Release" : "Hold still");
+    say(holds, seen?.held ? BUTTONS.release : BUTTONS.hold);
     for (const one of byId("orders").querySelectorAll("button")) one.disabled = !state.act;
   });
 }

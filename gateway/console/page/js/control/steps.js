@@ -1,6 +1,7 @@
 // What a tap on an arrow of the pad does, instead of moving while it is held: a guide pulse, or a goto to a place that far
 // away; and a search in a spiral, one goto a tap. All are bounded, and obey the rules of every other goto.
 
+import { BUTTONS, CHOICES, NAMES } from "../core/labels.js";
 import { button, byId, choice, el, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
 import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
@@ -11,8 +12,6 @@ import { angles, DEGREE, reversed, separation, turned, vector } from "../sky/sph
 
 /** Milliseconds of a guide pulse. */
 const PULSE = 1000;
-const MODES = [["hold", "Move"], ["pulse", "Pulse"], ["1", "1′"], ["5", "5′"], ["field", "Field"]];
-const NAMES = { pulse: "1 s of guiding", 1: "1′", 5: "5′", field: "one field" };
 /** Towards higher declination or altitude, and higher right ascension or lower azimuth; the names on both kinds of mounts. */
 export const WAYS = {
   north: { to: [1, 0], names: ["north", "up"] }, south: { to: [-1, 0], names: ["south", "down"] },
@@ -25,7 +24,7 @@ let spiral = null;
 const listeners = [];
 
 /** What a tap does, in words; empty while an arrow moves as long as it is held. */
-export const step = () => NAMES[mode] ?? "";
+export const step = () => CHOICES.taps[mode] ?? "";
 export const onStep = (listener) => listeners.push(listener);
 
 /** The field of the eyepiece in minutes of arc, which is asked for once; null if it is not told. */
@@ -125,20 +124,20 @@ function end() {
 function draw() {
   if (spiral?.mount !== state.chosen) spiral = null;
   byId("spiral").hidden = !spiral;
-  say(byId("spiral-next"), `Place ${(spiral?.number ?? 0) + 1}`);
+  say(byId("spiral-next"), `${BUTTONS.place} ${(spiral?.number ?? 0) + 1}`);
 }
 
 export function start() {
   const box = byId("steps");
-  const chosen = choice(box, MODES, (value) => {
+  const chosen = choice(box, CHOICES.steps, (value) => {
     mode = value;
     chosen.set(value);
     listeners.forEach((listener) => listener());
   });
   chosen.set(mode);
   box.after(
-    el("div", { class: "chips", id: "spiral", role: "group", "aria-label": "Search in a spiral", hidden: true },
-      button("Place 1", () => searchOn(spiral.number + 1), { id: "spiral-next" }), button("Back", () => searchOn(0)), button("End", end)));
+    el("div", { class: "chips", id: "spiral", role: "group", "aria-label": NAMES.spiral, hidden: true },
+      button(`${BUTTONS.place} 1`, () => searchOn(spiral.number + 1), { id: "spiral-next" }), button(BUTTONS.back, () => searchOn(0)), button(BUTTONS.end, end)));
   subscribe(() => {
     const seen = mount();
     const pulse = box.querySelector("[data-value=pulse]");

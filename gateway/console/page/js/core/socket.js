@@ -85,7 +85,8 @@ export function connect() {
   };
   if (mine.readyState === WebSocket.OPEN) begin();
   else mine.addEventListener("open", begin);
-  mine.onmessage = hear;
+  mine.onmessage = null;
+  mine.addEventListener("message", hear);
   early?.heard.forEach(hear);
   globalThis.early = null;
   mine.addEventListener("close", (event) => mine === ws && lost(event.code === CROWDED));

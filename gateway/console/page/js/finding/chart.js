@@ -1,5 +1,6 @@
 // The sky chart in its pane: it is loaded after everything else and gets every change; a tap on it opens a card.
 
+import { CHOICES } from "../core/labels.js";
 import { onTurn, turn } from "../control/turned.js";
 import { byId, say } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
@@ -11,7 +12,7 @@ export async function start() {
   const { createSky } = await import("../sky/sky.js");
   const canvas = byId("sky");
   const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words) });
-  const marks = { north: "N ↑", south: "S ↑", zenith: "Tube ↓" };
+  const marks = CHOICES.up;
   byId("chart-up").addEventListener("click", turn);
   onTurn((up) => {
     sky.setUp(up);

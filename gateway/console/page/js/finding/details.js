@@ -1,5 +1,6 @@
 // The lower part of a target's card: what there is to see, whether it fits the field, its night, and the observer's marks.
 
+import { BUTTONS, HEADINGS } from "../core/labels.js";
 import { button, el } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
 import { question } from "../frame/question.js";
@@ -19,7 +20,7 @@ export async function askOptics(again = () => {}) {
   const told = optics() ?? {};
   const fields = [["telescope", "Focal length of the telescope, mm"], ["eyepiece", "Focal length of the eyepiece, mm"], ["apparent", "Apparent field of the eyepiece, degrees"]];
   const given = await question({
-    title: "Which field do you see?", yes: "Keep it", words: "This browser keeps it, and says of every target whether it fits.",
+    title: HEADINGS.field, yes: BUTTONS.keep, words: "This browser keeps it, and says of every target whether it fits.",
     fields: fields.map(([name, label]) => ({ name, label, value: told[name] ? String(told[name]) : "" })),
   });
   if (!given) return;
@@ -47,6 +48,6 @@ export function details(found, again) {
     found.seen ? el("p", { class: "kind" }, found.seen) : null,
     night() && skyAt(0).sky ? curve(found, night(), skyAt, gatewayNow(), mount().limits.lowest) : null,
     el("div", { class: "marks" },
-      button(fits(found) || "Field of view…", () => askOptics(again), { class: "chip", id: "field" }),
-      ...(found.kind && name ? [mark("favourites", "☆ Favourite", "★ Favourite"), mark("seen", "Seen?", "✓ Seen")] : [])));
+      button(fits(found) || BUTTONS.field, () => askOptics(again), { class: "chip", id: "field" }),
+      ...(found.kind && name ? [mark("favourites", BUTTONS.favourite, BUTTONS.isFavourite), mark("seen", BUTTONS.seen, BUTTONS.isSeen)] : [])));
 }

@@ -1,14 +1,15 @@
 // The position of the telescope, in the upper corners of the chart.
 
+import { READINGS } from "../core/labels.js";
 import { byId, el, say } from "../core/dom.js";
 import { angle, azimuth, declination, hours } from "../core/format.js";
 import { mount, subscribe } from "../core/store.js";
 
 const FIGURES = [
-  ["RA", (at) => hours(at?.ra)],
-  ["Alt", (at) => angle(at?.alt)],
-  ["Dec", (at) => declination(at?.dec)],
-  ["Az", (at) => azimuth(at?.az)],
+  [READINGS.raShort, (at) => hours(at?.ra)],
+  [READINGS.altShort, (at) => angle(at?.alt)],
+  [READINGS.decShort, (at) => declination(at?.dec)],
+  [READINGS.azShort, (at) => azimuth(at?.az)],
 ];
 
 export function start() {

@@ -1,6 +1,7 @@
 // The list of what is up tonight, in the place of the chart, with the observer's favourites and own list.
 // The catalogue is loaded when the list is first opened.
 
+import { BUTTONS, CHOICES, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, el, say } from "../core/dom.js";
 import { angle, azimuth, magnitude, timeOfDay, zone } from "../core/format.js";
 import { gatewayNow, mount, skyAt } from "../core/store.js";
@@ -19,7 +20,6 @@ const HIGHER = 3;
 const data = (name) => new URL(`../../data/${name}`, import.meta.url);
 /** Magnitudes at which planets are bright; the Moon comes first. */
 const BODIES = { Moon: -12, Venus: -4, Jupiter: -2.3, Mars: 0.5, Saturn: 0.7, Mercury: 0, Uranus: 5.7, Neptune: 7.8 };
-const KINDS = [["all", "All"], ["planets", "Planets"], ["galaxies", "Galaxies"], ["nebulae", "Nebulae"], ["clusters", "Clusters"], ["doubles", "Doubles"], ["own", "★ Mine"]];
 const BELONGS = {
   all: () => true, planets: ({ kinds }) => kinds === "planet", galaxies: ({ kinds }) => kinds === "G",
   nebulae: ({ kinds }) => /[PD]/.test(kinds), clusters: ({ kinds }) => /[OC]/.test(kinds), doubles: ({ kinds }) => /[2*]/.test(kinds),
@@ -79,7 +79,7 @@ function own(objects) {
 
 /** Where it stands at the beginning, and its best altitude if that is much higher. */
 function row({ object, altitude, unix }, from) {
-  const [name, ...others] = object.names;
+  const name = object.names[0], others = object.names.filter((other) => spelled(other) !== spelled(name));
   const called = others.find((other) => /[a-z]{3}/.test(other)) ?? others[0] ?? "";
   const bright = Number.isFinite(object.magnitude) && object.kinds !== "planet" ? `mag ${magnitude(object.magnitude)}` : "";
   const [az, high] = object.ra === undefined ? [] : angles(skyAt(from).place(object.ra, object.dec));
@@ -111,7 +111,7 @@ function content(objects, night) {
 
 /** Where the observer pastes or loads a list of their own. */
 function ownForm() {
-  const text = el("textarea", { id: "own-list", rows: 5, spellcheck: "false", placeholder: "M 81\n05:34:32 +22:00:52 J2000" });
+  const text = el("textarea", { id: "own-list", rows: 5, spellcheck: "false", placeholder: NAMES.ownExample });
   text.value = ownList();
   const file = el("input", { type: "file", id: "own-file", accept: ".txt,.csv,text/plain" });
   file.addEventListener("change", async () => file.files[0] && (text.value = (await file.files[0].text()).slice(0, 20000)));
@@ -119,9 +119,9 @@ function ownForm() {
     keepList(text.value);
     draw();
   };
-  return el("details", { class: "own" }, el("summary", {}, "Paste or load a list"),
-    el("label", { for: "own-list" }, "One name, or right ascension and declination, a line. They are of date unless J2000 stands behind them."), text,
-    el("label", { for: "own-file" }, "From a file"), file, button("Keep this list", keep, { class: "primary" }));
+  return el("details", { class: "own" }, el("summary", {}, HEADINGS.own),
+    el("label", { for: "own-list" }, NAMES.own), text,
+    el("label", { for: "own-file" }, NAMES.file), file, button(BUTTONS.keepList, keep, { class: "primary" }));
 }
 
 async function draw() {
@@ -144,14 +144,14 @@ async function draw() {
 
 /** Build the panel, once. */
 function build() {
-  const kinds = KINDS.map(([kind, label]) => button(label, () => {
+  const kinds = CHOICES.kinds.map(([kind, label]) => button(label, () => {
     shown = kind;
     left = 0;
     draw();
   }, { "data-kind": kind, class: "chip" }));
   const licence = el("a", { href: data("LICENSE-CC-BY-SA-4.0.txt"), target: "_blank" }, "CC-BY-SA 4.0");
-  byId("chart").before(el("section", { id: "tonight", "aria-label": "What is up tonight", tabindex: -1, hidden: true },
-    el("div", { id: "tonight-kinds", class: "kinds", role: "group", "aria-label": "Which objects" }, ...kinds),
+  byId("chart").before(el("section", { id: "tonight", "aria-label": HEADINGS.tonight, tabindex: -1, hidden: true },
+    el("div", { id: "tonight-kinds", class: "kinds", role: "group", "aria-label": NAMES.kinds }, ...kinds),
     el("p", { id: "tonight-says", class: "hint", role: "status" }, "Loading…"), ownForm(), el("ol", { id: "tonight-rows" }),
     el("p", { class: "hint" }, "Nebulae, clusters and galaxies: a part of OpenNGC by Mattia Verga, ", licence, ".")));
   onPlace((place) => place && open(false)); // its card stands where the list does

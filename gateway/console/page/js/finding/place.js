@@ -1,6 +1,7 @@
 // The card of a chosen position: its altitude, when it rises and sets, whether the mount may go there and if not, why.
 // One more press starts the goto; a sync asks first, because it changes the position that the mount believes in.
 
+import { BUTTONS, HEADINGS, NAMES, READINGS } from "../core/labels.js";
 import { button, byId, el, say } from "../core/dom.js";
 import { angle, azimuth, declination, hours, magnitude, timeOfDay, zone } from "../core/format.js";
 import { answered, notice } from "../frame/notices.js";
@@ -128,7 +129,7 @@ export async function sync() {
   if (!chosen) return notice("Choose in the sky, or find by name, what the telescope points at; then sync.", "refused");
   const name = chosen.found.name || "this place";
   const agreed = await question({
-    title: `Sync on ${name}?`, yes: "It is centred: sync",
+    title: `Sync on ${name}?`, yes: BUTTONS.centred,
     words: `${aside()}The mount will believe that it points at ${name} now, and every later goto builds on that. Do it only while ${name} is in the middle of the eyepiece.`,
   });
   if (!agreed) return;
@@ -148,10 +149,11 @@ function culminates(found) {
 /** Label and local time of the next rising or setting, relative to the lowest allowed altitude. */
 function nextEvent(found) {
   const lowest = mount()?.limits.lowest ?? 0;
-  const [sets, rises] = lowest > 0 ? [`Above ${lowest}° until`, `Above ${lowest}° from`] : ["Sets", "Rises"];
-  if (found.alt === null) return [sets, "site unknown"];
-  if (found.sets === null) return found.alt > lowest ? (lowest > 0 ? [`Above ${lowest}°`, "always"] : [sets, "never"]) : [rises, "never"];
-  return found.sets < found.rises ? [sets, withZone(found.sets)] : [rises, withZone(found.rises)];
+  const [sets, rises] = lowest > 0 ? [`Above ${lowest}° until`, `Above ${lowest}° from`] : [READINGS.sets, READINGS.rises];
+  if (found.alt === null || !skyAt(0).sky) return [sets, "site unknown"];
+  const next = culmination(found.ra2000, found.dec2000, gatewayNow(), skyAt, Math.max(lowest, 0));
+  if (next.sets === null) return found.alt > lowest ? (lowest > 0 ? [`Above ${lowest}°`, "always"] : [sets, "never"]) : [rises, "never"];
+  return next.sets < next.rises ? [sets, withZone(next.sets)] : [rises, withZone(next.rises)];
 }
 
 const kindOf = (found) =>
@@ -170,8 +172,8 @@ function coordinates({ request, found }) {
   const equinox = (label, value) =>
     button(label, () => look({ ...request, j2000: value }, found.name), { class: "chip", "aria-pressed": String(j2000 === value) });
   return el("p", { class: "equinox" }, `${words} `, ...(request.typed
-    ? [el("span", { role: "group", "aria-label": "Equinox of what was typed" }, equinox("of date", false), equinox("J2000", true))]
-    : ["of date"]));
+    ? [el("span", { role: "group", "aria-label": NAMES.equinox }, equinox(BUTTONS.ofDate, false), equinox(BUTTONS.j2000, true))]
+    : [BUTTONS.ofDate]));
 }
 
 function card(found) {
@@ -179,17 +181,17 @@ function card(found) {
   const [event, when] = nextEvent(found);
   return [
     el("header", {},
-      el("div", {}, el("h3", {}, found.name || "Chosen place"), el("p", { class: "kind" }, kindOf(found), alsoCalled(found)), coordinates(chosen)),
-      button("×", forget, { class: "quiet close", "aria-label": "Close" })),
+      el("div", {}, el("h3", {}, found.name || HEADINGS.place), el("p", { class: "kind" }, kindOf(found), alsoCalled(found)), coordinates(chosen)),
+      button("×", forget, { class: "quiet close", "aria-label": BUTTONS.close })),
     el("dl", { class: "figures" },
-      el("div", {}, el("dt", {}, "Altitude"), el("dd", {}, angle(found.alt))),
-      el("div", {}, el("dt", {}, "Azimuth"), el("dd", {}, azimuth(found.az))),
+      el("div", {}, el("dt", {}, READINGS.alt), el("dd", {}, angle(found.alt))),
+      el("div", {}, el("dt", {}, READINGS.az), el("dd", {}, azimuth(found.az))),
       el("div", {}, el("dt", {}, event), el("dd", {}, when)),
-      el("div", {}, el("dt", {}, "Culminates"), el("dd", {}, culminates(found)))),
+      el("div", {}, el("dt", {}, READINGS.culminates), el("dd", {}, culminates(found)))),
     found.may ? null : el("p", { class: "why" }, found.why),
     el("div", { class: "buttons" },
-      button("Go there", go, { class: "primary", id: "go", disabled: !may }),
-      button("Sync here…", sync, { id: "sync", disabled: !state.act })),
+      button(BUTTONS.go, go, { class: "primary", id: "go", disabled: !may }),
+      button(BUTTONS.syncHere, sync, { id: "sync", disabled: !state.act })),
     lower ? lower.details(found, again) : null,
   ].filter(Boolean);
 }
@@ -212,7 +214,7 @@ function draw() {
 
 /** Update the card in place, because a button that is replaced under a finger is not pressed. */
 function tellWay(goes, going) {
-  say(goes, going ? "On its way…" : isThere() ? "It is there: go again" : "Go there");
+  say(goes, going ? BUTTONS.going : isThere() ? BUTTONS.again : BUTTONS.go);
   goes.setAttribute("aria-disabled", String(going));
 }
 

@@ -1,6 +1,7 @@
 // Search for an object: suggestions while the user types; coordinates can be typed too. What they may mean, if that is
 // more than one thing, is offered in the place of the suggestions.
 
+import { BUTTONS } from "../core/labels.js";
 import { button, byId, el, say } from "../core/dom.js";
 import { notice, settled } from "../frame/notices.js";
 import { forget, onPlace, showName, showTyped } from "./place.js";
@@ -100,5 +101,5 @@ export function start() {
   byId("search").addEventListener("submit", submit);
   // The list is loaded when somebody wants it: with the catalogue it is as large as the rest of the page.
   const openList = () => import("./list.js").then((list) => list.toggle(take), () => notice("The list could not be loaded.", "refused"));
-  byId("search").append(button("Tonight", openList, { id: "tonight-button", "aria-pressed": "false" }));
+  byId("search").append(button(BUTTONS.tonight, openList, { id: "tonight-button", "aria-pressed": "false" }));
 }

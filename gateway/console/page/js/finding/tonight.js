@@ -81,8 +81,11 @@ export function tonight(objects, { from, sceneAt, night, limits }) {
   return found.sort((one, other) => other.worth - one.worth || (one.object.names[0] < other.object.names[0] ? -1 : 1));
 }
 
-/** When a J2000 place next stands in the meridian, and its altitude there. */
-export function culmination(ra2000, dec2000, from, sceneAt) {
+/** When a J2000 place next stands in the meridian, its altitude there, and when it next crosses `lowest`, null if never. */
+export function culmination(ra2000, dec2000, from, sceneAt, lowest = 0) {
   const [ra, dec] = angles(turned(precession(from), vector(ra2000, dec2000))), { sidereal, latitude } = sceneAt(from);
-  return { unix: from + ((((ra - sidereal) % 360) + 360) % 360) / TURN, altitude: 90 - Math.abs(latitude - dec) };
+  const sine = (angle) => Math.sin(angle * DEGREE), cosine = (angle) => Math.cos(angle * DEGREE);
+  const half = Math.acos((sine(lowest) - sine(latitude) * sine(dec)) / (cosine(latitude) * cosine(dec))) / DEGREE;
+  const [unix, rises, sets] = [0, -half, half].map((turn) => from + ((((turn + ra - sidereal) % 360) + 360) % 360) / TURN);
+  return { unix, altitude: 90 - Math.abs(latitude - dec), ...(half > 0 && half < 180 ? { rises, sets } : { rises: null, sets: null }) };
 }

@@ -1,6 +1,7 @@
 // Important conditions, each with a button that resolves it: no connection, a page that only looks, a mount on hold,
 // hibernating, busy or disconnected, and a clock or site that cannot be right.
 
+import { BUTTONS, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, el } from "../core/dom.js";
 import { sentence, span } from "../core/format.js";
 import { answered } from "./notices.js";
@@ -15,8 +16,8 @@ const send = (request) => async () => answered(await ask(request));
 
 export async function askForPin() {
   const given = await question({
-    title: "Act from this page", words: "Without the pin a page only looks and stops.", yes: "Act",
-    fields: [{ name: "pin", label: "Pin of the console", type: "password" }],
+    title: HEADINGS.pin, words: "Without the pin a page only looks and stops.", yes: HEADINGS.act,
+    fields: [{ name: "pin", label: NAMES.pin, type: "password" }],
   });
   if (!given) return;
   const answer = answered(await ask({ do: "pin", pin: given.pin }));
@@ -32,12 +33,12 @@ function now() {
   const rows = [];
   if (seen.state === "down") rows.push(["bad", `The mount does not answer${seen.reason ? `: ${seen.reason}` : ""}. Look at its cable and its power; the gateway goes on trying.`]);
   if (seen.state === "busy") rows.push(["note", `The mount is busy${seen.reason ? `: ${seen.reason}` : ""}.`]);
-  if (seen.held) rows.push(["held", "The mount is held: nothing moves it before it is released.", "Release", send({ do: "release" })]);
-  if (seen.asleep) rows.push(["note", "The mount is asleep.", "Wake", send({ do: "wake" })]);
+  if (seen.held) rows.push(["held", "The mount is held: nothing moves it before it is released.", BUTTONS.release, send({ do: "release" })]);
+  if (seen.asleep) rows.push(["note", "The mount is asleep.", BUTTONS.wake, send({ do: "wake" })]);
   if (seen.aligned === false) rows.push(["note", "The mount is not aligned, so it does not know where it points. Align it at its hand control."]);
-  if (seen.clock_doubt) rows.push(["bad", sentence(seen.clock_doubt), "Use this device's time", tellTime]);
+  if (seen.clock_doubt) rows.push(["bad", sentence(seen.clock_doubt), BUTTONS.time, tellTime]);
   if (seen.site_doubt) rows.push(["bad", sentence(seen.site_doubt)]);
-  if (!state.act) rows.push(["note", "This page only looks. STOP works all the same.", ...(state.hello?.pin ? ["Type the pin", askForPin] : [])]);
+  if (!state.act) rows.push(["note", "This page only looks. STOP works all the same.", ...(state.hello?.pin ? [BUTTONS.pin, askForPin] : [])]);
   return rows;
 }
 
@@ -54,7 +55,7 @@ function draw() {
   shown = key;
   byId("banners").replaceChildren(...rows.map(([kind, words, press, does]) =>
     el("div", { class: `banner ${kind}` }, el("p", {}, words),
-      press && (state.act || press === "Type the pin") ? button(press, does) : null)));
+      press && (state.act || press === BUTTONS.pin) ? button(press, does) : null)));
 }
 
 export function start() {

@@ -1,6 +1,7 @@
 // Shows the gateway's answers in every view. A refusal stays until the user closes it or another answer replaces it;
 // a success disappears by itself.
 
+import { BUTTONS } from "../core/labels.js";
 import { button, byId, el } from "../core/dom.js";
 import { sentence } from "../core/format.js";
 
@@ -13,7 +14,7 @@ export function notice(words, kind = "done") {
   clearTimeout(timer);
   const box = byId("notices");
   if (!words) return box.replaceChildren();
-  const close = kind === "refused" ? button("Close", () => box.replaceChildren(), { class: "quiet" }) : null;
+  const close = kind === "refused" ? button(BUTTONS.close, () => box.replaceChildren(), { class: "quiet" }) : null;
   box.replaceChildren(el("div", { class: `notice ${kind}` }, el("p", {}, sentence(words)), close));
   if (kind === "done") timer = setTimeout(() => box.replaceChildren(), Math.max(GONE, words.split(" ").length * WORD));
 }

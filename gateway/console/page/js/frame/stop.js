@@ -3,6 +3,7 @@
 // connected, also by a page that was loaded anew. The gateway answers when the mount has come to rest, so a question
 // that is answered at once goes behind the stop: without its answer within a second the user is told.
 
+import { STATES } from "../core/labels.js";
 import { byId, isTyping, say } from "../core/dom.js";
 import { answered, notice, outdated } from "./notices.js";
 import { ask, on } from "../core/socket.js";
@@ -21,7 +22,7 @@ let owed = 0;
 /** The label of the button: what it stops, or that it is stopping. */
 function tell() {
   byId("stop").classList.toggle("pressed", underWay > 0);
-  say(byId("stop-says"), underWay ? "stopping…" : !state.connected && isOwed() ? "not sent yet" : state.mounts.length > 1 ? "all mounts" : "all motion");
+  say(byId("stop-says"), underWay ? STATES.stopping : !state.connected && isOwed() ? STATES.owed : state.mounts.length > 1 ? STATES.allMounts : STATES.allMotion);
 }
 
 function owe(since) {

@@ -1,5 +1,6 @@
 // The limits: what the configuration allows, and how to narrow that from here until the gateway ends.
 
+import { BUTTONS, HEADINGS } from "../core/labels.js";
 import { button, el, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
 import { mount, state, subscribe } from "../core/store.js";
@@ -25,7 +26,7 @@ const lines = (values) => offered().filter(([name]) => values[name] !== null)
 async function narrow() {
   const { limits, own_limits } = mount();
   const given = await question({
-    title: "Narrow the limits?", yes: "Narrow",
+    title: HEADINGS.narrow, yes: HEADINGS.narrows,
     words: `For every program, until the gateway ends. The configuration allows ${own_limits}.`,
     fields: offered().map(([name, label, , degrees]) => ({ name, label, value: limits[name] === null ? "" : String(limits[name] / degrees) })),
   });
@@ -38,8 +39,8 @@ async function narrow() {
 
 export function limitsButtons() {
   const hint = el("p", { class: "hint" });
-  const narrows = button("Narrow the limits…", narrow);
-  const back = button("As configured", async () => answered(await ask({ do: "narrow" })));
+  const narrows = button(BUTTONS.narrow, narrow);
+  const back = button(BUTTONS.configured, async () => answered(await ask({ do: "narrow" })));
   subscribe(() => {
     const seen = mount(), narrowed = Boolean(seen?.limits.by_page);
     back.hidden = !narrowed;

@@ -1,5 +1,6 @@
 // The connected programs: address, surface, last command, and commands per second.
 
+import { HEADINGS } from "../core/labels.js";
 import { el } from "../core/dom.js";
 import { mount, subscribe } from "../core/store.js";
 
@@ -22,5 +23,5 @@ export function programsGroup() {
       ? seen.programs.map(row)
       : [el("li", {}, "No program is connected. One connects to ", ...seen.surfaces.flatMap((at, index) => [index ? " or " : "", el("code", {}, at.split("@")[1] ?? at)]), ".")]));
   });
-  return el("section", { class: "group" }, el("h3", {}, "Programs"), list);
+  return el("section", { class: "group" }, el("h3", {}, HEADINGS.programs), list);
 }

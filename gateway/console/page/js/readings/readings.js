@@ -1,5 +1,6 @@
 // All readings of the mount, in groups; one row is one value.
 
+import { HEADINGS, READINGS } from "../core/labels.js";
 import { byId, el } from "../core/dom.js";
 import { angle, azimuth, declination, hourAngle, hours, sentence, span, UNKNOWN } from "../core/format.js";
 import { mount, subscribe } from "../core/store.js";
@@ -13,30 +14,30 @@ const age = (at) => (at && at.age > 10 ? `${span(at.age)} ago` : "");
 
 /** @type {Array<[string, import("./rows.js").Row[]]>}  title and rows */
 const GROUPS = [
-  ["Where it points", [
-    ["Right ascension", (seen) => hours(seen.position?.ra), "large"],
-    ["Declination", (seen) => declination(seen.position?.dec), "large"],
-    ["Altitude", (seen) => angle(seen.position?.alt, 2), "large"],
-    ["Azimuth", (seen) => azimuth(seen.position?.az), "large"],
-    ["RA, J2000", (seen) => hours(seen.position?.ra2000)],
-    ["Dec, J2000", (seen) => declination(seen.position?.dec2000)],
-    ["Hour angle", (seen) => hourAngle(seen.hour_angle)],
-    ["Sidereal time", (seen) => hours(seen.sidereal)],
-    ["Side of the pier", (seen) => PIERS[seen.pier] ?? ""],
-    ["Seen", (seen) => age(seen.position)],
+  [HEADINGS.points, [
+    [READINGS.ra, (seen) => hours(seen.position?.ra), "large"],
+    [READINGS.dec, (seen) => declination(seen.position?.dec), "large"],
+    [READINGS.alt, (seen) => angle(seen.position?.alt, 2), "large"],
+    [READINGS.az, (seen) => azimuth(seen.position?.az), "large"],
+    [READINGS.ra2000, (seen) => hours(seen.position?.ra2000)],
+    [READINGS.dec2000, (seen) => declination(seen.position?.dec2000)],
+    [READINGS.hourAngle, (seen) => hourAngle(seen.hour_angle)],
+    [READINGS.sidereal, (seen) => hours(seen.sidereal)],
+    [READINGS.pier, (seen) => PIERS[seen.pier] ?? ""],
+    [READINGS.age, (seen) => age(seen.position)],
   ]],
-  ["What it does", [
-    ["Now", (seen) => seen.does || UNKNOWN],
-    ["Ordered", (seen) => seen.wanted.map(sentence).join(" ") || "Nothing.", "words"],
-    ["On its way to", (seen) => seen.target?.words ?? ""],
-    ["Tracking", (seen) => seen.tracking || UNKNOWN],
-    ["Aligned", (seen) => ({ true: "yes", false: "no" })[String(seen.aligned)] ?? UNKNOWN],
+  [HEADINGS.does, [
+    [READINGS.now, (seen) => seen.does || UNKNOWN],
+    [READINGS.ordered, (seen) => seen.wanted.map(sentence).join(" ") || "Nothing.", "words"],
+    [READINGS.goal, (seen) => seen.target?.words ?? ""],
+    [READINGS.tracking, (seen) => seen.tracking || UNKNOWN],
+    [READINGS.aligned, (seen) => ({ true: "yes", false: "no" })[String(seen.aligned)] ?? UNKNOWN],
   ]],
-  ["Mount", [
-    ["Found", (seen) => seen.product || "It has not said yet what it is."],
-    ["Model", (seen) => seen.model],
-    ["Version", (seen) => (seen.version === "?" ? "" : seen.version)],
-    ["Reached by", (seen) => seen.at],
+  [HEADINGS.mount, [
+    [READINGS.found, (seen) => seen.product || "It has not said yet what it is."],
+    [READINGS.model, (seen) => seen.model],
+    [READINGS.version, (seen) => (seen.version === "?" ? "" : seen.version)],
+    [READINGS.at, (seen) => seen.at],
   ]],
 ];
 
@@ -49,7 +50,7 @@ function groupOf(title, described) {
 /** Refusals and the gateway's own actions in the last minutes, the newest first. */
 function latelyGroup() {
   const list = el("ul", { class: "lines" });
-  const whole = el("section", { class: "group" }, el("h3", {}, "Lately"), list);
+  const whole = el("section", { class: "group" }, el("h3", {}, HEADINGS.lately), list);
   let before = "";
   subscribe(() => {
     const now = mount()?.lately ?? [];

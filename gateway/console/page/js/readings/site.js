@@ -1,6 +1,7 @@
 // The mount's site and clock, their sources, and how to correct them: with this device's clock, or a typed site.
 // The gateway checks both like those of any other program.
 
+import { BUTTONS, HEADINGS, READINGS } from "../core/labels.js";
 import { button, el } from "../core/dom.js";
 import { sentence, span, utc, UNKNOWN } from "../core/format.js";
 import { answered, notice } from "../frame/notices.js";
@@ -38,7 +39,7 @@ export function typedSite(text) {
 async function tellSite() {
   const own = await ownPlace(), now = own ?? mount()?.site;
   const given = await question({
-    title: "Where does the mount stand?", yes: "Set the site",
+    title: HEADINGS.whereSite, yes: HEADINGS.setSite,
     words: `${own ? "This is where this device is. " : "Paste or type it, like 48.1, 11.6. "}${mount()?.site_holds ? `It would hold for ${mount().site_holds}. ` : ""}To keep it for good, write it under [mount] in gateway.toml.`,
     fields: [{ name: "site", label: "Latitude and longitude in degrees, north and east positive", value: now ? `${now.latitude.toFixed(4)}, ${now.longitude.toFixed(4)}` : "" }],
   });
@@ -50,22 +51,22 @@ async function tellSite() {
 }
 
 const ROWS = [
-  ["Site", (seen) => (seen.site ? seen.site.words : "unknown")],
-  ["Told by", (seen) => seen.site?.source ?? ""],
-  ["Clock", (seen) => (state.hello ? utc(gatewayNow() + (seen.clock?.ahead ?? 0)) : UNKNOWN)],
-  ["Clock told by", (seen) => (seen.clock ? `${seen.clock.source}; ${off(seen.clock.ahead, "the gateway's computer")}` : UNKNOWN), "words"],
-  ["This device", () => off(Date.now() / 1000 - gatewayNow(), "the gateway's computer"), "words"],
-  ["In doubt", (seen) => [seen.clock_doubt, seen.site_doubt].map(sentence).filter(Boolean).join(" "), "words"],
+  [READINGS.site, (seen) => (seen.site ? seen.site.words : "unknown")],
+  [READINGS.siteBy, (seen) => seen.site?.source ?? ""],
+  [READINGS.clock, (seen) => (state.hello ? utc(gatewayNow() + (seen.clock?.ahead ?? 0)) : UNKNOWN)],
+  [READINGS.clockBy, (seen) => (seen.clock ? `${seen.clock.source}; ${off(seen.clock.ahead, "the gateway's computer")}` : UNKNOWN), "words"],
+  [READINGS.device, () => off(Date.now() / 1000 - gatewayNow(), "the gateway's computer"), "words"],
+  [READINGS.doubt, (seen) => [seen.clock_doubt, seen.site_doubt].map(sentence).filter(Boolean).join(" "), "words"],
 ];
 
 export function siteGroup() {
   const figures = rows(ROWS);
-  const buttons = [button("Use this device's time", tellTime), button("Set the site…", tellSite)];
+  const buttons = [button(BUTTONS.time, tellTime), button(BUTTONS.site, tellSite)];
   const draw = () => {
     figures.draw(mount());
     for (const one of buttons) one.disabled = !state.act;
   };
   subscribe(draw);
   setInterval(draw, 1000);
-  return el("section", { class: "group" }, el("h3", {}, "Site and clock"), figures.list, el("div", { class: "buttons" }, ...buttons));
+  return el("section", { class: "group" }, el("h3", {}, HEADINGS.site), figures.list, el("div", { class: "buttons" }, ...buttons));
 }

@@ -8,6 +8,9 @@ import { TURN, horizon, precession, product, turned, vector } from "./sphere.js"
 
 /** @typedef {{name: string, ra2000: number, dec2000: number, alt: number|null, at: number[]}} Body */
 
+/** Into how many steps the path of a goto is divided. */
+const STEPS = 24;
+
 export class Scene {
   /**
    * @param {any} mount the state of a mount from the server
@@ -25,11 +28,20 @@ export class Scene {
     this.sky = known ? product(this.ofDate, precession(unix)) : null;
     this.tube = over(mount?.position);
     this.target = over(mount?.target);
-    this.way = (mount?.way ?? []).map(([azimuth, altitude]) => vector(azimuth, altitude));
+    this.way = this.#expectedWay(mount ?? {});
     /** @type {Body[]} */
     this.bodies = known
       ? (mount.bodies ?? []).map((body) => ({ ...body, at: turned(this.sky, vector(body.ra2000, body.dec2000)) }))
       : [];
+  }
+
+  /** The expected path of a goto. Both axes turn at once: in azimuth and altitude on an alt-az fork, else in the sky's. */
+  #expectedWay({ position: from, target: to, equatorial }) {
+    if (from?.alt == null || to?.alt == null) return [];
+    const polar = this.ofDate && equatorial && to.ra != null, [across, above] = polar ? ["ra", "dec"] : ["az", "alt"];
+    const turn = ((to[across] - from[across] + 540) % 360) - 180, rise = to[above] - from[above];
+    const along = (part) => vector(from[across] + turn * part, from[above] + rise * part);
+    return Array.from({ length: STEPS + 1 }, (_, step) => (polar ? turned(this.ofDate, along(step / STEPS)) : along(step / STEPS)));
   }
 
   /** The direction over the horizon of a J2000 position; null while the sky is unknown. */

@@ -1,6 +1,7 @@
 // The button that begins a recording of the conversation, or ends it and downloads the file; and then one that
 // downloads its report, a page with where the telescope pointed, how the mount answered, and what was refused.
 
+import { BUTTONS } from "../core/labels.js";
 import { button, el, say } from "../core/dom.js";
 import { span } from "../core/format.js";
 import { answered } from "../frame/notices.js";
@@ -28,11 +29,11 @@ async function press() {
 }
 
 export function recordButtons() {
-  const reports = button("Report", () => fetchFile(report), { id: "report", hidden: true });
-  const made = button("Record", press, { id: "record" });
+  const reports = button(BUTTONS.report, () => fetchFile(report), { id: "report", hidden: true });
+  const made = button(BUTTONS.record, press, { id: "record" });
   const draw = () => {
     const now = running();
-    say(made, now ? `End recording, ${span(Math.max(0, Math.round(gatewayNow() - now.since)))}` : "Record");
+    say(made, now ? `End recording, ${span(Math.max(0, Math.round(gatewayNow() - now.since)))}` : BUTTONS.record);
     made.setAttribute("aria-pressed", String(Boolean(now)));
     made.disabled = !state.act;
     reports.hidden = !report || Boolean(now);

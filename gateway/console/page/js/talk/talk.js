@@ -1,5 +1,6 @@
 // The live conversation of both sides. The gateway sends it only while it is shown; the display can be paused.
 
+import { BUTTONS, CHOICES, NAMES } from "../core/labels.js";
 import { button, byId, choice, el } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
 import { on, tell } from "../core/socket.js";
@@ -78,7 +79,7 @@ function offerSides() {
   sides = JSON.stringify(now);
   const box = byId("talk-sides");
   box.hidden = now.length < 2;
-  const chosen = choice(box, [["", "Every program"], ...now.map((side) => [side, side])], (value) => {
+  const chosen = choice(box, [["", NAMES.everyProgram], ...now.map((side) => [side, side])], (value) => {
     filter.side = value;
     chosen.set(value);
     all();
@@ -105,7 +106,7 @@ async function copy() {
 function pause(pressed) {
   paused = !paused;
   pressed.setAttribute("aria-pressed", String(paused));
-  pressed.textContent = paused ? "Go on" : "Pause";
+  pressed.textContent = paused ? BUTTONS.goOn : BUTTONS.pause;
   if (paused) return;
   put(kept);
   kept = [];
@@ -119,18 +120,18 @@ function listen() {
 }
 
 function tools() {
-  const what = el("div", { class: "chips", role: "radiogroup", "aria-label": "What is shown" });
-  const chosen = choice(what, [["programs", "Programs"], ["refused", "Refusals"], ["all", "Everything"]], (value) => {
+  const what = el("div", { class: "chips", role: "radiogroup", "aria-label": NAMES.shown });
+  const chosen = choice(what, CHOICES.shown, (value) => {
     filter.what = value;
     chosen.set(value);
     all();
   });
   chosen.set(filter.what);
-  const text = el("input", { type: "text", placeholder: "Contains, like :MS", "aria-label": "Show only exchanges with this text", maxlength: 60, spellcheck: "false", autocomplete: "off", on: { input: () => { filter.text = text.value; all(); } } });
-  const pausing = button("Pause", () => pause(pausing), { "aria-pressed": "false" });
+  const text = el("input", { type: "text", placeholder: NAMES.contains, "aria-label": NAMES.filter, maxlength: 60, spellcheck: "false", autocomplete: "off", on: { input: () => { filter.text = text.value; all(); } } });
+  const pausing = button(BUTTONS.pause, () => pause(pausing), { "aria-pressed": "false" });
   byId("talk-tools").replaceChildren(what, text,
-    el("div", { class: "chips", id: "talk-sides", role: "radiogroup", "aria-label": "Of which program", hidden: true }),
-    el("div", { class: "chips right" }, pausing, button("Copy", copy), ...recordButtons()));
+    el("div", { class: "chips", id: "talk-sides", role: "radiogroup", "aria-label": NAMES.side, hidden: true }),
+    el("div", { class: "chips right" }, pausing, button(BUTTONS.copy, copy), ...recordButtons()));
 }
 
 export function start() {
