@@ -12,17 +12,25 @@ from gateway.diagnostics.prove.findings import Findings
 from tests.support.proven import Onlooker, Proven, run_calm
 
 FOLDER = Path(__file__).parent
-#: One mount of each kind: Celestrons with old and new hand controls, SynScan and the four Meades.
+#: One mount of each kind: Celestrons with old and new hand controls, two of SynScan, the four Meades, three
+#: controllers that speak LX200 with words of their own, and the three kinds of Alpaca.
 KINDS = (
     "nexstar:6-8se",
     "nexstar:nexstar-gps/2.2",
     "nexstar:cgem",
     "nexstar:avx/starsense-1.19",
     "nexstar:synscan",
+    "nexstar:synscan-az",
     "lx200:lx200",
     "lx200:lx200-16",
     "lx200:autostar",
     "lx200:lx200gps",
+    "lx200:onstep",
+    "lx200:teenastro",
+    "lx200:other",
+    "alpaca:german",
+    "alpaca:altaz",
+    "alpaca:polar",
 )
 SITE = (47.3, 11.6)
 

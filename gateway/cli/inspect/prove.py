@@ -116,6 +116,7 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path, termi
                 file.write_text(after, "utf-8")
         if await terminal.key("y: make a file for the author of the gateway  n: end", "yn") == "n":
             return
+        terminal.say("Making it takes some seconds …")
         try:
             files = await asyncio.to_thread(bundle.make, findings, [folder / name for name in findings.recordings])
         except UserError as error:
@@ -129,7 +130,10 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path, termi
             terminal.say(f"{name}: {len(shown)} lines, which begin with")
             for line in shown[2:6]:
                 terminal.say(f"  {line}")
-        terminal.say("There is no name, address or site in it; the latitude is rounded, longitude and time are others.")
+        terminal.say(
+            "There is no name or address in it; longitude and time are others. An alt-az mount's motions may tell the "
+            "latitude, and who knows when you made the check the longitude."
+        )
         path = Path(bundle.name_of(findings))
         if await terminal.key(f"y: save it as {path}  n: do not", "yn") == "y":
             bundle.save(path, files)
@@ -231,36 +235,33 @@ class Terminal:
 
     def say(self, text: str) -> None:
         """Print lines of at most 60 columns."""
-        self._clear()
         indent = " " * (len(text) - len(text.lstrip()))
-        print("\n".join(textwrap.wrap(text, COLUMNS, subsequent_indent=f"{indent}  ")), flush=True)
+        self._print("\n".join(textwrap.wrap(text, COLUMNS, subsequent_indent=f"{indent}  ")) + "\n")
 
     def progress(self, part: float, what: str) -> None:
         """Show how far the stage has come, below the last line."""
-        self._clear()
         done = round(BAR * part)
         line = f"[{'#' * done}{'.' * (BAR - done)}] {what}"[: COLUMNS - 1]
+        self._print(f"{line}\r")
         self._bar = len(line)
-        print(line, end="\r", flush=True)
 
-    def _clear(self) -> None:
-        if self._bar:
-            print(" " * self._bar, end="\r")
-        elif self._asks:
-            print()
+    def _print(self, text: str) -> None:
+        """Print below a question, or over a progress bar; a terminal that is gone must not keep a mount moving."""
+        before = " " * self._bar + "\r" if self._bar else "\n" * self._asks
         self._bar, self._asks = 0, False
+        with contextlib.suppress(OSError, ValueError):
+            print(before + text, end="", flush=True)
 
     async def key(self, question: str, keys: str) -> str:
         """Return one of these keys; what was pressed before the question does not count. Any other repeats it."""
         while not self._keys.empty():
             self._keys.get_nowait()
         while True:
-            self._clear()
-            print(textwrap.fill(question, COLUMNS - 4), end=" > ", flush=True)
+            self._print(f"{textwrap.fill(question, COLUMNS - 4)} > ")
             self._asks = True
             if (key := await self._keys.get()) in keys:
-                print(key, flush=True)
                 self._asks = False
+                self._print(f"{key}\n")
                 return key
 
 

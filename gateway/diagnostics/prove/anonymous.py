@@ -1,8 +1,9 @@
 """Makes a recording anonymous: nobody may find out from it where the mount stands, or whose it is.
 
-Longitude and every clock are shifted together by whole hours of sidereal time, so that the sky over the mount stays as
-it was; the latitude is rounded to 5 degrees. Altitudes and azimuths are those of the same hour angle and declination at
-that site. Only the check's own connections are kept, no name, path, address or note; what cannot be hidden is refused.
+Longitude and every clock are shifted together by some hours and minutes of sidereal time, so that the sky over the
+mount stays as it was; the latitude is rounded to 5 degrees. Altitudes and azimuths are those of the same hour angle and
+declination at that site. Only the check's own connections are kept, no name, path, address or note, and of a server's
+values no text; what cannot be hidden is refused.
 """
 
 from __future__ import annotations
@@ -29,14 +30,19 @@ from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.prove.telescope import WHO
 from gateway.protocols.base.driver import Send
+from gateway.protocols.registry import streams
 from gateway.protocols.wireformat.command_set import load
 
 #: Seconds in which the sky turns by 15 degrees; to how many degrees a latitude is rounded.
 HOUR, ROUND = 86164.0905 / 24.0, 5.0
+#: Minutes of arc by which a longitude is shifted beyond whole hours, at most.
+MINUTES = 420
 #: The least step in which a mount tells an angle.
 TICK = 360.0 / 2**24
 #: Fields of commands that would tell the site, the time or a name, and questions that are left out with their answers.
-PRIVATE = frozenset(("latitude", "longitude", "date", "time", "hour", "month", "year", "offset", "name", "text"))
+PRIVATE = frozenset(
+    ("latitude", "longitude", "elevation", "date", "time", "hour", "month", "year", "offset", "unix", "name", "text")
+)
 LEFT_OUT = ("gps", "GM", "GN", "GO", "GP", "ED", "LI")
 #: Settings of a mount that a bundle keeps.
 KEPT = ("baud", "mode", "equinox", "site_time", "computer_clock", "lowest", "highest", "sync_limit", "guide_rate",
@@ -45,18 +51,19 @@ KEPT = ("baud", "mode", "equinox", "site_time", "computer_clock", "lowest", "hig
 
 
 class Elsewhere(Struct, frozen=True):
-    """Where and when a bundle says that it was: ``hours`` east of the true site, and as much earlier. ``true`` is the
-    latitude of that.
+    """Where and when a bundle says that it was: ``east`` of the true site by so many hours, and as much earlier.
+    ``hours`` is that in whole time zones; ``true`` is the latitude of the true site, None if that is not known.
     """
 
-    true: float
+    true: float | None
     latitude: float
     longitude: float
     hours: int
+    east: float
 
     @property
     def seconds(self) -> int:
-        return round(self.hours * HOUR)
+        return round(self.east * HOUR)
 
     def moved(self, command: str, told: Values, overhead: Values) -> Values:
         """Return the fields of a reply as the mount would tell them there; ``overhead`` is where it points here."""
@@ -66,11 +73,17 @@ class Elsewhere(Struct, frozen=True):
         if "longitude" in told:
             told = told | {"longitude": -self.longitude if command == "Gg" else self.longitude}
         if "az" in told or "alt" in told:
+            if self.true is None:
+                raise UserError("the site is not known, so that altitudes cannot be hidden: check it again with --site")
             sky = horizon_to_hour_angle(overhead["az"], overhead["alt"], self.true)
             place = dict(zip(("az", "alt"), hour_angle_to_horizon(*sky, self.latitude), strict=True))
             told = told | {name: TICK * round(place[name] / TICK) for name in place if name in told}
         if "offset" in told:
             told = told | {"offset": told["offset"] - self.hours}
+        if "unix" in told:
+            told = told | {"unix": told["unix"] - self.seconds}
+        if command == "GXT2":  # in seconds since 1970
+            told = told | {"time": told["time"] - self.seconds}
         if command in ("GL", "Ga"):
             told = told | {"time": (told["time"] + local) % 86400}
         if "hour" in told and "day" not in told:  # UTC; its date stays
@@ -89,21 +102,24 @@ class Elsewhere(Struct, frozen=True):
 def elsewhere(site: tuple[float, float] | None, zone: float, began: float, random: Random | None = None) -> Elsewhere:
     """Choose another site for a true one, by chance; ``zone`` is local time minus UTC there, hours. The date stays."""
     latitude, longitude = site or (45.0, 0.0)
+    by = random or SystemRandom()
+    beyond = by.randint(-MINUTES, MINUTES) / 900.0  # hours: whoever learns the date must not learn the longitude
     today = [
         n
         for n in range(-23, 24)
-        if n and (began - n * HOUR) // 86400 == (began + 7200.0 - n * HOUR) // 86400 == began // 86400
+        if n and len({(began + late - (n + beyond) * HOUR) // 86400 for late in (0.0, 7200.0)} | {began // 86400}) == 1
     ]
-    allowed = [n for n in today if -180 <= longitude + 15.0 * n < 180 and -12 <= zone + n <= 12]
-    hours = (random or SystemRandom()).choice(allowed or [-1, 1])
-    return Elsewhere(latitude, ROUND * round(latitude / ROUND), wrap180(longitude + 15.0 * hours), hours)
+    allowed = [n for n in today if -180 <= longitude + 15.0 * (n + beyond) < 180 and -12 <= zone + n <= 12]
+    hours = by.choice(allowed or [-1, 1])
+    true, east = (latitude if site else None), hours + beyond
+    return Elsewhere(true, ROUND * round(latitude / ROUND), wrap180(longitude + 15.0 * east), hours, east)
 
 
 class _Line:
     """The line to the mount, on which each reply answers the last command."""
 
-    def __init__(self, protocol: str) -> None:
-        self._side, self._replies = Side(protocol), framer_and_replies(protocol)[1]
+    def __init__(self, protocol: str, model: str = "") -> None:
+        self._side, self._replies = Side(protocol, model), framer_and_replies(protocol, model)[1]
         self._bytes, self.command = b"", ""
 
     def asked(self, data: bytes) -> str:
@@ -126,8 +142,8 @@ class _Line:
         return reply, {name: value for name, value in fields.items() if name != "length"}
 
 
-def _exchanges(recording: Recording, protocol: str) -> Iterator[tuple[str, Values]]:
-    line = _Line(protocol)
+def _exchanges(recording: Recording, protocol: str, model: str) -> Iterator[tuple[str, Values]]:
+    line = _Line(protocol, model)
     for event in recording:
         if event.side == MOUNT and event.arrow == ">":
             line.asked(event.data)
@@ -135,11 +151,11 @@ def _exchanges(recording: Recording, protocol: str) -> Iterator[tuple[str, Value
             yield line.command, told[1]
 
 
-def site_of(recording: Recording) -> tuple[tuple[float, float] | None, float]:
+def site_of(recording: Recording, model: str = "") -> tuple[tuple[float, float] | None, float]:
     """Return the site that a recording tells, and the zone of its clock."""
     config: dict[str, Any] = recording.settings["config"]["mount"]
     told: dict[str, float] = {}
-    for command, values in _exchanges(recording, parse_endpoint(config["at"]).protocol):
+    for command, values in _exchanges(recording, parse_endpoint(config["at"]).protocol, model):
         east = -1.0 if command == "Gg" else 1.0
         told |= {"latitude": values["latitude"]} if "latitude" in values else {}
         told |= {"longitude": east * values["longitude"]} if "longitude" in values else {}
@@ -164,10 +180,10 @@ def header(settings: dict[str, Any], there: Elsewhere) -> dict[str, Any]:
     return found
 
 
-def anonymous(recording: Recording, there: Elsewhere, equatorial: bool) -> list[Event]:
+def anonymous(recording: Recording, there: Elsewhere, equatorial: bool, model: str) -> list[Event]:
     """Return the events of the anonymous recording. Raises UserError if something in it cannot be hidden."""
     protocol = parse_endpoint(recording.settings["config"]["mount"]["at"]).protocol
-    return list(_Hiding(protocol, there, equatorial).events(recording))
+    return list(_Hiding(protocol, model, there, equatorial).events(recording))
 
 
 def written(settings: dict[str, Any], events: Iterable[Event]) -> bytes:
@@ -180,17 +196,22 @@ def written(settings: dict[str, Any], events: Iterable[Event]) -> bytes:
 
 
 class _Hiding:
-    def __init__(self, protocol: str, there: Elsewhere, equatorial: bool) -> None:
+    def __init__(self, protocol: str, model: str, there: Elsewhere, equatorial: bool) -> None:
         self._there = there
+        self._protocol, self._model = protocol, model
+        #: Whether it is a server, whose values are JSON.
+        self._server = protocol not in streams()
         #: Whether azimuth and altitude are the axes of an equatorial mount, which tell no more than its position does.
         self._axes = equatorial and "axes_of" in load(protocol).extra("prove.toml").get("overhead", {})
-        self._line, self._commands = _Line(protocol), load(protocol).commands
-        self._overhead: Values = {"az": 0.0, "alt": 0.0}
+        self._line, self._commands = _Line(protocol, model), load(protocol).of(model).commands
+        self._overhead: Values = {}
         #: Whether the answer that comes belongs to a question that is left out.
         self._skips = False
 
     def events(self, recording: Recording) -> Iterator[Event]:
         last = 0.0
+        for _, told in _exchanges(recording, self._protocol, self._model):  # before both are told for the first time
+            self._overhead = {name: told[name] for name in ("az", "alt") if name in told} | self._overhead
         for event in recording:
             if event.arrow == "+" and event.side.startswith("prove:settings"):
                 break  # the last stage, which asks everything
@@ -240,6 +261,10 @@ class _Hiding:
         self._overhead |= {name: told[name] for name in ("az", "alt") if name in told}
         if self._axes and "az" in told:
             return data
+        if self._server and data.startswith(b'{"ErrorNumber"'):
+            return _json(json.loads(data) | {"ErrorMessage": ""})
+        if self._server and "value" in told:
+            return _json(self._plain(command, told["value"]))
         moved = self._there.moved(command, told, self._overhead)
         if moved == told:
             return data
@@ -248,3 +273,24 @@ class _Hiding:
             hidden = [form.encode(moved) for form in forms]
             return next((one for one in hidden if len(one) == len(data)), hidden[0])
         raise UserError(f"the mount's answer to {command} cannot be hidden")
+
+    def _plain(self, command: str, value: object) -> object:
+        """Return a value of a server without any text, and the entries of its state as they would be there."""
+        if command == "devicestate" and isinstance(value, list):
+            state = {one["Name"]: _json(one["Value"]) for one in value if str(one["Name"]).lower() in self._commands}
+            told = {name: self._commands[name.lower()].replies[0][1].decode(data) for name, data in state.items()}
+            self._overhead |= {**told.get("Azimuth", {}), **told.get("Altitude", {})}
+            hidden = {name: self._reply(name.lower(), data, told[name]) for name, data in state.items()}
+            return [{"Name": name, "Value": json.loads(data)} for name, data in hidden.items()]
+        match value:
+            case str():
+                return ""
+            case dict():
+                return {key: self._plain("", one) for key, one in value.items()}
+            case list():
+                return [self._plain("", one) for one in value]
+        return 0 if command == "siteelevation" else value
+
+
+def _json(value: object) -> bytes:
+    return json.dumps(value).encode() + b"\n"

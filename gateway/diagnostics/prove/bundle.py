@@ -15,8 +15,9 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.app.config import Endpoint, parse_endpoint
+from gateway.app.config import parse_endpoint
 from gateway.app.recording.format import RECORDER, Event, read, unescape
+from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.prove.anonymous import Elsewhere, anonymous, elsewhere, header, site_of, written
@@ -25,6 +26,8 @@ from gateway.diagnostics.replay.replaying import outputs, replay
 
 #: The name of the verdicts in a bundle, and the date of its files.
 VERDICTS, DATE = "verdicts.json", (1980, 1, 1, 0, 0, 0)
+#: Degrees of latitude within which two recordings are of one site.
+SAME_SITE = 0.1
 
 
 class Played(Struct, frozen=True):
@@ -80,11 +83,15 @@ def make(
     with tempfile.TemporaryDirectory() as folder:
         for number, path in enumerate(recordings, 1):
             recording, hidden = read(path), Path(folder) / f"{number}.rec"
-            there = there or elsewhere(*site_of(recording), recording.settings["began"], random)
+            site, zone = site_of(recording, findings.model)
+            there = there or elsewhere(site, zone, recording.settings["began"], random)
+            if site is not None and there.true is not None and abs(site[0] - there.true) > SAME_SITE:
+                raise UserError("it was checked at several sites: delete the folder, and check it at one")
             settings = header(recording.settings, there)
-            events = anonymous(recording, there, findings.equatorial)
+            events = anonymous(recording, there, findings.equatorial, findings.model)
             hidden.write_bytes(written(settings, events))
-            end = _goes_another_way(replay(read(hidden)).strayed, parse_endpoint(settings["config"]["mount"]["at"]))
+            side = Side(parse_endpoint(settings["config"]["mount"]["at"]).protocol, findings.model)
+            end = _goes_another_way(replay(read(hidden)).strayed, side)
             events = [event for event in events if event.at < end or (event.side, event.arrow) == (RECORDER, "!")]
             hidden.write_bytes(written(settings, events))
             files[hidden.name] = written(settings, _with_outputs(events, outputs(read(hidden))))
@@ -95,9 +102,8 @@ def make(
     return {VERDICTS: msgspec.json.format(msgspec.json.encode(bundle), indent=1), **files}
 
 
-def _goes_another_way(strayed: Sequence[str], mount: Endpoint) -> float:
+def _goes_another_way(strayed: Sequence[str], side: Side) -> float:
     """Return when the gateway sends another command than it did at the true latitude, not only another value."""
-    side = Side(mount.protocol)
     for line in strayed:
         at, now, then = re.fullmatch(r"([\d.]+) s: asked '(.*)', then '(.*)'", line, re.DOTALL).groups()  # type: ignore[union-attr]
         if side.command(unescape(now)).command != side.command(unescape(then)).command:

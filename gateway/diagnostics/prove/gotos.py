@@ -5,10 +5,10 @@ Every goal is one that the gateway's rules allow, which are asked before; by day
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from math import cos, inf, radians
 
-from gateway.astro.spherical import separation
+from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, Report
@@ -21,6 +21,8 @@ LONGEST, CANCELLED = 300.0, 2.0
 FAR, NEAR, RESTS, ELSEWHERE = 5.0, 0.1, 0.1, 1.0
 #: Degrees from the horizon, the zenith and the pole at which the small motions have room.
 ROOM, POLE = 20.0, 75.0
+#: Degrees from the meridian at which a German mount has room, and within which none of its gotos here leads.
+MERIDIAN, BESIDE = 15.0, 3.0
 #: Hour angles that are tried for a better place, and the part of the rounded latitude that its declination is.
 HOUR_ANGLES, PART, ROUND = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5, 5.0
 
@@ -30,12 +32,14 @@ def cramped(telescope: Telescope) -> str:
     here = telescope.latest
     if here is None:
         return ""
-    altitude = telescope.controller.astrometry.overhead(here.sky)[0]
+    altitude, hour_angle = telescope.controller.astrometry.overhead(here.sky)
     limits = telescope.controller.policy.limits
     if abs(here.sky.dec) > POLE:
         return "it points near the pole"
     if altitude is not None and not limits.lowest + ROOM <= altitude <= min(90.0, limits.highest) - ROOM:
         return f"its altitude is {altitude:.0f}°"
+    if telescope.driver.german and hour_angle is not None and abs(wrap180(hour_angle)) < MERIDIAN:
+        return "it points near the meridian, where it would change the side of its pier"
     return ""
 
 
@@ -46,8 +50,13 @@ async def to_place(telescope: Telescope, report: Report) -> None:
     if site is None:
         raise Ended("the site is not known, so that no place can be chosen")
     sidereal = telescope.controller.astrometry.sidereal_time()
+    now = sidereal - telescope.latest.sky.ra if telescope.latest is not None else 0.0
     dec = PART * ROUND * round(site.latitude / ROUND)  # which must not tell the latitude to who reads a bundle
-    goals = (op.Equatorial((sidereal - away) % 360.0, dec) for away in HOUR_ANGLES)
+    goals = (
+        op.Equatorial((sidereal - away) % 360.0, dec)
+        for away in sorted(HOUR_ANGLES, key=lambda away: abs(wrap180(away - now)))  # on this side of the pier first
+        if abs(away) > MERIDIAN or not telescope.driver.german
+    )
     goal, refused = await _allowed(telescope, goals)
     if goal is None:
         raise Ended(f"{why}, and no better place is allowed: {refused}")
@@ -60,22 +69,30 @@ async def to_place(telescope: Telescope, report: Report) -> None:
     report.found(Finding("goto to a better place", SAME))
 
 
-async def _allowed(telescope: Telescope, goals: Iterator[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
+async def _allowed(telescope: Telescope, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
     """Return the first goal that the rules allow, or None and why the last was refused."""
     refusal: Fault | None = None
     for goal in goals:
         refusal = await telescope.controller.preview(goal)
         if refusal is None:
             return goal, ""
-    return None, str(refusal)
+    return None, str(refusal or "all are too near to the meridian or the pole")
 
 
 async def near(telescope: Telescope, here: op.Equatorial) -> tuple[op.Equatorial | None, str]:
     """Return a goal 5° from here that the rules allow, or None and why there is none."""
     aside = FAR / max(0.2, cos(radians(here.dec)))
     ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
-    goals = (op.Equatorial((here.ra + ra) % 360.0, here.dec + dec) for ra, dec in ways if abs(here.dec + dec) < 89.0)
-    return await _allowed(telescope, goals)
+    west = telescope.controller.astrometry.overhead(here)[1] if telescope.driver.german else None
+
+    def stays(goal: op.Equatorial) -> bool:
+        """Whether a German mount goes there without changing the side of its pier."""
+        before = 90.0 if west is None else wrap180(west)
+        after = 90.0 if west is None else wrap180(before + here.ra - goal.ra)
+        return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > BESIDE
+
+    goals = (op.Equatorial((here.ra + ra) % 360.0, here.dec + dec) for ra, dec in ways)
+    return await _allowed(telescope, filter(stays, goals))
 
 
 async def run(telescope: Telescope, report: Report) -> None:

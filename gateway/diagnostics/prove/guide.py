@@ -1,8 +1,8 @@
 """Leads through the stages: asks before each, stops at once, and leaves the mount as it was.
 
 A stage that ends before its time leaves what it has found; what it has not is ``not tried``, and another session asks
-for that stage again. After a stop nothing is moved: only tracking is put back to what it was. Findings are kept after
-every stage, so that another session goes on where this one ended.
+for that stage again. What the stage had set moving is stopped then, and nothing is moved any more; tracking that it had
+turned on is turned off. Findings are kept after every stage, so that another session goes on where this one ended.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ class Guide:
         person, telescope = self._person, self._telescope
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
         if identity is not None:
-            mount = " ".join(f"{identity.product} {identity.model} {identity.version}".split())
+            mount, version = reads.named(identity, telescope.driver)
             if mount != self._findings.mount:
-                self._findings = Findings(mount, identity.model, identity.version)
+                self._findings = Findings(mount, identity.model, version)
         if self._stages[0] is STAGES[0]:
             person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         else:
@@ -167,8 +167,11 @@ class Guide:
             await work
         except (Ended, asyncio.CancelledError) as ended:
             if isinstance(ended, asyncio.CancelledError) and not stopped:
+                await telescope.stop()
                 raise  # this session itself is ended
             words, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
+            if telescope.mine and not (stopped or theirs or telescope.other):
+                await telescope.stop()
             person.say(f"This stage ends: {words}.")
             self.found(Finding(rest_of(stage.name), NOT_TRIED, words))
         finally:
@@ -199,21 +202,25 @@ class Guide:
                 space.cancel()
 
     async def _stop(self) -> None:
+        stopping = asyncio.ensure_future(self._telescope.stop())
+        await asyncio.sleep(0)  # it is on its way before anything is written to a terminal, which may block
         self._person.say("Stopping …")
-        trouble = await self._telescope.stop()
+        trouble = await stopping
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
     async def _restore(self, tracked: op.Tracking) -> None:
-        """Turn tracking on or off as it was before the stage."""
+        """Turn off tracking that was off before the stage. What is off now was turned off by others, or at a limit."""
         telescope = self._telescope
         telescope.begin()
         with contextlib.suppress(Ended):
             await telescope.look()
-            on = tracked is not op.Tracking.OFF
-            if (telescope.status.tracking is not op.Tracking.OFF) != on:
-                answer = await telescope.ask(requests.Track(on=on, who=WHO))
+            before, after = (each is not op.Tracking.OFF for each in (tracked, telescope.status.tracking))
+            if before and not after:
+                self._person.say("Its tracking was on, and is off now: that was not done here.")
+            elif after and not before:
+                answer = await telescope.ask(requests.Track(on=False, who=WHO))
                 if not answer.done:
-                    self._person.say(f"Its tracking was {'on' if on else 'off'}: {answer.words}")
+                    self._person.say(f"Its tracking was off: {answer.words}")
 
     # --- reports of a stage -------------------------------------------------------------------------------------------
 

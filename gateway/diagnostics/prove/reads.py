@@ -83,36 +83,45 @@ async def run(telescope: Telescope, report: Report) -> None:
 async def settings(telescope: Telescope, report: Report) -> None:
     """Ask again what the mount keeps, and compare it with what it told at first. Raises Ended."""
     if not telescope.settings:
-        report.found(Finding("settings", NOT_TRIED, "the first stage was not done"))
+        report.found(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
         return
     program = Program(telescope.gateway, telescope.driver.protocol.name, "settings")
     try:
-        after = {name: await program.ask(name) for name in telescope.settings}
+        after = dict[str, str]()
+        for name in telescope.settings:
+            heard = await program.ask(name)
+            telescope.check()
+            if heard is not None and not heard.fails:
+                after[name] = repr(heard.values)
     finally:
         program.close()
     helps = telescope.driver.protocol.commands
-    changed = [
-        f"{name} ({helps[name].help})"
-        for name, values in telescope.settings.items()
-        if (heard := after[name]) is not None and repr(heard.values) != values
-    ]
+    changed = [f"{name} ({helps[name].help})" for name, values in after.items() if values != telescope.settings[name]]
     means = "Set it back at the hand control, and tell the author of the gateway."
     if changed:
         report.found(Finding("settings", DIFFERS, "; ".join(changed), "as before", means))
     else:
-        report.found(Finding("settings", SAME, f"{len(after)} are as they were"))
+        told = f"{len(after)} of {len(telescope.settings)} were told, as they were"
+        report.found(Finding("settings", SAME if after else NOT_MEASURABLE, told))
+
+
+def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:
+    """Return the name of a mount, and its version; a server's own texts may name its owner, and are left out."""
+    if driver.protocol.name not in streams():
+        return f"{driver.protocol.name} {identity.model}", ""
+    return " ".join(f"{identity.product} {identity.model} {identity.version}".split()), identity.version
 
 
 def _identity(identity: op.Identity | None, driver: Driver) -> Finding:
     if identity is None:
         return Finding("identity", NOT_MEASURABLE, "it tells nothing")
-    named = " ".join(f"{identity.product} {identity.model} {identity.version}".split())
+    name = named(identity, driver)[0]
     if driver.reported_model(identity) is None:
-        return Finding("identity", NOT_MEASURABLE, f"{named}: it does not tell its model")
+        return Finding("identity", NOT_MEASURABLE, f"{name}: it does not tell its model")
     if identity.model in driver.protocol.models:
-        return Finding("identity", SAME, named)
+        return Finding("identity", SAME, name)
     means = "The gateway has no model of this name: it drives it like its nearest relative."
-    return Finding("identity", DIFFERS, named, "", means)
+    return Finding("identity", DIFFERS, name, "", means)
 
 
 def _forms(line: Line) -> Finding:

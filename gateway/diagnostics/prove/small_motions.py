@@ -8,13 +8,14 @@ run-up of the motors, so that it shows a rate only roughly. Angles are degrees, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import copysign, inf
+from math import copysign, cos, inf, radians
 from typing import NamedTuple
 
+from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.core.operations import Direction
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
-from gateway.diagnostics.prove.telescope import FARTHEST, LONGEST, Motion, Telescope
+from gateway.diagnostics.prove.telescope import FARTHEST, FAST, LONGEST, Motion, Telescope
 from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
 #: The keys of the hand control, by whose numbers programs name the rates; of several with one speed the last is tried.
@@ -28,8 +29,10 @@ SPAN, WATCHED = 1.5, 10.0
 STEPS = 10.0
 #: Degrees by which the run-on may be more than assumed.
 MORE = 0.3
-#: Degrees an hour by which tracking may be off.
+#: Degrees a second by which tracking may be off.
 DRIFT = 3.0 / 3600.0
+#: How many times a rate may differ from the assumed one and be believed; the run-on in seconds that can be configured.
+BELIEVED, RUN_ONS = 4.0, (0.5, 10.0)
 MEANS = "Arrows of programs move your mount at another speed than they show; rates in gateway.toml corrects that."
 PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
 
@@ -92,8 +95,8 @@ async def run(telescope: Telescope, report: Report) -> None:
         report.found(finding)
         if max(onwards.way, back.way) > least:
             turned_round[axis].append(rate < 0.0)
-            run_ons += [(abs(rate), one.run_on) for one in (onwards, back)]
-            if finding.verdict == DIFFERS:
+            run_ons += [(abs(rate), one.run_on) for one in (onwards, back) if abs(rate) >= FAST]
+            if finding.verdict == DIFFERS and not onwards.short and 1.0 / BELIEVED < abs(rate) / speed < BELIEVED:
                 real[speed] = abs(rate)
     for axis, pair in enumerate(PAIRS, 1):
         report.found(directions(pair, turned_round[axis]))
@@ -117,8 +120,7 @@ def judged(what: str, rate: float, error: float, speed: float, one: Velocity, wa
     off = abs(rate - speed)
     if off <= max(EVEN * speed, 0.0 if one.short else error):
         return Finding(what, SAME, measured, assumed)
-    runs_up = rate < speed and FARTHEST / speed < 2.0 * RUN_UP and rate > (1.0 - SHORT) ** 2 * speed
-    if one.short and (off <= error or runs_up):
+    if one.short and (off <= error or rate < speed):
         return Finding(what, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
     return Finding(what, DIFFERS, measured, assumed, MEANS)
 
@@ -149,18 +151,23 @@ def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) ->
     if most <= 1.5 * allowed + MORE:
         return Finding(what, SAME, measured, assumed)
     means = "Limits are to be kept from so much farther away; run-on in gateway.toml does that."
-    return Finding(what, DIFFERS, measured, assumed, means, {"run-on": round(most / rate + 0.05, 1)})
+    seconds = round(most / rate + 0.05, 1)
+    keys: dict[str, object] = {"run-on": seconds} if RUN_ONS[0] <= seconds <= RUN_ONS[1] else {}
+    return Finding(what, DIFFERS, measured, assumed, means, keys)
 
 
 async def tracking(telescope: Telescope) -> Finding:
     """Watch whether the mount tracks as it says. Raises Ended."""
     tracks = telescope.status.tracking is not op.Tracking.OFF
     before = await telescope.rest()
-    await telescope.until(lambda: False, WATCHED)
+    sky, least = abs(SIDEREAL_RATE) * cos(radians(before.sky.dec)), 2.0 * max(telescope.ticks)
+    seconds = min(6.0 * WATCHED, max(WATCHED, 2.0 * least / max(sky, DRIFT)))
+    await telescope.until(lambda: False, seconds)
     after = await telescope.look()
-    off = telescope.moved(before, after, tracks) - 2.0 * max(telescope.ticks)
+    off = telescope.moved(before, after, tracks) - least
     what, rate = f"tracking is {'on' if tracks else 'off'} afterwards", max(0.0, off) / (after.at - before.at)
     if rate <= DRIFT:
-        return Finding(what, SAME)
+        shows = sky * seconds - least > DRIFT * seconds
+        return Finding(what, SAME) if shows else Finding(what, NOT_MEASURABLE, "too few steps of its reading")
     words = "It says that it tracks, and does not." if tracks else "It says that it rests, and follows the sky."
     return Finding(what, DIFFERS, f"it drifts {rate_words(rate)}", "", words)

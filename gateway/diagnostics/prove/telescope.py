@@ -18,7 +18,7 @@ from gateway.app.gateway import Gateway
 from gateway.astro.spherical import SIDEREAL_RATE, hour_angle_to_horizon, separation, wrap180
 from gateway.core import operations as op
 from gateway.core import requests
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, NoAnswer
 from gateway.core.motion_kinds import begins_motion
 from gateway.mount.motion.run_on import Place
 from gateway.mount.motion.wanted import ByHand, Slew
@@ -103,11 +103,15 @@ class Telescope:
         if controller.line.state not in ("up", "busy"):
             still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self.mine)
             raise Ended(f"the mount does not answer ({controller.line.reason}){still}")
-        for other in self._movers():
-            if other is not None and other.who != WHO:
-                raise Ended(f"another program moves the mount ({other.who})")
+        if other := self.other:
+            raise Ended(f"another program moves the mount ({other})")
         if controller.watch.moved_by_others and not self.mine and controller.context.run_on.value is None:
             raise Ended("the mount is moved at its keys, or by itself")
+
+    @property
+    def other(self) -> str:
+        """Who else moves the mount; empty if nobody does."""
+        return next((by.who for by in self._movers() if by is not None and by.who != WHO), "")
 
     def _movers(self) -> Iterator[HostActivity | None]:
         wanted = self.controller.wanted.value
@@ -171,12 +175,11 @@ class Telescope:
         speed, number = self.speed(key), requests.new_number()
         self._places.clear()
         self.mine = True
-        answer = await self.ask(requests.Press(direction=direction, key=key, number=number, who=WHO))
-        if not answer.done:
-            self.check()
-            return Motion(refused=answer.words)
-        began, changed, count = self.now(), self.now(), 0
         try:
+            answer = await self.ask(requests.Press(direction=direction, key=key, number=number, who=WHO))
+            if refused := self._refused(answer):
+                return Motion(refused=refused)
+            began, changed, count = self.now(), self.now(), 0
             while self.now() < began + longest and count < CHANGES:
                 await asyncio.sleep(max(0.01, min(LOOK, began + longest - self.now())))
                 self.check()
@@ -186,7 +189,7 @@ class Telescope:
                 if speed > FAST and self.now() > changed + UNCHANGED:
                     break
         finally:
-            await self.ask(requests.LetGo(number=number, who=WHO))
+            await self.ask(requests.LetGo(number=number, who=WHO, lost=True))
         ended = self.now()
         places = tuple(place for place in self._places if place.asked > began and place.at < ended)
         after = await self.rest()
@@ -201,18 +204,26 @@ class Telescope:
         """Go to a position, and cancel that after so many seconds. Return why it was refused. Raises Ended."""
         number = requests.new_number()
         where = requests.Spot(goal.ra % 360.0, goal.dec)
-        self.mine = True
-        answer = await self.ask(requests.Goto(where=where, number=number, who=WHO))
-        if not answer.done:
-            self.check()
-            return answer.words
-        controller, over = self.controller, False
+        self.mine, controller, over = True, self.controller, False
         try:
+            answer = await self.ask(requests.Goto(where=where, number=number, who=WHO))
+            if refused := self._refused(answer):
+                return refused
             over = await self.until(lambda: not (controller.slewing or controller.wanted.goto_waits), seconds)
         finally:
             if not over:
                 await self.ask(requests.End(number))
         return ""
+
+    def _refused(self, answer: requests.Answer) -> str:
+        """Return why an order was refused; empty if it was not. Raises Ended."""
+        if answer.done:
+            return ""
+        self.check()
+        if answer.fault == NoAnswer.__name__:
+            raise Ended("the mount has not acknowledged an order")
+        self.mine = False
+        return answer.words
 
     def speed(self, key: int) -> float:
         """Return how fast a rate is for this model; the limits count with the fastest of all."""

@@ -7,7 +7,7 @@ from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, Report
 from gateway.diagnostics.prove.gotos import LONGEST, NEAR, near, stay_if_elsewhere
 from gateway.diagnostics.prove.programs import Program
-from gateway.diagnostics.prove.telescope import Telescope
+from gateway.diagnostics.prove.telescope import Ended, Telescope
 from gateway.protocols.registry import other_surface
 from gateway.protocols.wireformat.command_set import load
 
@@ -36,8 +36,11 @@ async def _goto(telescope: Telescope, program: Program, goal: op.Equatorial) -> 
     for order in commands["orders"]:
         heard = await program.ask(order, ra=goal.ra, dec=goal.dec)
         telescope.check()
-        if heard is None or heard.fails:
-            return Finding(what, NOT_TRIED, heard.words if heard else "no reply")
+        if heard is None:
+            raise Ended("the goto was not acknowledged")
+        if heard.fails:
+            telescope.mine = False
+            return Finding(what, NOT_TRIED, heard.words)
     end = telescope.now() + LONGEST
     while telescope.now() < end:
         heard = await program.ask(commands["tells"])

@@ -5,16 +5,17 @@ from __future__ import annotations
 import functools
 import json
 import tempfile
+from datetime import UTC, datetime
 from pathlib import Path
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import pytest
 
 from gateway.app.recording.format import read
 from gateway.astro.ephemeris.closed_forms import sidereal_time
-from gateway.astro.spherical import separation, wrap180
+from gateway.astro.spherical import hour_angle_to_horizon, separation, wrap180
 from gateway.core.requests import Goto, Spot, decode
 from gateway.diagnostics.prove import bundle, small_motions
 from gateway.diagnostics.prove.anonymous import elsewhere, site_of
@@ -26,13 +27,31 @@ from tests.support.sampling import as_a_rule
 SITE = (47.3, 11.6)
 #: Names that are planted wherever a person can write one.
 PLANTED = ("obs-pier", "meier", "10.11.12.13", "usb-Prolific", "secret")
-MOUNTS = as_a_rule(["nexstar:6-8se"], whole=["nexstar:6-8se", "lx200:lx200", "nexstar:cgem", "nexstar:cpc"])
+MOUNTS = as_a_rule(
+    ["nexstar:6-8se", "alpaca:german"],
+    whole=[
+        "nexstar:6-8se",
+        "lx200:lx200",
+        "lx200:onstep",
+        "lx200:teenastro",
+        "nexstar:cgem",
+        "alpaca:german",
+        "alpaca:altaz",
+    ],
+)
 
 
 class Made(NamedTuple):
     findings: Findings
     original: bytes
     files: dict[str, bytes]
+
+
+def plant(proven: Proven) -> None:
+    """Let a server tell names."""
+    if hasattr(proven.sim, "tells"):
+        names = {"name": "meier's mount", "description": "on obs-pier", "driverversion": "1 secret"}
+        proven.sim.tells |= names | {"driverinfo": "secret", "siteelevation": 1234.5}
 
 
 @functools.cache
@@ -43,7 +62,8 @@ def made(mount: str, latitude: float = SITE[0], seed: int = 1) -> Made:
 
         async def check() -> Findings:
             config = {"name": "obs-pier", "site": (latitude, SITE[1]), "state": "/home/meier/secret"}
-            async with Proven(mount, record=path, site=(latitude, SITE[1]), config=config, every=9.0) as proven:
+            where = (latitude, SITE[1])
+            async with Proven(mount, record=path, site=where, config=config, every=9.0, change=plant) as proven:
                 proven.gateway.wire_log.note("mount", "usb-Prolific_secret was lost at 10.11.12.13")
                 with patch.object(small_motions, "KEYS", (9, 5)):
                     return await proven.check(Onlooker("ss"))
@@ -65,6 +85,7 @@ def _recovered(path: Path) -> list[tuple[float, float]]:
     found = [tuple(config["site"])] if config.get("site") else []
     told, _ = site_of(recording)
     found += [told] if told else []
+    states = 0
     began = recording.settings["began"]
     for event in recording:
         if (
@@ -75,7 +96,22 @@ def _recovered(path: Path) -> list[tuple[float, float]]:
             for hour_angle in HOUR_ANGLES:  # the first goto may have been to a place that was chosen by the site
                 longitude = goto.where.ra + hour_angle - sidereal_time(began + event.at, 0.0)
                 found.append((2.0 * goto.where.dec, wrap180(longitude)))
+        if event.side == "mount" and event.arrow == "<" and b"UTCDate" in event.data and states < 3:
+            states += 1
+            found.append(_by_state({one["Name"]: one["Value"] for one in json.loads(event.data)}))
     return [(latitude, longitude) for latitude, longitude in found if abs(latitude) <= 90.0]
+
+
+def _by_state(state: dict[str, Any]) -> tuple[float, float]:
+    """Return the site at which a server's altitude, azimuth, position, sidereal time and clock fit each other."""
+    unix = datetime.fromisoformat(state["UTCDate"][:19]).replace(tzinfo=UTC).timestamp()
+    hour_angle, dec = 15.0 * (state["SiderealTime"] - state["RightAscension"]), state["Declination"]
+
+    def off(latitude: float) -> float:
+        return separation(*hour_angle_to_horizon(hour_angle, dec, latitude), state["Azimuth"], state["Altitude"])
+
+    latitude = min((n / 20.0 for n in range(-1800, 1801)), key=off)
+    return latitude, wrap180(15.0 * state["SiderealTime"] - sidereal_time(unix, 0.0))
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -88,9 +124,8 @@ def test_nobody_recovers_the_site_from_a_bundle(mount: str, tmp_path: Path) -> N
     assert min(separation(lon, lat, SITE[1], SITE[0]) for lat, lon in guessed) >= 2.0
     told, zone = site_of(read(_recording(one, tmp_path)))
     assert told is not None and told[0] == 45.0
-    assert abs(wrap180(told[1] - SITE[1]) - 15.0 * round(wrap180(told[1] - SITE[1]) / 15.0)) < 0.02
     before = site_of(read(_recording(one, tmp_path, original=True)))[1]
-    assert zone - before in {hours + round((told[1] - SITE[1]) / 15.0) for hours in (-24, 0, 24)}
+    assert zone == before or abs((zone - before) - wrap180(told[1] - SITE[1]) / 15.0) < 0.5  # a server has no zone
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -128,13 +163,15 @@ def test_a_bundle_replays_as_a_recorded_mount(mount: str, tmp_path: Path) -> Non
     assert (loaded.played["1.rec"].differences, loaded.played["1.rec"].strayed) == (0, 0)
 
 
-def test_every_shift_is_of_whole_hours_and_none_is_no_shift() -> None:
+def test_no_shift_is_small_and_none_is_of_whole_hours() -> None:
     for seed in range(200):
         there = elsewhere((-33.9, 151.2), 10.0, EVENING, Random(seed))
         assert there.hours != 0 and there.latitude == -35.0 and -180.0 <= there.longitude < 180.0
         assert -12 <= 10.0 + there.hours <= 12
         away = separation(there.longitude, there.latitude, 151.2, -33.9)
-        assert away > 12.0
+        assert away > 6.0
+    shifts = {elsewhere((50.0, 10.0), 1.0, EVENING, Random(seed)).east % 1.0 for seed in range(200)}
+    assert len(shifts) > 150  # whoever learns when it was does not learn where
 
 
 def test_what_cannot_be_hidden_makes_no_bundle(tmp_path: Path) -> None:
