@@ -44,7 +44,7 @@ Examples:
 def add_prove(commands: Commands) -> None:
     prove = commands.add_parser(
         "prove",
-        description="Leads through a check of the mount, which takes about ten minutes: it asks before anything moves, "
+        description="Leads through a check of the mount, which takes about twelve minutes: it asks before anything moves, "
         "and the space bar stops everything. It takes every flag of run, too: mount-gateway run --help lists them. "
         "It never syncs, parks or changes a setting.",
         late=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",

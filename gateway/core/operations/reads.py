@@ -135,7 +135,8 @@ class Own(Read[bytes], frozen=True):
     """A request in the client's own protocol -> bytes: the mount's reply, unchanged.
 
     Only if client and mount speak the same protocol. ``fields`` are those of the request, ``keep`` says how long a
-    reply is shared by all clients and which setting overrides it (``KEEPS``, ``wireformat/rows.py``). Raises
+    reply is shared by all clients and which setting overrides it (``KEEPS``, ``wireformat/rows.py``), or ``dialect``
+    that it is a command of the mount's own dialect. Raises
     Unsupported if a client has set another value that the mount did not take, Silence if the mount does not reply.
     """
 

@@ -29,12 +29,13 @@ HOUR_ANGLES, PART, ROUND = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5, 5.0
 
 def cramped(telescope: Telescope) -> str:
     """Return why the small motions have no room where the mount points; empty if they have."""
-    here = telescope.latest
-    if here is None:
-        return ""
-    altitude, hour_angle = telescope.controller.astrometry.overhead(here.sky)
+    return "" if telescope.latest is None else _cramped_at(telescope, telescope.latest.sky)
+
+
+def _cramped_at(telescope: Telescope, sky: op.Equatorial) -> str:
+    altitude, hour_angle = telescope.controller.astrometry.overhead(sky)
     limits = telescope.controller.policy.limits
-    if abs(here.sky.dec) > POLE:
+    if abs(sky.dec) > POLE:
         return "it points near the pole"
     if altitude is not None and not limits.lowest + ROOM <= altitude <= min(90.0, limits.highest) - ROOM:
         return f"its altitude is {altitude:.0f}°"
@@ -52,11 +53,10 @@ async def to_place(telescope: Telescope, report: Report) -> None:
     sidereal = telescope.controller.astrometry.sidereal_time()
     now = sidereal - telescope.latest.sky.ra if telescope.latest is not None else 0.0
     dec = PART * ROUND * round(site.latitude / ROUND)  # which must not tell the latitude to who reads a bundle
-    goals = (
-        op.Equatorial((sidereal - away) % 360.0, dec)
-        for away in sorted(HOUR_ANGLES, key=lambda away: abs(wrap180(away - now)))  # on this side of the pier first
-        if abs(away) > MERIDIAN or not telescope.driver.german
-    )
+    goals = [op.Equatorial((sidereal - away) % 360.0, dec) for away in HOUR_ANGLES]
+    if telescope.driver.german:  # on this side of the pier first
+        goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
+    goals = [goal for goal in goals if not _cramped_at(telescope, goal)] or goals
     goal, refused = await _allowed(telescope, goals)
     if goal is None:
         raise Ended(f"{why}, and no better place is allowed: {refused}")

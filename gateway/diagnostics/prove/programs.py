@@ -62,7 +62,7 @@ class Program:
 def readable(gateway: Gateway, left_alone: frozenset[str]) -> Iterator[str]:
     """Yield the commands of the mount's protocol that only read something, and that this mount has."""
     driver = gateway.controller.driver
-    for name, command in load(driver.protocol.name).commands.items():
+    for name, command in driver.protocol.commands.items():
         asks = command.question and command.answer != "stream" and not command.request.fields and command.asked
         if asks and not command.beyond and name not in left_alone and driver.supports(name):
             yield name

@@ -1,15 +1,17 @@
 """The reads: who the mount is, whether it answers every question of its protocol in its form, and how soon.
 
-The questions are asked by a program of the mount's own protocol; what counts is what passes on the mount's line.
+Every question goes to the mount itself, whatever the gateway knows already or answers its programs.
 """
 
 from __future__ import annotations
 
-import statistics
+import asyncio
+from contextlib import suppress
+from typing import NamedTuple
 
 from gateway.core import operations as op
-from gateway.core.wire_log import MOUNT, Entry
-from gateway.diagnostics.log.conversation import Side
+from gateway.core.errors import Fault, NoDevice, Refused, Unsupported
+from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
 from gateway.diagnostics.prove.programs import Program, readable
 from gateway.diagnostics.prove.telescope import Telescope
@@ -21,63 +23,68 @@ LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-"))
 #: Fields of answers that are of their moment only: positions, motion, time, temperature.
 PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "sidereal", "time", "date", "year", "month",
                      "day", "hour", "minute", "second", "value"))  # fmt: skip
+#: Seconds after which a line goes on on which one answer was missing.
+RECOVERS = 3.0
+#: Questions for the mount's name, which those do not answer whose version is unknown.
+NAMES, UNKNOWN = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
 #: In the words for a reply that has no form of its command; a refusal has one.
 GARBLED = "garbled"
 #: Seconds: a usual line answers sooner; and one that takes so much longer than its usual time is busy.
 SOON, BUSY = 0.3, 1.0
 
 
-class Line:
-    """Follows the exchanges on the mount's line: a sink of the wire log."""
+class Asked(NamedTuple):
+    """What became of the questions, by command: seconds until the replies, those without one, and those of no form."""
 
-    def __init__(self, protocol: str) -> None:
-        self._side, self._asked, self._command = Side(protocol), 0.0, ""
-        #: By command: seconds of its replies; the commands without an answer, and those with one of another form.
-        self.took: dict[str, list[float]] = {}
-        self.silent: set[str] = set()
-        self.strange: dict[str, bytes] = {}
+    took: dict[str, float]
+    silent: list[str]
+    strange: list[str]
 
-    def put(self, entry: Entry) -> None:
-        if entry.side != MOUNT or entry.arrow not in "<>":
-            return
-        if entry.arrow == ">":
-            if self._command:
-                self.silent.add(self._command)
-            heard = self._side.command(entry.data)
-            self._command, self._asked = heard.command if heard.asks else "", entry.time
-        elif self._command:
-            heard = self._side.reply(entry.data)
-            if not heard.words or GARBLED in heard.words:
-                self.strange[self._command] = entry.data
-            else:
-                self.took.setdefault(self._command, []).append(entry.time - self._asked)
-            self._command = ""
+
+async def _ask(telescope: Telescope, name: str) -> Heard:
+    """Ask the mount itself, whatever the gateway knows already. Raises Fault."""
+    driver = telescope.driver
+    side = Side(driver.protocol.name, driver.model)
+    side.command(driver.protocol.commands[name].request.encode({}))
+    keep = "dialect" if driver.protocol.dialect else "moment"
+    return side.reply(await telescope.controller.read(op.Own(name, (), keep)))
 
 
 async def run(telescope: Telescope, report: Report) -> None:
     """Raises Ended."""
-    gateway, controller = telescope.gateway, telescope.controller
-    identity: op.Identity | None = controller.cache.value(op.GetIdentity)
+    gateway = telescope.gateway
+    identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
     report.found(_identity(identity, telescope.driver))
     if telescope.driver.protocol.name not in streams():
         report.found(Finding("answers to its protocol's questions", NOT_MEASURABLE, "they are no lines of bytes"))
         return
-    line = Line(telescope.driver.protocol.name)
+    asked = Asked({}, [], [])
     names = list(readable(gateway, LEFT_ALONE))
-    program = Program(gateway, line._side.protocol)
-    gateway.wire_log.sinks.append(line.put)
-    try:
-        for number, name in enumerate(names):
-            report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
-            heard = await program.ask(name)
+    for number, name in enumerate(names):
+        report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
+        began = telescope.now()
+        try:
+            heard = await _ask(telescope, name)
+        except (Unsupported, NoDevice):
+            continue  # it has not got that
+        except Refused:
+            heard = Heard(b"", "refused")  # an answer, too
+        except Fault:
+            await asyncio.sleep(RECOVERS)
             telescope.check()
-            if heard is not None and heard.values and not PASSING & heard.fields.keys():
-                telescope.settings[name] = repr(heard.values)
-    finally:
-        gateway.wire_log.remove(line.put)
-        program.close()
-    report.found(_forms(line))
-    report.found(_times(line))
+            if name in NAMES and identity is not None and identity.version == UNKNOWN:
+                continue
+            asked.silent.append(name)
+            continue
+        telescope.check()
+        if not heard.words or GARBLED in heard.words:
+            asked.strange.append(name)
+            continue
+        asked.took[name] = telescope.now() - began
+        if heard.values and not PASSING & heard.fields.keys():
+            telescope.settings[name] = repr(heard.values)
+    report.found(_forms(asked))
+    report.found(_times(asked, telescope.controller.line.typical_rtt))
 
 
 async def settings(telescope: Telescope, report: Report) -> None:
@@ -85,16 +92,15 @@ async def settings(telescope: Telescope, report: Report) -> None:
     if not telescope.settings:
         report.found(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
         return
-    program = Program(telescope.gateway, telescope.driver.protocol.name, "settings")
+    mark = Program(telescope.gateway, telescope.driver.protocol.name, "settings")  # where a bundle ends
+    after = dict[str, str]()
     try:
-        after = dict[str, str]()
         for name in telescope.settings:
-            heard = await program.ask(name)
+            with suppress(Fault):
+                after[name] = repr((await _ask(telescope, name)).values)
             telescope.check()
-            if heard is not None and not heard.fails:
-                after[name] = repr(heard.values)
     finally:
-        program.close()
+        mark.close()
     helps = telescope.driver.protocol.commands
     changed = [f"{name} ({helps[name].help})" for name, values in after.items() if values != telescope.settings[name]]
     means = "Set it back at the hand control, and tell the author of the gateway."
@@ -124,22 +130,21 @@ def _identity(identity: op.Identity | None, driver: Driver) -> Finding:
     return Finding("identity", DIFFERS, name, "", means)
 
 
-def _forms(line: Line) -> Finding:
-    silent = sorted(line.silent - line.took.keys() - line.strange.keys())
-    what = "answers to its protocol's questions"
-    if not silent and not line.strange:
-        return Finding(what, SAME, f"{len(line.took)} in their form")
-    parts = [f"none to {', '.join(silent)}"] * bool(silent)
-    parts += [f"of another form to {', '.join(sorted(line.strange))}"] * bool(line.strange)
+def _forms(asked: Asked) -> Finding:
+    what, fits = "answers to its protocol's questions", len(asked.took)
+    if not asked.silent and not asked.strange:
+        return Finding(what, SAME, f"all {fits} in their form")
+    parts = [f"none to {', '.join(asked.silent)}"] * bool(asked.silent)
+    parts += [f"of another form to {', '.join(asked.strange)}"] * bool(asked.strange)
     means = "Programs that ask these get what the gateway knows instead, or a refusal."
-    return Finding(what, DIFFERS, "; ".join(parts), f"{len(line.took)} others fit", means)
+    return Finding(what, DIFFERS, "; ".join(parts), f"{fits} others fit", means)
 
 
-def _times(line: Line) -> Finding:
-    took = [seconds for each in line.took.values() for seconds in each]
-    if not took:
+def _times(asked: Asked, usual: float) -> Finding:
+    """Return the finding on the reply times; ``usual`` is that of one exchange; a question may take several."""
+    if not asked.took:
         return Finding("reply times", DIFFERS, "no reply", "", "Nothing was answered.")
-    usual, longest = statistics.median(took), max(took)
+    longest = max(asked.took.values())
     measured = f"{usual * 1000.0:.0f} ms, at most {longest * 1000.0:.0f} ms"
     if usual > SOON:
         means = "A slow line: limits are kept from farther away, and arrows end later. The gateway adapts by itself."

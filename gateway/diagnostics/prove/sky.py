@@ -7,9 +7,12 @@ stage but its verdict gets into a bundle, because it shows where the mount stand
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
 from gateway.core.errors import Fault
+from gateway.core.operations import Values
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, Report
 from gateway.diagnostics.prove.programs import Program
 from gateway.diagnostics.prove.telescope import Telescope
@@ -63,13 +66,17 @@ async def _overhead(telescope: Telescope) -> Finding:
     overhead = driver.protocol.extra("prove.toml").get("overhead", {})
     if telescope.status.equatorial and "axes_of" in overhead:
         return Finding(what, NOT_MEASURABLE, "an equatorial mount tells its axes instead")
+    told: Values = {}
     if not overhead:
-        return Finding(what, NOT_MEASURABLE, "nothing to compare it with")
-    program = Program(telescope.gateway, driver.protocol.name)
-    try:
-        told = await program.values(*(name for name in overhead["asks"] if driver.supports(name)))
-    finally:
-        program.close()
+        with suppress(Fault):
+            horizontal = await telescope.controller.read(op.HorizontalPosition())
+            told = {"az": horizontal.az, "alt": horizontal.alt}
+    else:
+        program = Program(telescope.gateway, driver.protocol.name)
+        try:
+            told = await program.values(*(name for name in overhead["asks"] if driver.supports(name)))
+        finally:
+            program.close()
     here = await telescope.look()
     try:
         expected = telescope.controller.astrometry.horizon(here.sky)

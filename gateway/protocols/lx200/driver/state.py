@@ -250,7 +250,7 @@ class Lx200Driver(Driver):
         """
         if self.seeking and not self.protocol.commands[operation.command].while_seeking:
             raise Busy("The mount seeks its home.")
-        if self.protocol.dialect or not self.supports(operation.command):
+        if (self.protocol.dialect and operation.keep != "dialect") or not self.supports(operation.command):
             raise Unsupported
         values = {**dict(operation.fields), "low": self.low}
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
