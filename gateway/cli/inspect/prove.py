@@ -44,7 +44,7 @@ Examples:
 def add_prove(commands: Commands) -> None:
     prove = commands.add_parser(
         "prove",
-        description="Leads through a check of the mount, which takes about twelve minutes: it asks before anything moves, "
+        description="Leads through a check of the mount, in about twelve minutes: it asks before anything moves, "
         "and the space bar stops everything. It takes every flag of run, too: mount-gateway run --help lists them. "
         "It never syncs, parks or changes a setting.",
         late=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
@@ -94,7 +94,10 @@ def _prove(arguments: argparse.Namespace) -> int:
             serve = partial(serve_mounts, here, watchdog=start_watchdog(here), guest=guest, screen=screen)
             code = with_loop(False, serve, stages is MOVING)
     findings = load(kept)
-    if findings.stages and going is not None:
+    if going is None:
+        for line in summary(findings):
+            terminal.say(line)
+    elif findings.stages:
         asyncio.run(_afterwards(findings, Path(source.name) if source.is_file else None, folder, terminal))
     return code
 
@@ -228,7 +231,7 @@ class Terminal:
             await asyncio.sleep(EVERY)
 
     def _pressed(self, key: str) -> None:
-        if key == " ":
+        if key == " " or (key in "qQ" and not self._asks):  # whoever wants to leave in the middle wants it to stop
             self.stop.set()
         else:
             self._keys.put_nowait(key.lower())

@@ -81,4 +81,5 @@ def load(path: Path) -> Findings:
 
 def save(path: Path, findings: Findings) -> None:
     """Write the findings. Raises OSError."""
+    path.touch(0o600)  # it tells the mount's site
     path.write_bytes(msgspec.json.format(msgspec.json.encode(findings), indent=1))

@@ -45,7 +45,7 @@ MOVING: tuple[Stage, ...] = (
     Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.cramped),
     Stage("motions", "turns it all ways at all rates, up to 5°: 6 min.", True, small_motions.run),
     Stage("goto", "goes 5° and back, stops a goto on its way: 1 min.", True, gotos.run),
-    Stage("guiding", "sends short pulses in all directions: 1 min.", True, guiding.run),
+    Stage("guiding", "sends short pulses in all directions: 2 min.", True, guiding.run),
     Stage("program", "goes 5° and back by another protocol: 1 min.", True, view.run),
     Stage("settings", "asks whether its settings are as they were.", False, reads.settings),
 )  # fmt: skip
@@ -83,6 +83,10 @@ class Guide:
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
         if identity is not None:
             mount, version = reads.named(identity, telescope.driver)
+            if mount != self._findings.mount and self._findings.stages:
+                person.say(f"This folder holds what was found of {self._findings.mount}. --folder names another one.")
+                self.left = True
+                return self._findings
             if mount != self._findings.mount:
                 self._findings = Findings(mount, identity.model, version)
         if self._stages[0] is STAGES[0]:
@@ -173,7 +177,7 @@ class Guide:
             if telescope.mine and not (stopped or theirs or telescope.other):
                 await telescope.stop()
             person.say(f"This stage ends: {words}.")
-            self.found(Finding(rest_of(stage.name), NOT_TRIED, words))
+            self._here.append(Finding(rest_of(stage.name), NOT_TRIED, words))
         finally:
             for task in (space, work):
                 task.cancel()

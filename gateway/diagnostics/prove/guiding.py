@@ -37,11 +37,12 @@ async def run(telescope: Telescope, report: Report) -> None:
     telescope.mine = True
     try:
         for axis, pair in enumerate(PAIRS, 1):
-            ways = []
+            ways = list[float]()
             for direction in pair:
                 before = await telescope.rest()
                 for number in range(PULSES):
-                    report.progress(number, PULSES, f"pulses {direction.word}")
+                    done = 2 * PULSES * (axis - 1) + PULSES * len(ways) + number
+                    report.progress(done, 4 * PULSES, f"pulses {direction.word}")
                     await program.ask(pulse, direction=direction.value, ms=int(LASTS * 1000.0))
                     await asyncio.sleep(max(EVERY, EXCHANGES * exchange))
                     telescope.check()

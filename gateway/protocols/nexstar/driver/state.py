@@ -239,7 +239,8 @@ class NexStar(Driver):
         """Return the true side ("E" or "W") for the letter the mount reported; None on a fork or without a letter."""
         if not self.german or not told:
             return None
-        swapped = self.southern and letters_swapped(self.facts, self.version)
+        northern = letters_swapped(self.facts, self.version) or not self.supports("p")  # then it is the axis' own
+        swapped = self.southern and northern
         return ("E" if told == "W" else "W") if swapped else told
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
