@@ -11,7 +11,7 @@ import io
 import os
 import socket
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -102,7 +102,7 @@ class Visit:
         shows: str = "Celestron",
         told: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        """``told``: what the gateway tells, as JSON, and what the page hears instead."""
+        """``told``: what the gateway tells, as JSON, and what the page hears instead; ``hear`` tells it more then."""
         width, height = size
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, has_touch=width < 1000, accept_downloads=True
@@ -118,6 +118,7 @@ class Visit:
         self.page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.url, self._told = url, told
+        self.hear: Callable[[str], None] = lambda message: None
         if told:
             self.page.route_web_socket("**/socket*", self._tell_otherwise)
         self.page.goto(url)
@@ -135,6 +136,7 @@ class Visit:
             route.send(message)
 
         route.connect_to_server().on_message(hear)
+        self.hear = route.send
 
     def text(self, selector: str) -> str:
         """What an element says."""

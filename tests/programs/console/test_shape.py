@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -155,6 +156,39 @@ def test_nothing_in_it_is_parsed_as_markup() -> None:
         text = path.read_text("utf-8")
         for word in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
             assert word not in text, path
+
+
+def test_its_heap_stays_as_it_is(visit: Callable[..., Visit]) -> None:
+    """A minute of changes, as fast as they can be drawn; by hand it was watched for twenty minutes."""
+    page = visit(DESK, told={"never": "told"})
+    page.find("Aldebaran")
+    browser = page.page.context.new_cdp_session(page.page)
+    browser.send("Performance.enable")
+
+    def heap() -> float:
+        for _ in range(2):
+            browser.send("HeapProfiler.collectGarbage")
+        metrics = {one["name"]: one["value"] for one in browser.send("Performance.getMetrics")["metrics"]}
+        return float(metrics["JSHeapUsedSize"])
+
+    def change(times: int) -> None:
+        for step in range(times):
+            at = {
+                "ra": step % 360,
+                "dec": 10,
+                "ra2000": step % 360,
+                "dec2000": 10,
+                "alt": 50,
+                "az": step % 360,
+                "age": 0,
+            }
+            page.hear(json.dumps({"diff": {"mounts": {"0": {"position": at, "sidereal": step % 360}}}}))
+            page.page.wait_for_timeout(8)
+
+    change(100)
+    before = heap()
+    change(300)
+    assert heap() - before < 300_000
 
 
 def test_its_labels_stand_in_one_table() -> None:
