@@ -69,7 +69,7 @@ async def main() -> None:
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]
         gateway = Gateway(config, surfaces, clock=clock, wire_log=WireLog(clock))
         await asyncio.to_thread(gateway.sky.load)
-        with patch("gateway.app.bindings.simulated_transport", wire):  # the mount has the same evening
+        with patch("gateway.app.simulated.simulated_transport", wire):  # the mount has the same evening
             await gateway.open()
         console, port = Console([gateway]), WebPort()
         port.server = console
