@@ -357,6 +357,7 @@ class Movement:
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
         self._wanted, self._cache, self._own = wanted, cache, False
+        cache.slews.connect(self._told)
         #: Until when it counts as moved at its own keys, or by itself; the limits' watch finds that.
         self.by_others_until = -1e9
 
@@ -369,14 +370,17 @@ class Movement:
         """Whether a motion is under way that a stop should end."""
         return bool(self._wanted.value.by_hand) or self.slewing
 
+    def _told(self, _: object) -> None:
+        """A recording repeats this: it must not depend on who asks when."""
+        self._own = self.ordered
+
     @property
     def ordered(self) -> bool:
         """Whether a motion is under way that a client ordered.
 
         A goto that has ended counts until the reading that tells its end is stored: its last position is read before.
         """
-        self._own = not isinstance(self._wanted.value.motion, NotOrdered) or (self._own and self.slewing)
-        return self._own
+        return not isinstance(self._wanted.value.motion, NotOrdered) or (self._own and self.slewing)
 
     def now(self) -> Moving:
         return Moving(self.slewing, self._wanted.value.by_hand, self._wanted.ending, self.ordered)

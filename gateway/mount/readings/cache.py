@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
+from gateway.core.signals import Signal
 from gateway.core.waiting import TimedEvent
 
 # `status` and `stop` load this module through the marker of a motion, and need neither line nor driver
@@ -105,6 +106,8 @@ class ReadingsCache:
         self.version = self.orders = 0
         #: Positions that were requested before this loop time are outdated for clients.
         self.outdated = -1e9
+        #: Emitted when the answer to Slewing is another, or none.
+        self.slews: Signal[None] = Signal()
         #: Set when the next read of a kind may be due earlier than it was.
         self.due = {kind: TimedEvent() for kind in POLL_PERIOD}
 
@@ -135,6 +138,8 @@ class ReadingsCache:
         self.version += 1
         for woken in WAKES.get(kind, ()):
             self.due[woken].set()
+        if kind is op.Slewing:
+            self.slews.emit(None)
 
     def outdate(self, now: float) -> None:
         """Positions that were requested before now are outdated for clients."""
