@@ -17,7 +17,6 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from gateway.app.bindings import framer_and_replies
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.format import FORMAT, MARK, RECORDER, Event, Recording, escape
 from gateway.app.state.file import SavedState
@@ -27,9 +26,8 @@ from gateway.core import requests
 from gateway.core.errors import UserError
 from gateway.core.operations import Values
 from gateway.core.wire_log import MOUNT, SKY_READY
-from gateway.diagnostics.log.conversation import Side
+from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.prove.telescope import WHO
-from gateway.protocols.base.driver import Send
 from gateway.protocols.registry import streams
 from gateway.protocols.wireformat.command_set import load
 
@@ -115,40 +113,13 @@ def elsewhere(site: tuple[float, float] | None, zone: float, began: float, rando
     return Elsewhere(true, ROUND * round(latitude / ROUND), wrap180(longitude + 15.0 * east), hours, east)
 
 
-class _Line:
-    """The line to the mount, on which each reply answers the last command."""
-
-    def __init__(self, protocol: str, model: str = "") -> None:
-        self._side, self._replies = Side(protocol, model), framer_and_replies(protocol, model)[1]
-        self._bytes, self.command = b"", ""
-
-    def asked(self, data: bytes) -> str:
-        """Take a command and return its name."""
-        self._bytes, self.command = b"", self._side.command(data).command
-        return self.command
-
-    def told(self, data: bytes) -> tuple[bytes, Values] | None:
-        """Take bytes of a reply; return it and its fields once it is complete, nothing of what is no reply to that."""
-        self._bytes += data
-        try:
-            taken = self._replies.take(Send(self.command), self._bytes) if self.command else None
-        except ValueError:
-            taken = None
-        if taken is None:
-            return None
-        answer, reply = taken[0], self._bytes[: taken[1]]
-        self._bytes = self._bytes[taken[1] :]
-        fields = answer if isinstance(answer, dict) else {}
-        return reply, {name: value for name, value in fields.items() if name != "length"}
-
-
 def _exchanges(recording: Recording, protocol: str, model: str) -> Iterator[tuple[str, Values]]:
-    line = _Line(protocol, model)
+    side = Side(protocol, model)
     for event in recording:
         if event.side == MOUNT and event.arrow == ">":
-            line.asked(event.data)
-        elif event.side == MOUNT and event.arrow == "<" and (told := line.told(event.data)) is not None:
-            yield line.command, told[1]
+            side.command(event.data)
+        elif event.side == MOUNT and event.arrow == "<":
+            yield from ((heard.command, dict(heard.fields)) for heard in side.replies(event.data))
 
 
 def site_of(recording: Recording, model: str = "") -> tuple[tuple[float, float] | None, float]:
@@ -203,10 +174,8 @@ class _Hiding:
         self._server = protocol not in streams()
         #: Whether azimuth and altitude are the axes of an equatorial mount, which tell no more than its position does.
         self._axes = equatorial and "axes_of" in load(protocol).extra("prove.toml").get("overhead", {})
-        self._line, self._commands = _Line(protocol, model), load(protocol).of(model).commands
+        self._side, self._commands = Side(protocol, model), load(protocol).of(model).commands
         self._overhead: Values = {}
-        #: Whether the answer that comes belongs to a question that is left out.
-        self._skips = False
 
     def events(self, recording: Recording) -> Iterator[Event]:
         last = 0.0
@@ -228,15 +197,16 @@ class _Hiding:
     def _of_mount(self, event: Event) -> Iterator[Event]:
         match event.arrow:
             case ">":
-                name = self._line.asked(event.data)
+                name = self._side.command(event.data).command
                 command = self._commands.get(name)
                 if command is not None and not command.question and PRIVATE & command.request.fields.keys():
                     raise UserError(f"somebody has set the mount's {command.help} meanwhile: check it again, alone")
-                self._skips = name in LEFT_OUT
-                if not self._skips:
+                if name not in LEFT_OUT:
                     yield event
-            case "<" if not self._skips and (told := self._line.told(event.data)) is not None:
-                yield event._replace(data=self._reply(self._line.command, *told))
+            case "<":
+                replies = [one for one in self._side.replies(event.data) if one.command and one.command not in LEFT_OUT]
+                if replies:
+                    yield event._replace(data=b"".join(self._reply(one) for one in replies))
             case "k":
                 yield event._replace(data=repr(float(event.data) - self._there.seconds).encode())
             case "g":
@@ -256,8 +226,9 @@ class _Hiding:
             case "b" | "s" | "q" | "d" | "o" | "h" | "u":
                 yield event._replace(data=b"")
 
-    def _reply(self, command: str, data: bytes, told: Values) -> bytes:
+    def _reply(self, heard: Heard) -> bytes:
         """Return a reply as it would be there."""
+        command, data, told = heard.command, heard.data, dict(heard.fields)
         self._overhead |= {name: told[name] for name in ("az", "alt") if name in told}
         if self._axes and "az" in told:
             return data
@@ -280,8 +251,8 @@ class _Hiding:
             state = {one["Name"]: _json(one["Value"]) for one in value if str(one["Name"]).lower() in self._commands}
             told = {name: self._commands[name.lower()].replies[0][1].decode(data) for name, data in state.items()}
             self._overhead |= {**told.get("Azimuth", {}), **told.get("Altitude", {})}
-            hidden = {name: self._reply(name.lower(), data, told[name]) for name, data in state.items()}
-            return [{"Name": name, "Value": json.loads(data)} for name, data in hidden.items()]
+            heard = {name: Heard(data, "", name.lower(), fields=told[name]) for name, data in state.items()}
+            return [{"Name": name, "Value": json.loads(self._reply(one))} for name, one in heard.items()]
         match value:
             case str():
                 return ""

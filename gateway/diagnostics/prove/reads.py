@@ -21,8 +21,8 @@ from gateway.protocols.registry import streams
 #: Questions that are not asked: names that people have given to sites, and lists that a question leafs through.
 LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-"))
 #: Fields of answers that are of their moment only: positions, motion, time, temperature.
-PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "sidereal", "time", "date", "year", "month",
-                     "day", "hour", "minute", "second", "value"))  # fmt: skip
+PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "letters", "side", "sidereal", "time", "date",
+                     "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
 #: Seconds after which a line goes on on which one answer was missing.
 RECOVERS = 3.0
 #: Questions for the mount's name, which those do not answer whose version is unknown.
