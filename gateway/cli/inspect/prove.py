@@ -79,13 +79,15 @@ def _prove(arguments: argparse.Namespace) -> int:
         async def guest(gateway: Gateway, stages: tuple[Stage, ...] = stages) -> None:
             nonlocal going
             await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
-            with terminal.open():
-                guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages)
-                await guide.run()
-                going = not guide.left
-            if (found := load(kept)).stages and gateway.config.record:
-                found.recordings.append(Path(gateway.config.record).name)
-                save(kept, found)
+            try:
+                with terminal.open():
+                    guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages)
+                    await guide.run()
+                    going = not guide.left
+            finally:
+                if (found := load(kept)).stages and gateway.config.record:
+                    found.recordings.append(Path(gateway.config.record).name)
+                    save(kept, found)
 
         if going:
             going = None
@@ -276,7 +278,7 @@ class Aside(Screen):
         self._person, self._tells = person, tells
 
     def say(self, text: str) -> None:
-        if self._tells:
+        if self._tells or "console" in text:  # its address may be another one than before
             self._person.say(text)
 
     def warn(self, text: str) -> None:

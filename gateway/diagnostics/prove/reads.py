@@ -21,8 +21,8 @@ from gateway.protocols.registry import streams
 #: Questions that are not asked: names that people have given to sites, and lists that a question leafs through.
 LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-"))
 #: Fields of answers that are of their moment only: positions, motion, time, temperature.
-PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "letters", "side", "sidereal", "time", "date",
-                     "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
+PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "letters", "side", "sidereal", "time",
+                     "date", "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
 #: Seconds after which a line goes on on which one answer was missing.
 RECOVERS = 3.0
 #: Questions for the mount's name, which those do not answer whose version is unknown.
@@ -31,6 +31,8 @@ NAMES, UNKNOWN = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
 GARBLED = "garbled"
 #: Seconds: a usual line answers sooner; and one that takes so much longer than its usual time is busy.
 SOON, BUSY = 0.3, 1.0
+#: Exchanges that a question may take, which is asked again if its answer is doubtful.
+EXCHANGES = 6.0
 
 
 class Asked(NamedTuple):
@@ -149,7 +151,7 @@ def _times(asked: Asked, usual: float) -> Finding:
     if usual > SOON:
         means = "A slow line: limits are kept from farther away, and arrows end later. The gateway adapts by itself."
         return Finding("reply times", DIFFERS, measured, f"below {SOON * 1000.0:.0f} ms", means)
-    if longest > usual + BUSY:
+    if longest > EXCHANGES * usual + BUSY:
         means = "At times it is busy and answers late; the gateway waits for it."
         return Finding("reply times", DIFFERS, measured, "even", means)
     return Finding("reply times", SAME, measured)
