@@ -56,16 +56,22 @@ def test_a_stop_ends_a_long_pulse() -> None:
     run(program())
 
 
-def test_arrows_of_a_german_mount_that_does_not_tell_its_side() -> None:
-    """Only the first arrow after each change of the side goes the wrong way, and it is told."""
+@pytest.mark.parametrize("reversed_too", [False, True])
+@pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
+def test_arrows_of_a_german_mount_that_does_not_tell_its_side(reversed_too: bool, south: bool) -> None:
+    """The side follows from the hour angle of the last goto; a reversed motor shows with the first arrow, once."""
 
     async def program() -> None:
         made: dict[str, Any] = {"lacks": frozenset({"sideofpier", "destinationsideofpier"})}
+        made["senses"] = (1, -1) if reversed_too else (1, 1)
+        site = (-45.0, 10.0) if south else (45.0, 10.0)
         config = {"lowest": 0.0, "sun": 0.0}
-        async with Bridge("german", driven="alpaca", surface="lx200gps", config=config, simulated=made) as bridge:
+        async with Bridge(
+            "german", driven="alpaca", surface="lx200gps", config=config, simulated=made, site=site
+        ) as bridge:
             one = face("lx200", bridge)
-            for east in (25.0, -25.0, 25.0):
-                await one.goto((bridge.sim.sky.sidereal(bridge.clock()) + east) % 360.0, 30.0)
+            for number, east in enumerate((25.0, -25.0, 25.0)):
+                await one.goto((bridge.sim.sky.sidereal(bridge.clock()) + east) % 360.0, -30.0 if south else 30.0)
                 await asyncio.sleep(3.0)
                 went = []
                 for _ in range(3):
@@ -73,8 +79,9 @@ def test_arrows_of_a_german_mount_that_does_not_tell_its_side() -> None:
                     await one.arrow("n", 1.0)
                     await asyncio.sleep(3.0)
                     went.append(bridge.sim.truth()[1] > before)
-                assert went == [False, True, True]
-            assert any("moved the tube to the south" in entry.note for entry in bridge.entries)
+                assert went == [bool(number) or not reversed_too, True, True]
+            turned = any("moved the tube to the south" in entry.note for entry in bridge.entries)
+            assert turned is reversed_too
 
     run(program())
 

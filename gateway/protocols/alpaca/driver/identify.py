@@ -52,6 +52,7 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
         able = yield from told(mount, "canmoveaxis", False, axis=axis - 1)
         ranges[axis] = _ranges((yield from told(mount, "axisrates", [], axis=axis - 1))) if able else ()
     mount.ranges = ranges
+    mount.side_untold = bool(mount.german) and (yield from told(mount, "sideofpier", -1)) not in (0, 1)
     system = yield from told(mount, "equatorialsystem", 0)
     mount.equinox, mount.declared = EQUINOXES.get(system, "jnow"), system in EQUINOXES
     fits = None if mount.compared else (yield from compare_equinox(mount))

@@ -35,11 +35,15 @@ SAME_RATE = 0.0005
 
 
 def tube_side(mount: AlpacaDriver, axis: int) -> Steps:
-    """Return the side of the pier on which the tube is, where the sense of this axis depends on it; else empty."""
-    if mount.german and axis == 2:
-        with suppress(Unsupported):
-            return (yield from pier_side(mount, op.PierSide()))
-    return ""
+    """Return the side of the pier on which the tube is, where the sense of this axis depends on it; else empty.
+
+    If the server does not tell it, it follows from the last goto, unless that was stopped on its way.
+    """
+    if not mount.german or axis != 2:
+        return ""
+    with suppress(Unsupported):
+        return (yield from pier_side(mount, op.PierSide()))
+    return mount.goto_side
 
 
 def turned(mount: AlpacaDriver, axis: int, sense: int, side: str) -> int:
@@ -72,8 +76,9 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate) 
     speed, asked = mount.fit(axis, rate), rate.degrees if rate.name is None else None
     if asked is not None and abs(speed - asked) > REMARK_FROM * asked:
         yield Remark(f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed")
-    mount.moving[axis], mount.parked = sense * mount.sign(axis, side) * speed, False
-    expect(mount, axis, turned(mount, axis, sense, side), side)
+    known = "" if mount.side_untold else side  # every arrow is compared on a side that is not told
+    mount.moving[axis], mount.parked = sense * mount.sign(axis, known) * speed, False
+    expect(mount, axis, turned(mount, axis, sense, side), known)
     try:
         yield Send("moveaxis", {"axis": axis - 1, "rate": mount.moving[axis]}, patience=ORDER, prompt=True)
     except (Silence, NoAnswer):
@@ -100,6 +105,7 @@ def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
     it is asked then whether it slews. An axis that is moved by hand is the first: ``AbortSlew`` may be answered late.
     """
     slewed = mount.goto is not None
+    mount.goto_side = "" if slewed else mount.goto_side
     mount.give_up_goto()
     orders = {axis: _at_rest(axis) for axis in sorted(mount.moving)} | {0: Send("abortslew", patience=ORDER)}
     orders |= {axis: _at_rest(axis) for axis in (1, 2) if mount.may_move(axis)}

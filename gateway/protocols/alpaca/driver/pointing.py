@@ -26,6 +26,8 @@ ORDER = 1.5
 START_GRACE = 2.0
 #: Seconds after a goto at which its equinox is compared, once.
 COMPARE_AFTER = 3.0
+#: Degrees from the meridian within which a German mount may use either side of the pier.
+EITHER_SIDE = 10.0
 #: What a program is told of a parked mount.
 PARKED = "The mount is parked: unpark it first (mount-gateway unpark)."
 
@@ -151,9 +153,20 @@ def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
         yield from order(mount, "set_tracking", on=True)
         mount.tracks = True
     goal = op.Equatorial(operation.ra, operation.dec)
+    if mount.side_untold:
+        yield from _expect_side(mount, goal)
     command = "slewtocoordinatesasync" if mount.supports("slewtocoordinatesasync") else "slewtocoordinates"
     steps = order(mount, command, goal, ra=operation.ra, dec=operation.dec)
     yield from _begin(mount, GotoState(since=mount.now()), steps)
+
+
+def _expect_side(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
+    """Note on which side of the pier the tube of a goto will be; what arrows showed on an unknown side is forgotten."""
+    sidereal, before = (yield from told(mount, "siderealtime")), mount.goto_side
+    hour_angle = 0.0 if sidereal is None else wrap180(sidereal - goal.ra)
+    mount.goto_side = "" if abs(hour_angle) < EITHER_SIDE else "E" if hour_angle > 0.0 else "W"
+    if mount.goto_side and not before:
+        mount.senses.pop((2, ""), None)
 
 
 def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes) -> Steps:
@@ -181,6 +194,7 @@ def stop_current_motion(mount: AlpacaDriver) -> Steps:
 def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
     """End the goto under way. An axis that is moved by hand stands still afterwards."""
     mount.give_up_goto()
+    mount.goto_side = ""
     yield Send("abortslew")
     mount.moving.clear()
 
@@ -192,14 +206,14 @@ def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:
 def park(mount: AlpacaDriver, _: op.Park) -> Steps:
     """Send the mount to its own park position; there it does not track."""
     yield from stop_current_motion(mount)
-    state = GotoState(since=mount.now(), then="park")
+    state, mount.goto_side = GotoState(since=mount.now(), then="park"), ""
     yield from _begin(mount, state, order(mount, "park"))
 
 
 def home(mount: AlpacaDriver, _: op.Home) -> Steps:
     """Send the mount to its own home position."""
     yield from stop_current_motion(mount)
-    mount.home_state = 0
+    mount.home_state, mount.goto_side = 0, ""
     state = GotoState(since=mount.now(), then="home")
     yield from _begin(mount, state, order(mount, "findhome"))
 

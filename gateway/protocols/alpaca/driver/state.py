@@ -94,6 +94,9 @@ class AlpacaDriver(Driver):
         #: Whether one answer lists all that is read often.
         self.lists_state = False
         self.rates: tuple[float, float] = (0.5, 0.5)
+        #: Whether it is a German mount that does not tell the side of the pier; the side of the last goto's goal by its
+        #: hour angle, empty if that is not known either.
+        self.side_untold, self.goto_side = False, ""
 
     @property
     def facts(self) -> Model:
