@@ -41,8 +41,9 @@ function pageGroup() {
     pin.hidden = state.act || !state.hello?.pin;
   });
   const screen = el("p", { class: "hint" });
+  const pads = button(BUTTONS.gamepad, () => (gamepad.use(), (pads.hidden = true)), { hidden: gamepad.used() || !isSecureContext });
   subscribe(() => say(screen, `${awake.words()} ${gamepad.words()}`));
-  return group(HEADINGS.page, words, version, screen, pin);
+  return group(HEADINGS.page, words, version, screen, pin, pads);
 }
 
 function guideGroup() {

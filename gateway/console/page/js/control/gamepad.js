@@ -1,6 +1,7 @@
 // Motion by hand with a gamepad, where the browser gives it: on https and on this computer. What it holds is an arrow of
 // the pad like any other, and ends with it: also when it is unplugged, the page is hidden, or the focus is lost.
 
+import { keep, kept } from "../core/kept.js";
 import { on } from "../core/socket.js";
 import { mount, state } from "../core/store.js";
 import { onView } from "../core/views.js";
@@ -23,7 +24,7 @@ const pads = () => [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad?.m
 
 export const words = () => !isSecureContext
   ? "Most browsers give a gamepad on https, and on the gateway's own computer, only."
-  : `A gamepad moves the mount with its left stick while a shoulder button is held; B is STOP, up and down of the cross change the rate.${pads().length ? " One is connected." : ""}`;
+  : `A gamepad moves the mount with its left stick while a shoulder button is held; B is STOP, up and down of the cross change the rate.${used() && pads().length ? " One is connected." : ""}`;
 
 function read(pad) {
   if (!sticks.has(pad.index)) sticks.set(pad.index, new Stick());
@@ -67,7 +68,16 @@ function poll() {
   places = wanted;
 }
 
+/** Whether gamepads are used here: a browser that listens for them asks its computer for them all the time. */
+export const used = () => kept("gamepad") === "on";
+
+export function use() {
+  keep("gamepad", "on");
+  start();
+}
+
 export function start() {
+  if (!used()) return;
   const begin = () => (timer ||= setInterval(poll, EVERY));
   addEventListener("gamepadconnected", begin);
   addEventListener("gamepaddisconnected", () => {
