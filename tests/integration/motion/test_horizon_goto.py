@@ -22,6 +22,7 @@ NORTH, SOUTH = (45.0, 10.0), (-34.0, 10.0)
 MOUNTS = [
     ("cgem", "nexstar", NORTH, b""), ("cgem", "nexstar", SOUTH, b""), ("cge", "nexstar", NORTH, b""),
     ("lx200gps", "lx200", NORTH, b":AP#"), ("autostar", "lx200", NORTH, b":AP#"),
+    ("german", "alpaca", NORTH, b""), ("polar", "alpaca", SOUTH, b""),
 ]  # fmt: skip
 #: Degrees: how far from the place.
 NEAR = 2.0 / 60.0

@@ -164,6 +164,9 @@ class Admission:
         readings, counted from those that it has now; without these to where the place will be on the sky on arrival.
         """
         mount = self._mount
+        if mount.driver.implementation(op.GotoHorizontal):
+            await self._admit_goto(goto)
+            return operation
         if mount.driver.implementation(op.GotoAxes) and mount.driver.implementation(op.AxisPosition):
             await self._admit_goto(goto)
             here: op.Equatorial = await self._ask.read_now(op.Position())

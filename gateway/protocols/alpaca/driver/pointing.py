@@ -169,11 +169,12 @@ def _expect_side(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
         mount.senses.pop((2, ""), None)
 
 
-def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes) -> Steps:
-    """Slew an alt-az mount over the horizon, for which ASCOM wants tracking off. Raises Unsupported for any other."""
-    if mount.equatorial:
+def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -> Steps:
+    """Slew over the horizon, for which ASCOM wants tracking off. Raises Unsupported for axes of an equatorial mount."""
+    if mount.equatorial and isinstance(operation, op.GotoAxes):
         raise Unsupported("Only an alt-az mount can be sent to readings of its axes.")
     yield from stop_current_motion(mount)
+    mount.goto_side = ""
     if mount.tracks and mount.supports("set_tracking"):
         yield from order(mount, "set_tracking", on=False)
         mount.tracks = False
