@@ -20,7 +20,7 @@ from gateway.protocols.base.spec import SurfaceSettings
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.registry import PROTOCOLS
 from tests.support.each import each
-from tests.support.evening import FACES, MODELS, evening, off
+from tests.support.evening import FACES, MODELS, SYNSCANS, evening, off
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import overhead
 
@@ -38,13 +38,13 @@ def answering(own: Bridge, replies: dict[bytes, bytes]) -> None:
     own.sim._answer = lambda frame, later: replies[frame] if frame in replies else usual(frame, later)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", [*SYNSCANS, *MODELS])
 @pytest.mark.parametrize("face", FACES)
 def test_an_evening_through_every_face(model: str, face: str) -> None:
     outcomes = run(evening(model, face))
     assert [f"{step}: {said}" for step, said in outcomes.items() if "WRONG" in said] == []
     refused = [step for step, said in outcomes.items() if said.startswith("refused")]
-    assert refused == ["limits"]
+    assert refused == ([] if model in SYNSCANS else ["limits"])
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -320,6 +320,34 @@ def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(model: str
             await own.controller.perform(op.GetIdentity())
             status = await own.controller.read_now(op.GetStatus())
             assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
+
+    run(program())
+
+
+def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> None:
+    """It answers ``:h?#`` with a bare 0 and is taken for a 16 inch, whose search for home is ``:hF#``."""
+
+    async def program() -> None:
+        own = bridge("onstep")
+        own._hands_on = True  # :h?# is no form of an OnStep's
+        usual, lost = own.sim._answer, [b":GVP#"] * 2
+        own.sim._answer = lambda frame, later: b"" if lost and frame == lost[0] and lost.pop() else usual(frame, later)
+        async with own:
+            assert (await own.controller.perform(op.GetIdentity())).model == "lx200-16"
+            with pytest.raises(Refused, match="told its name only now"):
+                await own.controller.perform(op.Home())
+            assert b":hF#" not in own.sent()
+
+    run(program())
+
+
+@each("said", [b"0#", b"#", b"nNp#"])
+def test_a_state_that_is_cut_short_is_none(said: bytes) -> None:
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            answering(own, {b":GU#": said})
+            with pytest.raises(Fault):
+                await own.controller.read_now(op.GetStatus())
 
     run(program())
 

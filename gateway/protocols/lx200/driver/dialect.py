@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from gateway.core.errors import Fault, NoAnswer
+from gateway.core.errors import Fault, Garbled, NoAnswer
 from gateway.core.operations import Operation
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.lx200.driver.speeds import SPEEDS
@@ -41,6 +41,8 @@ def _by_places(answer: dict[str, Any]) -> Told:
 
 def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
     letters, tail = text[: -form["tail"]], text[-form["tail"] :]
+    if not any(letter in letters for letter in form["park"]):
+        raise Garbled  # cut short, or another controller's
     mount.pulse_rate = f"R{tail[0]}" if tail[:1] == tail[1:2] else None  # either may be that of its pulses
 
     def has(name: str) -> bool:

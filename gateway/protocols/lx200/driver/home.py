@@ -9,12 +9,13 @@ from __future__ import annotations
 import contextlib
 
 from gateway.core import operations as op
-from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
+from gateway.core.about import SWITCHED_UNNAMED
+from gateway.core.errors import Busy, Fault, NoAnswer, Refused, Unsupported
 from gateway.protocols.base.driver import Schedule, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import tell
 from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion
-from gateway.protocols.lx200.driver.identify import read_status
+from gateway.protocols.lx200.driver.identify import insist, read_status
 from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
@@ -32,7 +33,13 @@ def park(mount: Lx200Driver, _: op.Park) -> Steps:
 
 
 def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
-    """:hF, or :hS, which stores the positions of the home switches."""
+    """:hF, or :hS, which stores the positions of the home switches.
+
+    A nameless mount is asked for its name once more: to an OnStep, whose name may have been lost, :hF declares a home.
+    """
+    nameless = not mount.product and mount.named_model is None and mount.rules > SWITCHED_UNNAMED
+    if nameless and (yield from insist(mount, "GVP", 2)) is not None:
+        raise Refused("The mount has told its name only now. Connect it again, so that it is identified.")
     yield from stop_current_motion(mount)
     mount.seeking = True  # from here on no other command is sent; requests in the queue are answered first
     yield Wait(SETTLE)

@@ -54,7 +54,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
         _learn_letter(mount, letter["mode"])
         mount.land = letter["mode"] == "L"
     times = 1 if mount.named_model is not None else 3 if mount.product else 2
-    product = yield from _insist(mount, "GVP", times - ("GVP" in mount.mute))
+    product = yield from insist(mount, "GVP", times - ("GVP" in mount.mute))
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
         mount.take_for((yield from _model(mount, mount.product)))
@@ -63,7 +63,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
         firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
         times = ASKED_FOR_STATE if mount.dialect else 1
-        mount.tells_status = (yield from _insist(mount, mount.status_command, times)) is not None
+        mount.tells_status = (yield from insist(mount, mount.status_command, times)) is not None
         if mount.dialect and not mount.tells_status:
             mount.take_for("other")
     mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
@@ -101,7 +101,7 @@ def _see_whether_pushed(mount: Lx200Driver) -> Steps:
         yield Remark(PUSHED)
 
 
-def _insist(mount: Lx200Driver, command: str, times: int) -> Steps:
+def insist(mount: Lx200Driver, command: str, times: int) -> Steps:
     """Send a question on whose answer all depends, several times, because replies may be lost."""
     answer = None
     for _ in range(times):

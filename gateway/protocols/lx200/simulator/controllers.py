@@ -163,6 +163,11 @@ class Controller(SimulatedLx200):
         self.at_home = True
         return b"" if self.onstep else b"1"
 
+    @property
+    def west(self) -> bool:
+        """Whether it stands on the west side of the pier."""
+        return self.mechanics.flipped is (self.mechanics.geometry.pole > 0)
+
     def letters(self) -> bytes:
         """:GU"""
         told = {
@@ -171,8 +176,8 @@ class Controller(SimulatedLx200):
             "p": not (self.parked or self.parking), "I": self.parking, "P": self.parked, "H": self.at_home,
             "h": self.homing, "G": any(self.mechanics.pulsing(self.now, axis) for axis in (1, 2)), "g": bool(self.ends),
             "(": self.kept.get("hertz") == 57.9, "O": self.kept.get("hertz") == 60.0, "E": True,
-            "o": self.at_home, "W": not self.at_home and self.mechanics.flipped,
-            "T": not self.at_home and not self.mechanics.flipped,
+            "o": self.at_home, "W": not self.at_home and self.west,
+            "T": not self.at_home and not self.west,
         }  # fmt: skip
         letters = "".join(letter for letter, holds in told.items() if holds)
         return f"{letters}{self.pulse_rate}{self.rate}{self.error}#".encode()
@@ -185,7 +190,7 @@ class Controller(SimulatedLx200):
 
     def side(self) -> bytes:
         """:Gm - a TeenAstro sends two hashes."""
-        letter = "W" if self.mechanics.flipped is (self.mechanics.geometry.pole > 0) else "E"
+        letter = "W" if self.west else "E"
         return f"{letter}#".encode() if self.onstep else f"{letter}##".encode()
 
     def hertz(self) -> bytes:
