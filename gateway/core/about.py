@@ -18,7 +18,8 @@ PACKAGE = Path(__file__).resolve().parents[1]
 #: The rules by which the gateway decides. A recording is replayed by those of its time: by the first ones a site or
 #: clock might go to a mount that slews, a goto did not wait for them, the site was read as seldom as the clock, and
 #: only gotos were judged by the axes as they were before the syncs. Up to the second ones every telescope with a name
-#: was driven as a Meade; up to the third ones, one in low precision was switched before it was asked for its name.
+#: was driven as a Meade; up to the third ones, one in low precision was switched before it was asked for its name, and
+#: the end of a goto was not sent to a Meade without one.
 RULES, SWITCHED_UNNAMED, OF_ONE_MAKER, FIRST_RULES = 4, 3, 2, 1
 #: How many digits of a commit are told.
 DIGITS = 12

@@ -48,7 +48,7 @@ def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str
         (b"P\x03\x10\x07\x00\x28\0\0", [b":Rg10.0#", b":RG#", b":Me#"]),
         (b"P\x03\x10\x26\x32\x1e\0\0", [b":Rg07.5#", b":Mgw0300#"]),
         (b"P\x03\x11\x26\xce\x1e\0\0", [b":Rg07.5#", b":Mgs0300#"]),
-        (b"M", []),  # no goto is under way: arrows would be let go as well
+        (b"M", [b":Q#"]),  # no goto is known, and no arrow: one may have been begun at its keypad
     ],
 )
 def test_motion_on_an_lx200gps(said: bytes, heard: list[bytes]) -> None:

@@ -352,6 +352,42 @@ def test_a_state_that_is_cut_short_is_none(said: bytes) -> None:
     run(program())
 
 
+@pytest.mark.parametrize("model", [*MODELS, "autostar"])
+def test_the_end_of_a_goto_ends_one_that_was_begun_elsewhere_and_no_arrow(model: str) -> None:
+    """At its own keys or page. Of a goto that the gateway knows it is the same, as near the pole as it may be."""
+
+    async def program() -> None:
+        async with bridge(model) as own:
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 20.0))
+            await asyncio.sleep(90.0)
+            own.sim.feed(b":Sd-10*00:00#:MS#")
+            assert own.sim.slewing
+            await own.controller.perform(op.AbortSlew())
+            assert not own.sim.slewing and own.sent().count(b":Q#") == 1
+            await asyncio.sleep(5.0)
+            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="center")))
+            await own.controller.perform(op.AbortSlew())
+            assert own.sent().count(b":Q#") == 1 and own.driver.moving
+
+    run(program())
+
+
+@each("model", MODELS)
+def test_a_goto_beside_the_pole_is_under_way_while_an_axis_turns(model: str) -> None:
+    async def program() -> None:
+        async with bridge(model) as own:
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 89.96))
+            await asyncio.sleep(90.0)
+            own.sim.mechanics.fastest = 1.5
+            await own.controller.perform(op.Goto((ra - 80.0) % 360.0, 89.96))
+            await asyncio.sleep(40.0)
+            assert own.sim.slewing and await own.controller.read_now(op.Slewing())
+
+    run(program())
+
+
 # --- unknown ones, and those that are pushed --------------------------------------------------------------------------
 
 

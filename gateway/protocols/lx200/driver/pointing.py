@@ -11,7 +11,7 @@ import math
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separation, wrap180
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
+from gateway.core.about import FIRST_RULES, SWITCHED_UNNAMED
 from gateway.core.errors import Garbled, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import tell, told_side
@@ -22,7 +22,7 @@ from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200D
 #: A goto counts as under way for at least START_GRACE seconds, and until :D# has replied QUIET times with no bars.
 START_GRACE = 0.8
 QUIET = 2
-#: A goto is over, whatever :D# shows, if positions have stayed within so many degrees for so many seconds: a telescope
+#: A goto is over, whatever :D# shows, if both coordinates have stayed within so many degrees for so many seconds: one
 #: that is pushed by hand may always show bars. An untracked sky turns by less in this time.
 STANDS_WITHIN, STANDS = 0.1, 15.0
 #: How often, and how many seconds apart, another maker's mount is asked whether it stands still before a newer goto, or
@@ -45,8 +45,8 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
         yield from high_precision(mount)
     place = op.Equatorial(*fold_declination(first["ra"], second["dec"]))
     if (state := mount.goto) is not None:
-        state.read = mount.now()
-        if state.place is None or separation(place.ra, place.dec, state.place.ra, state.place.dec) > STANDS_WITHIN:
+        state.read, old = mount.now(), state.place
+        if old is None or max(abs(wrap180(place.ra - old.ra)), abs(place.dec - old.dec)) > STANDS_WITHIN:
             state.place, state.moved = place, state.read
     return place
 
@@ -122,8 +122,12 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 
 
 def _stands(mount: Lx200Driver, state: GotoState) -> bool:
-    """Whether the position shows that the telescope has not moved for a while since it was sent to a goal."""
-    return state.then is None and state.read - state.moved > STANDS and mount.rules > FIRST_RULES
+    """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
+
+    One that tells its state has bars that are true: a goto of an OnStep may wait for a person at the meridian.
+    """
+    told = mount.dialect and mount.tells_status
+    return state.then is None and not told and state.read - state.moved > STANDS and mount.rules > FIRST_RULES
 
 
 def still_seeking(mount: Lx200Driver) -> Steps:
@@ -189,10 +193,12 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
-    """:Q, only if a goto or a search for home is under way: it would end a motion by hand too."""
-    if mount.goto is not None or mount.seeking:
+    """:Q, unless a motion by hand is under way, which it would end too; a goto may be one of the mount's own keys."""
+    known = mount.goto is not None or mount.seeking
+    by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_until
+    if known or (not by_hand and mount.rules > SWITCHED_UNNAMED):
         mount.goto = None
-        yield from end(mount, "Q", MOUNT, True)
+        yield from end(mount, "Q", MOUNT, known)
         mount.seeking = False
 
 
