@@ -1,9 +1,9 @@
 """The connection to a mount that is reached over HTTP: each line that is written is a request, each reply is a line.
 
 A protocol's ``Dialect`` converts both. Only the reply to the newest request is delivered, because the line has given up
-the ones before it. Reads and stops are repeated if their connection was closed meanwhile; a stop also after the answer
-to an order that it has overtaken, which may have been carried out after it. Connections are kept open, unless the
-server serves one at a time; one that cannot be reached is a lost line. aiohttp is imported when the wire is opened.
+the ones before it. Reads and stops are repeated if their connection was closed meanwhile; stops also until an order
+that they have overtaken is answered, and once after that: it may be carried out at any time. Connections are kept open,
+unless the server serves one at a time; one that cannot be reached is a lost line. aiohttp is imported when it opens.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 CONNECT, FIRST, LONGEST = 4.0, 6.0, 120.0
 #: Seconds that an idle connection is kept, and how often a read is asked whose connection was closed.
 KEPT, ASKED = 60.0, 5
+#: Seconds between repetitions of a stop that has overtaken an order.
+AGAIN = 0.5
 #: Seconds in which a server answers beside an idle connection, unless it serves one at a time.
 BESIDE = 1.0
 
@@ -73,11 +75,13 @@ class HttpWire:
         self._host, self._port = parts.hostname or "", parts.port or 80
         self._server = f"{parts.scheme}://{parts.netloc}"
         self._session: ClientSession | None = None
-        self._tasks: set[asyncio.Task[bool]] = set()
-        self._reading: asyncio.Task[bool] | None = None
-        #: The unanswered orders that begin a motion, and the number of the last one.
-        self._orders: set[asyncio.Task[bool]] = set()
-        self._number = self._begun = 0
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._reading: asyncio.Task[None] | None = None
+        #: The unanswered orders that begin a motion, and the stops that were written since the last one.
+        self._orders: set[asyncio.Task[None]] = set()
+        self._stops: dict[bytes, Request] = {}
+        self._stopping: asyncio.Task[None] | None = None
+        self._number = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         """Ask the server its first questions. Raises OSError with a reason in words."""
@@ -125,20 +129,31 @@ class HttpWire:
         if self._reading is not None:
             self._reading.cancel()
         request = self._dialect.request(data)
-        overtaken = frozenset() if request.moves is not False else frozenset(self._orders)
-        task = asyncio.get_running_loop().create_task(self._carry_out(self._session, self._number, request, overtaken))
+        loop = asyncio.get_running_loop()
+        task = loop.create_task(self._carry_out(self._session, self._number, request))
         self._reading = task if request.method == "GET" else None
         if request.moves:
-            self._begun = self._number
+            self._stops.clear()
             self._orders.add(task)
+        elif request.moves is False:
+            self._stops[data] = request
+            if self._orders and (self._stopping is None or self._stopping.done()):
+                self._stopping = loop.create_task(self._stop_again(self._session))
         self._tasks.add(task)
         for unfinished in (self._tasks, self._orders):
             task.add_done_callback(unfinished.discard)
 
-    async def _carry_out(
-        self, session: ClientSession, number: int, request: Request, overtaken: frozenset[asyncio.Task[bool]]
-    ) -> bool:
-        """Send a request, and deliver the answer; return whether there was one."""
+    async def _stop_again(self, session: ClientSession) -> None:
+        """Repeat the stops while an order that they have overtaken is unanswered, and once after that."""
+        overtaken = set(self._orders)
+        while overtaken:
+            await asyncio.wait(overtaken, timeout=AGAIN)
+            unanswered = set(self._orders)
+            await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._stops.values()))
+            overtaken = unanswered | self._orders
+
+    async def _carry_out(self, session: ClientSession, number: int, request: Request) -> None:
+        """Send a request, and deliver the answer."""
         import aiohttp
 
         closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
@@ -154,12 +169,9 @@ class HttpWire:
             given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
             if session is self._session and not given_up:  # the line has stopped waiting for that one long ago
                 self._on_lost(reason(error))
-            return False
+            return
         if session is self._session and number == self._number:
             self._on_data(self._dialect.reply(*answer))
-        if overtaken and any(await asyncio.gather(*overtaken)) and number > self._begun:
-            await self._carry_out(session, 0, request, frozenset())
-        return True
 
     async def _ask(self, session: ClientSession, request: Request) -> tuple[int, bytes]:
         method, path, fields, _ = request
@@ -177,7 +189,7 @@ class HttpWire:
         orders = [task for task in self._tasks if task is not self._reading]
         if orders:  # a stop that was written just before
             await asyncio.wait(orders, timeout=1.0)
-        for task in self._tasks:
+        for task in (*self._tasks, *([self._stopping] if self._stopping is not None else [])):
             task.cancel()
         await session.close()
 

@@ -12,6 +12,7 @@ reply would be later than any ever observed, and until then nothing is accepted 
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -156,7 +157,9 @@ class Transaction:
         self._stops = 0
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
-        self._settling = self._hurried = self._cut_short = self._gives_way = False
+        self._settling = self._hurried = self._cut_short = False
+        #: Loop time from which a stop that waits is sent in place of the exchange under way.
+        self._gives_way = math.inf
         self._opened = 0
 
     def opening(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
@@ -193,12 +196,12 @@ class Transaction:
     def wake(self, stop: bool) -> None:
         """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
         self._hurried |= stop
-        if self.long or (stop and (self._settling or self._gives_way)):
+        if self.long or (stop and (self._settling or self._gives_way < math.inf)):
             self._arrived.set()
 
     @property
     def _stop_first(self) -> bool:
-        return self._gives_way and not self.lost and self._queue.stop_waits
+        return self._now() >= self._gives_way and not self.lost and self._queue.stop_waits
 
     def send(self, request: bytes) -> bool:
         """Write to the wire; return False if it was lost."""
@@ -256,7 +259,8 @@ class Transaction:
         self._last = command
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = command.long, 0, False
-        self._gives_way = expected.gives_way and not stop and getattr(self.wire, "newest_only", False)
+        overtakes = getattr(self.wire, "newest_only", False) and not stop
+        self._gives_way = began + expected.gives_way if overtakes else math.inf
         taken = await self._reply(command, expected, began, settle, resync) if self.send(request) else None
         self.long, self.long_until = False, self._now() if command.long else self.long_until
         if taken is None:
@@ -322,7 +326,8 @@ class Transaction:
                 return taken
             elif now >= deadline or self._stop_first:
                 return None
-            await self._arrived.within((busy_at if command.long and now < busy_at else deadline) - now)
+            nearer = [busy_at] if command.long else []
+            await self._arrived.within(min(at for at in (deadline, self._gives_way, *nearer) if at > now) - now)
         return None
 
     def _unanswered(self, command: Send, expected: Expected, began: float) -> Fault:

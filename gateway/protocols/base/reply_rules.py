@@ -6,6 +6,7 @@ and for ``decode``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
@@ -25,7 +26,8 @@ class Expected(NamedTuple):
     delay_after   the pause in seconds that the mount needs after a ``silent`` command
     silent        the command has no reply
     leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
-    gives_way     a stop that waits is sent at once, on a wire that delivers only the reply to the newest request
+    gives_way     after so many seconds a stop that waits is sent, on a wire that delivers only the reply to the newest
+                  request
     """
 
     answer_kind: str | None
@@ -34,7 +36,7 @@ class Expected(NamedTuple):
     delay_after: float = 0.0
     silent: bool = False
     leaves_open: bool = False
-    gives_way: bool = False
+    gives_way: float = math.inf
 
 
 def answer_kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | None:

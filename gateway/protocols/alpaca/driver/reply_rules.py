@@ -21,8 +21,8 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.fields import CODECS
 
-#: Seconds that an answer may take.
-TIMEOUT = 5.0
+#: Seconds that an answer may take, and that a stop waits for the answer to an order.
+TIMEOUT, ORDER_GIVES_WAY = 5.0, 0.3
 #: What servers of other makers send for everything that went wrong, and for a value that they do not have.
 ANYTHING, INVALID = 1, 0x401
 
@@ -39,7 +39,7 @@ class AlpacaReplyRules:
 
     def expected(self, ask: Send) -> Expected:
         question = self.protocol.commands[ask.command].question
-        return Expected(None, TIMEOUT, unterminated=False, gives_way=question)
+        return Expected(None, TIMEOUT, unterminated=False, gives_way=0.0 if question else ORDER_GIVES_WAY)
 
     def ambiguous_with(self, one: Send, other: Send) -> bool:
         return False

@@ -1,0 +1,78 @@
+"""A server that carries out a motion long after it was ordered, perhaps after the stop that followed, by truth.
+
+Its answer comes when the motion begins, or when it has ended. The wire over HTTP is the real one, without sockets.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import Any
+from urllib.parse import urlencode
+
+import pytest
+
+from gateway.astro.spherical import separation
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
+from gateway.transport.http_wire import HttpWire, Request
+from tests.support.each import each
+from tests.support.in_process_gateway import Bridge
+from tests.support.truth import moving
+
+URL = "http://127.0.0.1:1"
+
+
+class OverHttp(HttpWire):
+    """``late`` are the seconds after which the server carries out what begins a motion, and answers."""
+
+    def __init__(self, sim: Any, late: float = 0.0, latency: float = 0.02) -> None:
+        super().__init__(URL, TelescopeHttp(URL))
+        self.sim, self.late, self._latency = sim, late, latency
+
+    async def _reach(self) -> tuple[tuple[str, int], bool]:
+        return ("127.0.0.1", 1), True
+
+    async def _ask(self, session: object, request: Request) -> tuple[int, bytes]:
+        await asyncio.sleep(self._latency + (self.late if request.moves else 0.0))
+        fields = urlencode(request.fields)
+        status, text = self.sim.request(request.method, f"{request.path}?{fields}", fields.encode())
+        if self.sim.waits:
+            await asyncio.sleep(max(0.0, self.sim.mechanics.arrives(self.sim.now) - self.sim.now))
+        return status, text.encode()
+
+
+async def travelled(late: float, stop: float, goto: bool, **simulated: Any) -> tuple[float, float]:
+    """Order a motion, and a stop so many seconds later. Return how far the tube went after it, and how long it took."""
+    config = {"sun": 0.0, "lowest": -90.0}
+    async with Bridge("german", driven="alpaca", config=config, simulated=simulated) as bridge:
+        wire = OverHttp(bridge.sim)
+        bridge.controller.line.wire = wire
+        bridge.controller.line.transaction.connection_lost("over HTTP from now on")
+        await asyncio.sleep(5.0)
+        wire.late = late
+        goal = op.Goto((bridge.sim.sky.sidereal(bridge.clock()) + 60.0) % 360.0, 30.0)
+        order = goal if goto else op.Move(op.Direction.SOUTH, op.Rate(degrees=2.0))
+        asked = asyncio.ensure_future(bridge.controller.perform(order))
+        await asyncio.sleep(stop)
+        began, stood = bridge.clock(), bridge.sim.truth()
+        with contextlib.suppress(Fault):
+            await bridge.controller.stop()
+        took = bridge.clock() - began
+        await asyncio.sleep(late + 8.0)
+        assert not moving(bridge.sim)
+        asked.cancel()
+        with contextlib.suppress(Fault, asyncio.CancelledError):
+            await asked
+        return separation(*bridge.sim.truth(), *stood), took
+
+
+@pytest.mark.parametrize("blocks", [False, True], ids=["answered-as-it-begins", "answered-at-its-end"])
+@pytest.mark.parametrize("goto", [True, False], ids=["goto", "arrow"])
+@each("stop", [0.1, 1.0, 2.5, 5.0])
+def test_a_motion_that_begins_after_its_stop_ends_at_once(goto: bool, blocks: bool, stop: float) -> None:
+    far, took = run(travelled(4.0, stop, goto, blocks=blocks))
+    assert took < 0.6
+    assert far < 1.5  # the stop is repeated every half second
