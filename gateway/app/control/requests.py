@@ -327,17 +327,17 @@ class RequestHandler:
         return Answer(DONE, "the mount was stopped")
 
     async def _look(self) -> dict[str, Any]:
-        """Read what is polled for nobody, its status too; None for what the mount does not tell."""
+        """Read what is polled for nobody; None for what the mount does not tell."""
         controller = self._controller
         told: dict[str, Any] = {"pier": None, "drive": None}
         if controller.line.state != "up" or controller.driver.asleep:
             return told
         reads: dict[str, op.Operation[Any]] = {"pier": op.PierSide()} if controller.driver.german else {}
-        for name, read in {"": op.GetStatus(), **reads, "drive": op.DriveRate()}.items():
+        for name, read in {**reads, "drive": op.DriveRate()}.items():
             with contextlib.suppress(Fault, TimeoutError):
                 async with asyncio.timeout(SIGHT):
                     told[name] = await controller.perform(read)
-        return {name: told[name] for name in ("pier", "drive")}
+        return told
 
     async def _refresh(self) -> None:
         """Refresh position and status, unless the mount does not answer soon."""

@@ -22,7 +22,7 @@ from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import in_words
-from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage
+from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage, watched
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.rehearsal.shown import changes, shown
 from gateway.diagnostics.virtual_time import run
@@ -163,7 +163,11 @@ def play_one(
         async with stage(face, mount, sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
             await whole_gateway.gateway.fit()
             await asyncio.sleep(IDLE)  # readings in the cache expire, so that the mount is asked
-            played = await Player(whole_gateway).play(frame, Before() if row is None else before(face, row))
+            played = await Player(whole_gateway).play(
+                frame,
+                Before() if row is None else before(face, row),
+                watched(command, aligned and bool(command.replies)),
+            )  # an arrow may be carried out in many steps
             surface, kind = whole_gateway.face.surface, Kind(mount.model, counted(mount), aligned, wedge)
             became = row and shown(played, command, row, surface, driven)
             if became is None and not played.of("act") and any(map(changes, played.asked)):

@@ -93,6 +93,11 @@ class Play(NamedTuple):
         return tuple(event for event in self.events if event.kind == kind)
 
 
+def watched(command: Command, aligned: bool) -> float:
+    """Return how long a command is observed after its reply, seconds."""
+    return GLANCE if command.question else WATCHED if aligned else WATCHED_SETTING
+
+
 @cache
 def looks(protocol: CommandSet) -> frozenset[str]:
     """Return the commands of a mount that are only queries: those that carry out reads."""
@@ -165,8 +170,8 @@ class Player:
         self.driver.perform = lambda operation: perform(self._performed(operation))  # type: ignore[method-assign, arg-type]
         stage.wire_log.sinks.append(self._note)
 
-    async def play(self, frame: bytes, before: Before = Before(), watched: float = WATCHED_SETTING) -> Play:
-        """Send ``before``, one after the other, then the frame, and observe for ``watched`` seconds after its reply."""
+    async def play(self, frame: bytes, before: Before = Before(), watching: float = WATCHED_SETTING) -> Play:
+        """Send ``before``, one after the other, then the frame, and observe for ``watching`` seconds after its reply."""
         self._visitors += 1
         visitor = self.stage.client(f"rehearsal{self._visitors}")
         for said in before.after:
@@ -187,7 +192,7 @@ class Player:
         await self._settled(visitor, 0.0)
         reply = visitor.heard
         self._events.append(Event("reply", "", reply))
-        await asyncio.sleep(watched)
+        await asyncio.sleep(watching)
         protocol = self.driver.protocol
         acts = tuple(data for data in self.stage.wire[wire:] if not is_look(protocol, data))
         return Play(

@@ -24,7 +24,7 @@ from gateway.app.recording.format import unescape
 from gateway.core.tables import mappings_folder, read_table
 from gateway.diagnostics.command_outcomes import MISSING, Kind, carried, is_for, outcome, versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
-from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Play, Player, stage
+from gateway.diagnostics.rehearsal.play import Play, Player, stage, watched
 from gateway.diagnostics.rehearsal.samples import examples
 from gateway.diagnostics.rehearsal.shown import changes, shown
 from gateway.diagnostics.virtual_time import run
@@ -150,8 +150,7 @@ async def _play(scene: Scene, name: str) -> list[Seen]:
         async with stage(scene.face, scene.mount, sky(), aligned=scene.aligned) as whole:
             if whole.face.surface.lacks(whole.face.model, frame):
                 continue
-            watched = GLANCE if command.question else WATCHED if scene.aligned else WATCHED_SETTING
-            play: Play = await Player(whole).play(frame, before(scene.face, row), watched)
+            play: Play = await Player(whole).play(frame, before(scene.face, row), watched(command, scene.aligned))
             seen.append(
                 Seen(scene, play.asked, shown(play, command, row, whole.face.surface, driven), bool(play.reply))
             )
