@@ -14,6 +14,7 @@ from typing import Any
 from gateway.astro.axes import Build, Geometry
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
+from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
@@ -63,6 +64,8 @@ class Identification:
         self._status: op.Status | None = None
         self._link.came_up.connect(self._on_up)
         self._link.reopened.connect(self._stop_first)
+        if context.policy.rules > FIRST_RULES:
+            self._link.unheard.connect(self._stop_owed)
         self._link.lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
@@ -91,6 +94,10 @@ class Identification:
                 "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and open again")
+        self._stop_owed(words)
+
+    def _stop_owed(self, words: list[bytes]) -> None:
+        """Add the stop commands if a stop is owed. A mount that is not heard may hear all the same."""
         if self._reconciler.wanted.owed and self._context.known.is_set():
             words += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 

@@ -171,7 +171,7 @@ class Player:
         stage.wire_log.sinks.append(self._note)
 
     async def play(self, frame: bytes, before: Before = Before(), watching: float = WATCHED_SETTING) -> Play:
-        """Send ``before``, one after the other, then the frame, and observe for ``watching`` seconds after its reply."""
+        """Send ``before`` one by one, then the frame, and observe for ``watching`` seconds after its reply."""
         self._visitors += 1
         visitor = self.stage.client(f"rehearsal{self._visitors}")
         for said in before.after:

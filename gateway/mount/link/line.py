@@ -50,8 +50,10 @@ class MountLink:
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
         self.exchanged: Signal[dict[str, Any] | Fault] = Signal()
-        #: Emitted when the port is open again: listeners add requests that go out before all others, as an owed stop.
+        #: Emitted when the port is open again, and each time when replies are missing: listeners add requests that go
+        #: out before all others, as an owed stop.
         self.reopened: Signal[list[bytes]] = Signal()
+        self.unheard: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time
         self._used_by_others = False
@@ -183,11 +185,17 @@ class MountLink:
         half, self.transaction.half = self.transaction.half, False
         if half and not (words and (self.reply_rules.closing or len(self.transaction.request) == 1)):
             await asyncio.sleep(max(0.0, self.transaction.wrote + HALF_COMMAND - self._now()))
-        for number, word in enumerate(words):
-            if not self.transaction.send((self.reply_rules.closing if half and not number else b"") + word):
-                return
+        if await self._send_blind(words, self.reply_rules.closing if half else b""):
+            await self._recover()
+
+    async def _send_blind(self, words: list[bytes], before: bytes = b"") -> bool:
+        """Send these without waiting for replies; return False if the wire is lost."""
+        for word in words:
+            if not self.transaction.send(before + word):
+                return False
+            before = b""
             await asyncio.sleep(BLIND)
-        await self._recover()
+        return True
 
     async def _serve(self) -> None:
         answered = False
@@ -245,6 +253,9 @@ class MountLink:
                 return False
             if self.state == "up":
                 self._down("the mount does not answer")
+            words: list[bytes] = []
+            self.unheard.emit(words)
+            await self._send_blind(words, self.reply_rules.closing)
         return False
 
     async def in_step(self) -> bool:

@@ -65,6 +65,26 @@ def test_a_stop_given_while_the_line_is_down_is_sent_when_it_is_back() -> None:
     run(program())
 
 
+@pytest.mark.parametrize(("driven", "mount"), [("nexstar", "cge"), ("lx200", "autostar"), ("lx200", "onstep")])
+def test_a_mount_that_hears_and_is_not_heard_is_stopped(driven: str, mount: str) -> None:
+    """One wire is broken, or a bridge swallows what the mount says: a stop must not wait until that is mended."""
+
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, latency=0.05, config={"lowest": -90.0}) as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Me#")
+            await asyncio.sleep(1)
+            swallow(bridge, lambda data: True, times=1_000_000, carried_out=True)
+            await asyncio.sleep(3)
+            client.tell(b":Q#")
+            await asyncio.sleep(8)
+            still = bridge.sim.truth()
+            await asyncio.sleep(5)
+            assert bridge.sim.truth() == pytest.approx(still, abs=0.05)
+
+    run(program())
+
+
 def test_the_end_of_a_guide_pulse_is_not_lost() -> None:
     async def program() -> None:
         async with Bridge("cge", "3.02", latency=0.05) as bridge:

@@ -33,7 +33,7 @@ EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))
 # --- everything at once -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("driven", "model", "seed"), [("nexstar", "cge", 11), ("lx200", "autostar", 12)])
+@pytest.mark.parametrize(("driven", "model", "seed"), [("nexstar", "cge", 11), ("lx200", "autostar", 13)])
 def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: int) -> None:
     """A short piece of ``tests/soak/line_faults.py``; a failure is played again by its seed."""
     done = trial(driven, model, seed, 0.05, EVERY, 200)
