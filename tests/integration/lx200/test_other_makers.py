@@ -285,6 +285,33 @@ def test_an_arrow_that_something_else_has_ended_is_not_pressed_again(after: floa
     run(program())
 
 
+@pytest.mark.parametrize("released", [True, False])
+def test_a_lost_look_at_an_arrow_delays_its_release_by_less_than_a_second(released: bool) -> None:
+    """And if nobody has released it, it is looked at again: it goes on beyond the 10 s of OnStep's clock."""
+
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, -20.0))
+            await asyncio.sleep(60.0)
+            usual, lost = own.sim._answer, list[float]()
+            own.sim._answer = lambda frame, later: (
+                lost.append(own.clock()) or b"" if frame == b":GU#" and not lost else usual(frame, later)
+            )
+            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
+            while not lost:
+                await asyncio.sleep(0.01)
+            if released:
+                await asyncio.sleep(0.1)
+                await own.controller.perform(op.StopAxis(2))
+                assert b":Qn#" in own.sent() and own.clock() - lost[0] < 1.0
+            else:
+                await asyncio.sleep(15.0)
+                assert own.sent().count(b":Mn#") == 2 and own.driver.moving
+
+    run(program())
+
+
 @pytest.mark.parametrize("arrives", [True, False])
 def test_a_search_for_home_by_switches_ends_when_its_letters_say_so(arrives: bool) -> None:
     """It is a motion by hand to OnStep: no bars, no goto. An order that it ignores is not told as done."""

@@ -7,11 +7,12 @@ of its speeds are asked for. An arrow that its clock has ended is pressed again,
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from typing import Any
 
 from msgspec.structs import replace
 
-from gateway.core.errors import Fault, Garbled, NoAnswer
+from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Operation
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.lx200.driver.speeds import SPEEDS
@@ -21,13 +22,15 @@ from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Told
 SHARED = 2.5
 #: Seconds from an arrow to the look whether it moves the mount, and between two further looks.
 LOOK_FIRST, LOOK_AGAIN = 1.25, 2.0
+#: Seconds that such a look may take, on a quick line.
+GLANCE = 0.5
 
 
-def tell(mount: Lx200Driver) -> Steps:
-    """:GU or :GW -> Told; a reply of a moment ago serves again if nothing was ordered since."""
+def tell(mount: Lx200Driver, glance: Send | None = None) -> Steps:
+    """:GU or :GW, or this ``glance`` -> Told; a reply of a moment ago serves again if nothing was ordered since."""
     if mount.told is None or mount.now() - mount.told[0] > SHARED:
         form = mount.dialect["status"]
-        answer = yield from ask(mount, form["command"])
+        answer = (yield glance) if glance is not None else (yield from ask(mount, form["command"]))
         told = _by_letters(mount, form, answer["letters"]) if "letters" in answer else _by_places(answer)
         mount.told = mount.now(), told
     return mount.told[1]
@@ -116,13 +119,22 @@ def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
 def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
     """Press an arrow again that nobody has released and that the controller's clock has ended.
 
-    One that ends at another time has met a limit, or somebody at its keypad: it is not begun again.
+    One that ends at another time has met a limit, or somebody at its keypad: it is not begun again. Its release waits
+    for the look: a reply that shows the motion is believed at once, and a lost one is not waited for.
     """
     axis, letter = operation.axis, mount.moving.get(operation.axis)
     if not letter:
         return
-    mount.told = None
-    told = yield from tell(mount)
+    mount.told, form, patience = None, mount.dialect["status"], max(GLANCE, 2.0 * mount.reply_time)
+
+    def shows_motion(reply: Mapping[str, object]) -> bool:
+        return not set(form["moves"]).isdisjoint(str(reply.get("letters")))
+
+    try:
+        told = yield from tell(mount, Send(form["command"], patience=patience, unverified=shows_motion))
+    except (Silence, Garbled):
+        yield Schedule(LOOK_AGAIN, operation)
+        return
     if mount.moving.get(axis) != letter or mount.arrow_rate is None:  # somebody has released it meanwhile
         return
     ends = operation.pressed + mount.dialect["arrows"]["end"]
