@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from typing import Any, NamedTuple
 
 from gateway.astro.spherical import wrap180
@@ -146,7 +147,7 @@ async def judged(face: str, mount: str, seconds: float, latency: float) -> str:
     moved, speed, rest, told = await tap(face, mount, seconds, latency)
     keypad = await at_keypad(mount, seconds, speed)
     most = keypad + speed * (0.1 + 2.0 * latency)
-    told = [text for text in told if "this Meade" not in text]  # the nearest rate, and what is set again
+    told = [text for text in told if not re.search("this Meade|no nearer speed", text)]  # nearest rate
     if keypad / 2.0 <= abs(moved) <= most and rest <= 2.0 and not told:
         return ""
     return f"{moved:.4f} degrees, {keypad:.4f} at the keypad, at most {most:.4f}; at rest after {rest:.2f} s; {told}"

@@ -245,7 +245,7 @@ def test_a_connection_for_every_command_taps_as_well() -> None:
 STOPS = {
     "a press just now": (b"", 0.1, True),
     "a press a while ago": (b"", 0.6, False),
-    "another arrow moves": (b":Me#", 0.1, False),
+    "another arrow moves": (b":Me#", 0.0, False),
 }
 
 

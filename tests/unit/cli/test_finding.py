@@ -91,7 +91,7 @@ def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None
     async def program() -> None:
         bridge = Bridge("lx200", driven="lx200")
         bridge.controller.start()
-        await asyncio.sleep(1.0)
+        await asyncio.sleep(2.0)
         assert waiting_message(gateway_of(bridge, "lx200@-")) == (
             "lx200@-: a mount answers, and programs get its position; its model may take some seconds more"
         )
