@@ -112,6 +112,7 @@ def _starts(finding: Finding, network: bool) -> list[str]:
         f"  {command(finding, network=True)}",
         "gateway.toml (--write FILE makes it; with --network it is for phones and other computers, too):",
         *(f"    {line}" for line in toml(finding, network).splitlines()),
+        f"compare what it does with what the gateway believes of it: mount-gateway prove --mount {endpoint(finding)}",
     ]
 
 
