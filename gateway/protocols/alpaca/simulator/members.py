@@ -87,7 +87,7 @@ READS: dict[str, Callable[..., Any]] = {
     "destinationsideofpier": _destination, "devicestate": _state,
     "equatorialsystem": lambda sim: 2 if sim.sends_j2000 else 1, "guideratedeclination": lambda sim: sim.guides[1],
     "guideraterightascension": lambda sim: sim.guides[0], "interfaceversion": lambda sim: sim.platform - 3,
-    "ispulseguiding": lambda sim: sim.pulses, "name": lambda sim: f"Simulated {sim.model}",
+    "ispulseguiding": lambda sim: sim.pulses, "name": lambda sim: "Simulated mount",
     "rightascension": lambda sim: sim.place()[0] / 15.0,
     "sideofpier": lambda sim: _side(sim, sim.mechanics.flipped),
     "siderealtime": lambda sim: wrap360(sim.sky.sidereal(sim.now)) / 15.0, "siteelevation": lambda sim: sim.elevation,
