@@ -60,7 +60,11 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = None
     mode: Annotated[
         Literal["alt-az", "eq-north", "eq-south"] | None,
-        key("tracking mode, for hand controls that do not report it (before version 2.3)", example="alt-az"),
+        key(
+            "tracking mode, for hand controls that do not report it (before version 2.3), and an AZ-EQ whose tracking "
+            "is off",
+            example="alt-az",
+        ),
     ] = None
     equinox: Annotated[
         Literal["jnow", "j2000", "auto"] | None,

@@ -14,6 +14,7 @@ from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import with_needs
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
+from gateway.core.errors import Refused
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.driver.state import NexStar
 from tests.support.each import each
@@ -58,6 +59,32 @@ def test_an_az_eq_is_what_it_tracks_as() -> None:
             bridge.sim.row = {**bridge.sim.row, "id": 5}
             await bridge.controller.read_now(op.GetIdentity())
             assert bridge.controller.driver.model == "synscan-az"
+
+    run(session())
+
+
+@pytest.mark.parametrize("mode", [None, "alt-az", "eq-north"])
+def test_an_az_eq_that_has_not_tracked_yet_is_not_driven_as_what_it_may_not_be(mode: str | None) -> None:
+    async def session() -> None:
+        bridge = Bridge("synscan-az", config={"mode": mode})
+        bridge.sim.row = {**bridge.sim.row, "id": 5}
+        bridge.sim.feed(b"T\0")
+        async with bridge:
+            await bridge.controller.perform(op.GetIdentity())
+            driver, here = bridge.controller.driver, await bridge.controller.perform(op.Position())
+            assert driver.german is (mode != "alt-az")
+            orders = (op.Goto(here.ra, 20.0), op.Park(), op.SetTracking(on=True), op.GotoAxes(10.0, 40.0))
+            for order in orders if mode is None else ():
+                with pytest.raises(Refused, match="turn tracking on once at the hand control"):
+                    await bridge.controller.perform(order)
+            if mode is None:
+                assert not {b"T\1", b"T\2"} & set(bridge.sent())
+                bridge.sim.feed(b"T\1")
+                await bridge.controller.read_now(op.GetStatus())
+                assert driver.model == "synscan-az"
+                await bridge.controller.perform(op.SetTracking(on=False))
+            await bridge.controller.perform(op.SetTracking(on=True))
+            assert b"T\2" in bridge.sent() if mode == "eq-north" else b"T\1" in bridge.sent()
 
     run(session())
 

@@ -35,8 +35,6 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     if mount.supports("device_version"):
         yield from _motors(mount)
     yield from read_status(mount)
-    if mount.tracking is Tracking.ALTAZ and mount.german:  # an AZ-EQ of Sky-Watcher, which is either
-        mount.model = mount.facts.get("alt-az", mount.model)
     if mount.tracking not in (None, Tracking.OFF):
         mount.parked = False  # remembered from an earlier run; it has been unparked meanwhile
     maker = mount.facts.get("maker", "Celestron")

@@ -82,6 +82,8 @@ def sync(mount: NexStar, operation: op.Sync) -> Steps:
 
 def goto(mount: NexStar, operation: op.Goto) -> Steps:
     """Slew by ``r`` or ``R``, less the offset of an emulated sync. Raises NotAligned."""
+    if mount.native_mode is None:
+        mount.must_be_decided()
     yield from need_alignment(mount)
     yield from stop_current_motion(mount)
     if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.supports("T"):
@@ -105,6 +107,7 @@ def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
 
 
 def slew_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
+    mount.must_be_decided()
     az -= mount.axis_zero
     yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then)
 

@@ -9,6 +9,7 @@ from msgspec import Struct, ValidationError, convert, to_builtins
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.core.about import SWITCHED_UNNAMED
 from gateway.core.errors import Fault, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
 from gateway.protocols.base.spec import DriverSettings
@@ -215,6 +216,17 @@ class NexStar(Driver):
         """Whether both motors time guide pulses themselves, in addition to any other motion."""
         return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE and self.supports("pulse")
 
+    @property
+    def undecided(self) -> bool:
+        """Whether it may be set up in alt-az or equatorially, and has not shown yet by its tracking which it is."""
+        either = self.native_mode is None and self.number in self.facts.get("either", ())
+        return either and self.settings.rules > SWITCHED_UNNAMED
+
+    def must_be_decided(self) -> None:
+        """Raise Refused if it is undecided."""
+        if self.undecided:
+            raise Refused(_UNDECIDED)
+
     def guiding_refusal(self) -> Fault | None:
         """Return why single motors cannot be guided now; None if they can.
 
@@ -386,6 +398,10 @@ def rate_zero(axis: int) -> Send:
 
 #: The motors of both axes in the names of commands.
 AXES = {1: "azm", 2: "alt"}
+_UNDECIDED = (
+    "This mount is set up in alt-az or equatorially, and has not told yet which: turn tracking on once at the hand "
+    "control, or set the key mode."
+)
 #: The motors' own default guide rate, as a fraction of sidereal.
 GUIDE_RATE = 0.5
 #: Keys that add to equatorial tracking (NexStar protocol, Slewing Commands, note).

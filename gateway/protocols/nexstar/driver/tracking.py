@@ -47,8 +47,12 @@ def read_status(mount: NexStar) -> Steps:
         mount.offset = (0.0, 0.0)
     if mount.supports("t"):
         yield from _read_mode(mount)
+        if mount.undecided and mount.settings.mode is not None:
+            mount.native_mode = op.Tracking(mount.settings.mode)
     elif mount.tracking is None and mount.settings.mode is not None:
         _learn(mount, op.Tracking(mount.settings.mode))
+    if mount.native_mode is op.Tracking.ALTAZ and mount.german:  # an AZ-EQ of Sky-Watcher, which is either
+        mount.model = mount.facts.get("alt-az", mount.model)
 
 
 def _forget(mount: NexStar) -> None:
@@ -69,7 +73,7 @@ def native_mode(mount: NexStar) -> op.Tracking | None:
     """Return the mode this mount tracks in: the last one that was not off, else by its build; None if unknown."""
     if mount.native_mode is not None:
         return mount.native_mode
-    if not mount.supports("t") and mount.settings.mode is None:
+    if mount.undecided or (not mount.supports("t") and mount.settings.mode is None):
         return None
     return _mode_by_build(mount)
 
@@ -109,8 +113,10 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     the other, so a mount in motion keeps its frame. Raises Refused then, or Unsupported.
     """
     own = native_mode(mount)
+    if operation.on and operation.mode is None:
+        mount.must_be_decided()
     mode = (operation.mode or own or _mode_by_build(mount)) if operation.on else op.Tracking.OFF
-    if mode is op.Tracking.ALTAZ and mount.german:
+    if mode is op.Tracking.ALTAZ and mount.german and not mount.undecided:
         raise Unsupported("A German mount does not track in alt-az: it ignores that mode.")
     moves = mount.moving or mount.goto is not None or mount.suspended is not None
     if moves and operation.on and own is not None and mode.equatorial != own.equatorial:
