@@ -495,6 +495,33 @@ def test_a_meade_of_any_name_stays_a_meade() -> None:
     run(program())
 
 
+@each("slews", [True, False])
+def test_one_that_slews_when_the_gateway_comes_is_not_taken_for_one_that_is_pushed(slews: bool) -> None:
+    """In declination only; in the last seconds of a goto neither coordinate changes, and empty bars tell it later."""
+
+    async def program() -> None:
+        own = bridge("autostar")
+        own.sim.row, began = {**own.sim.row, "product": "Clone"}, own.clock()
+        replies = {b":D#": b"|#"} | ({b":GR#": b"06:00:00#"} if slews else {})
+        answering(own, replies)
+        usual = own.sim._answer
+        own.sim._answer = lambda frame, later: (
+            f"+10*{int(10 * (own.clock() - began)) // 60:02}:{int(10 * (own.clock() - began)) % 60:02}#".encode()
+            if slews and frame == b":GD#"
+            else usual(frame, later)
+        )
+        async with own:
+            await own.controller.perform(op.GetIdentity())
+            assert own.driver.pushed is not slews
+            replies.clear()
+            await asyncio.sleep(60.0)
+            assert not own.driver.pushed
+            ra, dec = own.sim.truth()
+            await own.controller.perform(op.Goto(ra, dec - 5.0))
+
+    run(program())
+
+
 @pytest.mark.parametrize("product", ["PiFinder", "MyPushTo"])
 def test_one_that_is_pushed_is_told_as_one(product: str) -> None:
     """Its bars are always there, and its position is that of the hand: never slewing for ever."""

@@ -21,8 +21,8 @@ from gateway.protocols.wireformat.command_set import load
 TIMES, AT_LEAST = 2.0, 0.6
 #: Questions to an unknown controller, and what remains unknown without an answer.
 UNKNOWN = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
-#: Seconds between two positions that show whether a mount with bars moves.
-STILL = 1.0
+#: How many positions, so many seconds apart, show whether a mount with bars moves.
+LOOKS, STILL = 3, 1.5
 #: How often another maker's mount is asked for its state: without it, it would be taken for another kind of mount.
 ASKED_FOR_STATE = 3
 #: The length of a right ascension in high precision.
@@ -90,13 +90,15 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
 
 def _see_whether_pushed(mount: Lx200Driver) -> Steps:
     """See whether it always shows bars and stands still: then it only tells where a telescope points."""
-    places = []
-    for _ in range(2):
+    places: list[Equatorial] = []
+    for _ in range(LOOKS):
         if not ((yield from _probe(mount, "D")) or {"bars": ""})["bars"].strip():
             return
-        places.append((yield from ask(mount, "GR"))["ra"])
+        ra, dec = (yield from ask(mount, "GR"))["ra"], (yield from ask(mount, "GD"))["dec"]
+        places.append(Equatorial(ra, dec))
         yield Wait(STILL)
-    mount.pushed = abs(wrap180(places[1] - places[0])) < mount.resolution
+    moved = max(max(abs(wrap180(one.ra - ra)), abs(one.dec - dec)) for one in places)
+    mount.pushed = moved < mount.resolution
     if mount.pushed:
         yield Remark(PUSHED)
 
@@ -231,9 +233,10 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
-    """:GW, :GU or ACK -> Status."""
+    """:GW, :GU or ACK -> Status. One without bars is not pushed: it was slewing when it was identified."""
     mount.told = None
     try:
+        mount.pushed = mount.pushed and bool((yield from ask(mount, "D"))["bars"].strip())
         yield from read_status(mount)
     except Fault:
         if mount.goto is None:  # some do not answer this while they slew
