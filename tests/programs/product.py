@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from .alpaca_server import AlpacaServer
 from .hand_control import HandControl
 from .meade import Meade
 from .processes import Workshop
@@ -84,7 +85,7 @@ def _gateway(workshop: Workshop, protocol: str, mount: Endpoint, surface: str, t
         "run",
         "--no-console",
         "--mount",
-        f"{protocol}@socket://127.0.0.1:{mount.port}",
+        f"{protocol}@{'http' if protocol == 'alpaca' else 'socket'}://127.0.0.1:{mount.port}",
         "--speed",
         f"{mount.speed:g}",
         "--surface",
@@ -95,9 +96,17 @@ def _gateway(workshop: Workshop, protocol: str, mount: Endpoint, surface: str, t
     return endpoints(process.wait_for_lines("ready ", 1))[0]
 
 
-def start_gateway(workshop: Workshop, mount: Endpoint, model: str, transport: str) -> Endpoint:
-    """The gateway over a simulated hand control, presenting an LX200 model."""
-    surface = _gateway(workshop, "nexstar", mount, f"lx200:{model}", transport)
+def start_alpaca_server(workshop: Workshop, kind: str, site: Site, *, speed: float) -> tuple[Endpoint, AlpacaServer]:
+    """A simulated Alpaca server on two TCP ports: the first for the program under test, and the truth."""
+    wire, second_wire = _simulator(workshop, f"alpaca:{kind}", site, speed, True)
+    return wire, AlpacaServer(second_wire.port)
+
+
+def start_gateway(
+    workshop: Workshop, mount: Endpoint, model: str, transport: str, protocol: str = "nexstar"
+) -> Endpoint:
+    """The gateway over a simulated hand control, or a mount of another protocol, presenting an LX200 model."""
+    surface = _gateway(workshop, protocol, mount, f"lx200:{model}", transport)
     assert surface.speaks == f"lx200:{model}", surface
     return surface
 

@@ -6,11 +6,12 @@ import time
 
 import pytest
 
+from .alpaca_server import AlpacaServer
 from .hamlib import CELESTRON, MEADE, Rotator, terminal_to
 from .hand_control import HandControl
 from .meade import Meade
 from .processes import Workshop, requires, wait_until
-from .product import start_celestron_gateway, start_gateway, start_meade, start_simulator
+from .product import start_alpaca_server, start_celestron_gateway, start_gateway, start_meade, start_simulator
 from .sky import NORTH, SOUTH, Site, arcseconds
 
 NEAR = 0.15
@@ -22,7 +23,7 @@ def off(one: tuple[float, float], other: tuple[float, float]) -> float:
     return max(abs((a - b + 180.0) % 360.0 - 180.0) for a, b in zip(one, other, strict=True))
 
 
-def turns_and_stops(rotator: Rotator, truth: HandControl | Meade) -> None:
+def turns_and_stops(rotator: Rotator, truth: HandControl | Meade | AlpacaServer) -> None:
     """Read, turn, arrive; turn far away and stop on the way."""
     assert off(rotator.position(), truth.horizontal()) < NEAR
     azimuth, _ = truth.horizontal()
@@ -43,7 +44,7 @@ def turns_and_stops(rotator: Rotator, truth: HandControl | Meade) -> None:
     assert off(truth.horizontal(), far) > 1.0, "the mount went on to its target"
 
 
-def stands(truth: HandControl | Meade) -> bool:
+def stands(truth: HandControl | Meade | AlpacaServer) -> bool:
     """Whether the mount did not move between two looks; the sky passes it by at 15″/s meanwhile."""
     before = truth.position()
     time.sleep(0.25)
@@ -57,6 +58,14 @@ def test_meade_through_the_gateway(workshop: Workshop, site: Site) -> None:
     wire, truth = start_simulator(workshop, "nexstar:6-8se", site, speed=4.0)
     surface = start_gateway(workshop, wire, "autostar", "pty")
     turns_and_stops(Rotator(workshop, MEADE, surface.path), truth)
+
+
+@pytest.mark.parametrize("kind", ["altaz", "german"])
+def test_meade_through_the_gateway_on_an_alpaca_mount(workshop: Workshop, kind: str) -> None:
+    """Hamlib's LX200 model on the gateway's pseudo terminal, in front of a mount behind an Alpaca server."""
+    requires("rotctld")
+    wire, truth = start_alpaca_server(workshop, kind, NORTH, speed=4.0)
+    turns_and_stops(Rotator(workshop, MEADE, start_gateway(workshop, wire, "autostar", "pty", "alpaca").path), truth)
 
 
 def test_celestron_on_the_simulator(workshop: Workshop) -> None:
