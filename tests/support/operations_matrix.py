@@ -97,7 +97,7 @@ async def identity(b: Bridge) -> bool:
     """As in the manuals: a classic LX200 reports neither product nor firmware, a hand control before 2.2 no model."""
     seen = await b.controller.perform(op.GetIdentity())
     if _alpaca(b):
-        return b.sim.model in seen.product
+        return bool(seen.product == "Simulated mount")
     if hasattr(b.sim, "shown_version"):
         name = next(model for model, row in load("nexstar").models.items() if row is b.sim.row)
         major, minor, *patch = b.sim.shown_version

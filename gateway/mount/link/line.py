@@ -255,7 +255,7 @@ class MountLink:
                 self._down("the mount does not answer")
             words: list[bytes] = []
             self.unheard.emit(words)
-            await self._send_blind(words, self.reply_rules.closing)
+            await self._send_blind(words)
         return False
 
     async def in_step(self) -> bool:
