@@ -49,6 +49,7 @@ def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
     page.until("and that it goes there already", lambda: page.text("#go") == "On its way…")
     page.page.click("#stop")
     page.until("which it does no longer", lambda: page.text("#go") == "Go there")
+    page.until("it stands", lambda: page.does("Tracking"))
     page.page.click("#go")
     page.until("it is told that it is there", lambda: page.text("#notices") == "It is there: Aldebaran.", 40.0)
     assert page.text("#go") == "It is there: go again"
