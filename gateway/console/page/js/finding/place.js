@@ -246,7 +246,8 @@ export function start() {
   subscribe(() => {
     draw();
     if (went && isThere()) notice(`It is there: ${chosen.found.name || "the chosen place"}`);
-    went = onItsWay() || (went && Boolean(mount()?.moves));
+    const seen = mount(); // at its arrival the mount is asked for its position once more, and meanwhile has none
+    went = onItsWay() || (went && Boolean(seen?.moves || seen?.position?.ra2000 == null));
     const now = verdictOf(mount());
     if (now !== before) renew();
     before = now;
