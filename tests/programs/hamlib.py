@@ -32,6 +32,7 @@ class Rotator:
         argv = ["rotctld", "-m", str(model), "-r", terminal, "-T", "127.0.0.1", "-t", str(port), "-vvvv"]
         daemon = workshop.start(argv)
         wait_until(f"{daemon} listens", lambda: accepts(port), 20.0)
+        self._model = model
         self._wire = socket.create_connection(("127.0.0.1", port), timeout=15.0)
         workshop.keep(self._wire.close)
         self._reader = self._wire.makefile("r", encoding="ascii", newline="\n")
@@ -45,10 +46,14 @@ class Rotator:
         return answer
 
     def position(self) -> tuple[float, float]:
-        """`p`: azimuth and elevation in degrees."""
+        """`p`: azimuth and elevation in degrees.
+
+        Hamlib 4.5 takes one second of arc in a Meade's reply (`060*30:01#`) for a minus sign; nothing is negative here.
+        """
         answer = self._ask("p", 2)
         assert not answer[0].startswith("RPRT"), f"position refused: {answer}"
-        return float(answer[0]), float(answer[1])
+        azimuth, elevation = map(float, answer)
+        return (abs(azimuth), abs(elevation)) if self._model == MEADE else (azimuth, elevation)
 
     def go(self, azimuth: float, elevation: float) -> None:
         """`P`: turn there; returns when the mount has accepted it."""
