@@ -48,8 +48,12 @@ class Greeting(Struct, frozen=True):
 OWN_METHOD = Greeting("an HTTP request with a method of its own", (), http=True)
 
 
-def _from_text(text: str) -> tuple[Octet, ...]:
-    return tuple(frozenset((byte,)) for byte in text.encode("latin-1"))
+#: By byte, the octet that is this byte only: shared, because the first connection waits for all greetings.
+_ONLY = [frozenset((byte,)) for byte in range(256)]
+
+
+def _from_bytes(data: bytes) -> tuple[Octet, ...]:
+    return tuple(_ONLY[byte] for byte in data)
 
 
 def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
@@ -61,14 +65,20 @@ def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
     return tuple(octets)
 
 
+@cache
+def _of_strangers() -> tuple[Greeting, ...]:
+    """Return the greetings of the table. Read at the first connection, to keep the start fast."""
+    return tuple(_greetings())
+
+
 def _greetings() -> Iterator[Greeting]:
     table = read_table("strangers.toml")
     for words, methods in table["methods"].items():
         for method in methods:
-            yield Greeting(words, _from_text(f"{method} "), http=True, head_only=method == "HEAD")
+            yield Greeting(words, _from_bytes(f"{method} ".encode()), http=True, head_only=method == "HEAD")
     for words, texts in table["texts"].items():
         for text in texts:
-            yield Greeting(words, _from_text(text), http=text.startswith("PRI"))
+            yield Greeting(words, _from_bytes(text.encode("latin-1")), http=text.startswith("PRI"))
     for words, rows in table["bytes"].items():
         for row in rows:
             yield Greeting(words, _from_hexadecimal(row))
@@ -80,13 +90,13 @@ def _of_protocols(own: str) -> Iterator[Greeting]:
         if spec.greeting and spec.name != own:
             words = f"{spec.title}'s own protocol (for that add --surface {spec.name}@tcp://HOST:{spec.usual_port}"
             choice = f", or choose {PROTOCOLS[own].title} in the program)" if own in PROTOCOLS else ")"
-            yield Greeting(words + choice, tuple(frozenset((byte,)) for byte in spec.greeting))
+            yield Greeting(words + choice, _from_bytes(spec.greeting))
 
 
 @cache
 def greetings(own: str = "") -> tuple[Greeting, ...]:
-    """Return the greetings of strangers on a surface. Computed at the first connection, to keep the start fast."""
-    return (*_greetings(), *_of_protocols(own))
+    """Return the greetings of strangers on a surface."""
+    return (*_of_strangers(), *_of_protocols(own))
 
 
 @cache

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from gateway.clients.strangers import IDLE
 from gateway.core.wire_log import show
 from gateway.protocols.base.frames import Framer
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: Seconds within which a command of the surface's own protocol must follow.
@@ -24,7 +24,7 @@ MAX_BYTES, MAX_HOSTS = 64, 1000
 
 def foreign(own: str, sent: bytes) -> tuple[str, bytes] | None:
     """Return another protocol whose commands these bytes are, and the first command; None if there is none."""
-    for protocol in PROTOCOLS:
+    for protocol in streams():
         if protocol != own and (first := _first(load(protocol), sent.lstrip(IDLE))):
             return protocol, first
     return None

@@ -10,6 +10,7 @@ import contextlib
 import secrets
 import socket
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -35,6 +36,13 @@ PAGE = Path(__file__).parent / "page"
 LONGEST, MOST_PAGES, HEARTBEAT = 16384, 64, 10.0
 
 
+@cache
+def page_files() -> Pages:
+    """Return the files of the page. Reading them takes tens of milliseconds: first on a thread, where clients wait."""
+    files = {path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")}
+    return Pages(files | {f"data/{name}": supplied.file(name) for name in supplied.SHARED})
+
+
 class Console:
     """The console's web server, from ``open`` to ``close``. Called for each connection, it returns its protocol."""
 
@@ -49,8 +57,6 @@ class Console:
         self._access, self._names, self._port_rules = access, tuple(names), ports
         self._with_page = page
         self._token = secrets.token_urlsafe(24)
-        files = {path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")}
-        self._files = Pages(files | {f"data/{name}": supplied.file(name) for name in supplied.SHARED})
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
         self._room, self._ending = Room(MOST_PAGES), BackgroundTasks()
@@ -61,9 +67,10 @@ class Console:
         """Make the server that is to serve the connections."""
         app = web.Application(middlewares=[guarded(self._refusal)], client_max_size=1024)
         self._served = self._serve_programs(app)
+        await asyncio.sleep(0)  # each half takes milliseconds, and clients come between them
         app.add_routes([web.get("/{path:.*}", _no_page)] if not self._with_page else [
             web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._metrics_text),
-            web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._files.file),
+            web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", page_files().file),
         ])  # fmt: skip
         self._server = await HttpServer.start(app)
 
@@ -120,7 +127,7 @@ class Console:
     # --- requests ---------------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return self._files.index(request, token=self._token, can="act" if self._may_act(request) else "look")
+        return await page_files().index(request, token=self._token, can="act" if self._may_act(request) else "look")
 
     async def _metrics_text(self, request: web.Request) -> web.StreamResponse:
         if (text := await self._metrics.text()) is None:

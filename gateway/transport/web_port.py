@@ -177,6 +177,9 @@ class WebDevice(Struct, frozen=True):
 class Web(Protocol):
     """What a protocol offers over HTTP: it converts requests to lines for the protocol's framing, and replies back."""
 
+    def load(self) -> None:
+        """Import what serves the requests: slow, so call it on a thread before the first of them."""
+
     async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
         """Open a port. ``names`` are further host names by which clients may call this computer. Raises UserError."""
 

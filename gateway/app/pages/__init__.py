@@ -13,6 +13,7 @@ the served page has. The port is not compared: an SSH tunnel may use another one
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import gzip
 import hashlib
@@ -86,13 +87,13 @@ class Pages:
 
         return _INSIDE.sub(inside, _LINKS.sub(rf'\1="{self._kept}\2"', _SCRIPT.sub(script, page)))
 
-    def index(self, request: web.Request, **words: str) -> web.Response:
+    async def index(self, request: web.Request, **words: str) -> web.Response:
         """Return the page with each ``{{name}}`` replaced by the word of that name."""
         page = self._index
         for name, word in words.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
         kept = {"Cache-Control": "no-store", POLICY: self._policy}
-        return self._answer(request, page, page.encode(), TYPES[".html"], kept)
+        return await self._answer(request, page, page.encode(), TYPES[".html"], kept)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """Serve any other file, by the ``path`` of its route."""
@@ -101,15 +102,19 @@ class Pages:
             raise web.HTTPNotFound
         kept = name != request.match_info["path"]
         control = "public, max-age=31536000, immutable" if kept else "no-cache"
-        return self._answer(request, name, *self._files[name], {"Cache-Control": control})
+        return await self._answer(request, name, *self._files[name], {"Cache-Control": control})
 
-    def _answer(self, request: web.Request, name: str, body: bytes, kind: str, headers: dict[str, str]) -> web.Response:
+    async def _answer(
+        self, request: web.Request, name: str, body: bytes, kind: str, headers: dict[str, str]
+    ) -> web.Response:
         """Return a body, a text compressed if the browser takes that; ``name`` is by which it is kept compressed."""
         if kind in _TEXTS:
             headers["Vary"] = "Accept-Encoding"
             if "gzip" in request.headers.get("Accept-Encoding", ""):
                 headers["Content-Encoding"] = "gzip"
-                body = self._packed.get(name) or self._packed.setdefault(name, gzip.compress(body, 6, mtime=0))
+                if name not in self._packed:  # milliseconds, in which clients would wait
+                    self._packed[name] = await asyncio.to_thread(gzip.compress, body, 6, mtime=0)
+                body = self._packed[name]
         return web.Response(body=body, content_type=kind, charset="utf-8" if kind in _TEXTS else None, headers=headers)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
@@ -57,7 +56,8 @@ async def open_console(page: ConsoleConfig, web: WebPort, screen: Screen, phone:
 async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway], opened: asyncio.Event) -> Console:
     """Load the web server once the gateways are open; without a page only for programs that speak HTTP."""
     await opened.wait()
-    console = await asyncio.to_thread(_load_console)  # loading takes a quarter of a second, and clients must not wait
+    # loading takes a quarter of a second, and clients must not wait
+    console = await asyncio.to_thread(_load_console, page is not None)
     names, ports = _names(gateways), _shared_ports(gateways)
     server = (
         console(gateways, names=names, ports=ports, page=False)
@@ -101,16 +101,19 @@ def _names(gateways: Sequence[Gateway]) -> list[str]:
     return [name for gateway in gateways for surface in gateway.surfaces for name in surface.names]
 
 
-def _load_console() -> type[Console]:
-    """Load the web server, on a thread that gives way to the event loop five times sooner than threads usually do."""
+def _load_console(page: bool) -> type[Console]:
+    """Load the web server and its page, on a thread that gives way to the loop five times sooner than threads do."""
     usual = sys.getswitchinterval()
     sys.setswitchinterval(usual / 5.0)
     try:
-        made: type[Console] = import_module("gateway.console.server").Console
+        from gateway.console.server import Console, page_files
+
         for spec in PROTOCOLS.values():
             if spec.web is not None:
-                spec.web()  # loads what serves its programs
-        return made
+                spec.web().load()
+        if page:
+            page_files()
+        return Console
     finally:
         sys.setswitchinterval(usual)
 

@@ -134,7 +134,7 @@ class Overview:
     # --- what is served ---------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return self._files.index(request, token=self._token)
+        return await self._files.index(request, token=self._token)
 
     async def _mounts(self, request: web.Request) -> web.StreamResponse:
         told = {"there": self._connected, "why": self._why, "mounts": self._roster.mounts()}

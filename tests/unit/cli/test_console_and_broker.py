@@ -9,7 +9,8 @@ import pytest
 
 from gateway.app.discovery.announcing import service
 from gateway.app.discovery.served import PhoneLines
-from gateway.cli.serve.console_and_broker import console_offers
+from gateway.cli.serve.console_and_broker import _load_console, console_offers
+from gateway.console.server import page_files
 from gateway.transport.listening import in_brackets
 from gateway.transport.web_port import WebPort
 
@@ -33,3 +34,12 @@ def test_it_is_announced_as_a_web_page() -> None:
     told = service(found)
     assert told.type == "_http._tcp.local." and told.port == 4080
     assert b"".join(PhoneLines().news(console_offers(page))[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"
+
+
+def test_the_page_is_read_where_nobody_waits_for_it() -> None:
+    """Milliseconds of work for the first page are done on the thread that loads the web server."""
+    page_files.cache_clear()
+    _load_console(False)
+    assert not page_files.cache_info().currsize
+    _load_console(True)
+    assert page_files.cache_info().currsize == 1

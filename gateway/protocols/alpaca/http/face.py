@@ -15,13 +15,17 @@ from gateway.transport.web_port import WebDevice, WebPort, WebServer
 class AlpacaWeb:
     """Alpaca on a port of its own, and as a part of the console's port."""
 
+    def load(self) -> None:
+        """Import the server, and with it aiohttp."""
+        import_module("gateway.protocols.alpaca.http.server")
+
     async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
         """Listen on ``tcp://HOST:PORT``. Raises UserError for another kind of address."""
         if not where.startswith("tcp://"):
             raise UserError(f"{where}: Alpaca uses HTTP: write tcp://HOST:PORT, for example tcp://0.0.0.0:11111")
 
         async def load() -> WebServer:
-            await asyncio.to_thread(import_module, "aiohttp.web")
+            await asyncio.to_thread(self.load)
             from gateway.protocols.alpaca.http.server import AlpacaServer, OwnServer
 
             return await OwnServer.start(AlpacaServer([device], names))

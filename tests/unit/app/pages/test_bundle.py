@@ -56,7 +56,7 @@ def links(served: Pages) -> list[str]:
 
 
 def index(served: Pages, encoding: str = "") -> web.Response:
-    return served.index(make_mocked_request("GET", "/", {"Accept-Encoding": encoding}), word="<x>")
+    return asyncio.run(served.index(make_mocked_request("GET", "/", {"Accept-Encoding": encoding}), word="<x>"))
 
 
 def test_one_script_is_kept_for_a_year_and_the_rest_is_in_the_page(tmp_path: Path) -> None:
