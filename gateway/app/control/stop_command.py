@@ -25,7 +25,7 @@ from gateway.system.runtime_folders import user
 
 #: A process that cannot be asked may be just starting: search so many times, so many seconds apart. One that has run
 #: longer than this may be ending: search once more, and tell of it.
-LOOKS, BETWEEN, STARTED = 5, 0.25, 30.0
+LOOKS, BETWEEN, STARTED = 9, 0.125, 30.0
 
 
 class Report(Struct):
